@@ -1,0 +1,1 @@
+"""Data only: MJCF models, their textures, and one TOML file a scenario."""

@@ -1,0 +1,1 @@
+"""The world: MuJoCo scene, gantry, renderer, target motions and disturbances. Knows nothing of tracking or control."""

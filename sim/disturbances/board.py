@@ -1,0 +1,46 @@
+"""A board slides between camera and target, stays there, and slides out again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from sim.types import Effect
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """When and how fast."""
+
+    start: Annotated[float, Ge(0)] = 4.0
+    """When the target is fully hidden first [s]."""
+    duration: Annotated[float, Ge(0)] = 0.5
+    """How long it stays fully hidden [s]."""
+    slide: Annotated[float, Gt(0)] = 0.2
+    """How long the board takes to slide in, and out [s]."""
+    distance: float = 0.6
+    """Where it comes from and goes to: sideways distance from the line of sight [m]."""
+
+    def build(self, rng: np.random.Generator) -> Board:
+        """The disturbance; draws nothing."""
+        return Board(self)
+
+
+@final
+class Board:
+    """In from one side, out to the other."""
+
+    def __init__(self, config: Config) -> None:
+        c = config
+        # Fully hidden means within the board's own rim, which its slide has passed a moment before it stops.
+        self._times = (c.start - c.slide, c.start, c.start + c.duration, c.start + c.duration + c.slide)
+        self._places = (-c.distance, 0.0, 0.0, c.distance)
+
+    def at(self, time: float) -> Effect:
+        """The effect at a time [s]."""
+        if not self._times[0] <= time <= self._times[-1]:
+            return Effect()
+        return Effect(board=float(np.interp(time, self._times, self._places)))

@@ -1,0 +1,69 @@
+"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoint.
+
+A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.types import Array, Pose
+
+SMALL_ANGLE = 1e-6
+"""Below this angle [rad] the series is exact to rounding and the closed form is not."""
+
+
+def skew(w: Array) -> Array:
+    """The matrix (3, 3) with skew(w) @ p = w x p."""
+    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+
+
+def exp_so3(w: Array) -> Array:
+    """Rotation (3, 3) by the rotation vector w (3,) [rad] (Rodrigues)."""
+    angle = float(np.linalg.norm(w))
+    W = skew(w)
+    if angle < SMALL_ANGLE:
+        return np.eye(3) + W + W @ W / 2
+    return np.eye(3) + np.sin(angle) / angle * W + (1 - np.cos(angle)) / angle**2 * (W @ W)
+
+
+def log_so3(R: Array) -> Array:
+    """Rotation vector (3,) [rad] of a rotation by less than pi."""
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    sine = float(np.linalg.norm(axis))
+    if sine < SMALL_ANGLE and np.trace(R) > 0:
+        return axis
+    return axis * (np.arctan2(sine, (np.trace(R) - 1) / 2) / sine)
+
+
+def _left_jacobian(w: Array) -> Array:
+    angle = float(np.linalg.norm(w))
+    W = skew(w)
+    if angle < SMALL_ANGLE:
+        return np.eye(3) + W / 2 + W @ W / 6
+    a = (1 - np.cos(angle)) / angle**2
+    b = (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + a * W + b * (W @ W)
+
+
+def exp_se3(xi: Array) -> Pose:
+    """The motion of a frame that keeps the twist xi (6,) for unit time."""
+    return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
+
+
+def log_se3(pose: Pose) -> Array:
+    """The constant twist (6,) that makes this motion in unit time."""
+    w = log_so3(pose.rotation)
+    return np.concatenate([np.linalg.solve(_left_jacobian(w), pose.translation), w])
+
+
+def adjoint(T_a_b: Pose) -> Array:
+    """The matrix (6, 6) that takes a twist of frame b to the same motion's twist of frame a."""
+    R, zero = T_a_b.rotation, np.zeros((3, 3))
+    return np.block([[R, skew(T_a_b.translation) @ R], [zero, R]])
+
+
+def tilt(rotation: Array) -> float:
+    """Angle between the optical axis of a camera and straight down [rad]."""
+    axis = rotation[:, 2]
+    return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))

@@ -1,0 +1,75 @@
+"""Which OpenGL a renderer can have on this machine, and a plain sentence where it can have none.
+
+MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong thing, so
+this file looks first, without importing MuJoCo.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+
+APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
+EGL_PLATFORM_DEVICE = 0x313F
+MOST_DEVICES = 16
+CHOSEN_BY = "MUJOCO_GL"
+
+
+class NoRenderer(RuntimeError):
+    """This machine cannot render off screen; the message says what to install."""
+
+
+def backend() -> str:
+    """The off-screen back end to use: 'egl' or 'osmesa' on Linux, 'glfw' elsewhere.
+
+    Raises:
+        NoRenderer: A library is missing, or the user switched rendering off.
+    """
+    asked = os.environ.get(CHOSEN_BY, "").strip().lower()
+    if asked in {"off", "disable", "disabled", "false", "0"}:
+        raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset it.")
+    if sys.platform != "linux":
+        return "glfw"
+    if asked == "osmesa":
+        _require("libOSMesa.so.8", "apt-get install --no-install-recommends libosmesa6 libgl1")
+        return "osmesa"
+    egl = _require("libEGL.so.1", APT)
+    if _library("libGL.so.1") is None:
+        _require("libOpenGL.so.0", APT)
+    if not _has_device(egl):
+        raise NoRenderer(f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'.")
+    return "egl"
+
+
+def _library(name: str) -> ctypes.CDLL | None:
+    try:
+        return ctypes.CDLL(name)
+    except OSError:
+        return None
+
+
+def _require(name: str, remedy: str) -> ctypes.CDLL:
+    library = _library(name)
+    if library is None:
+        raise NoRenderer(f"The OpenGL library {name} is missing on this machine: run '{remedy}'.")
+    return library
+
+
+def _has_device(egl: ctypes.CDLL) -> bool:
+    """Whether some EGL device can be initialised (needs a DRI driver, which libEGL alone does not bring)."""
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    addresses = [egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")]
+    if None in addresses:
+        return False
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(addresses[0])
+    display_of = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(addresses[1])
+    devices = (ctypes.c_void_p * MOST_DEVICES)()
+    found = ctypes.c_int()
+    if not query(MOST_DEVICES, devices, ctypes.byref(found)):
+        return False
+    egl.eglInitialize.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+    return any(
+        (display := display_of(EGL_PLATFORM_DEVICE, device, None)) and egl.eglInitialize(display, None, None)
+        for device in devices[: found.value]
+    )

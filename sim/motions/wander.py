@@ -1,0 +1,57 @@
+"""The target drives around a smooth closed loop whose shape, start and sense are drawn from the seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, pi, sin
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from sim.types import Array, Pose
+
+HARMONICS = (2, 3)
+"""Which waves bend the loop's radius; higher ones would make turns too tight for a car."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """How large the loop is and how far from a circle."""
+
+    x: float = 0.0
+    """Centre [m]."""
+    y: float = 0.0
+    """Centre [m]."""
+    radius: Annotated[float, Gt(0)] = 0.18
+    """Mean radius [m]."""
+    unevenness: Annotated[float, Ge(0), Le(0.5)] = 0.3
+    """Sum of the amplitudes of the radius's waves, times their order squared, over the radius."""
+    period: Annotated[float, Gt(0)] = 9.0
+    """Time of one round [s]."""
+
+    def build(self, rng: np.random.Generator) -> Wander:
+        """The motion; its shape, start and sense come from the generator."""
+        order = np.array(HARMONICS)
+        size = self.unevenness * rng.dirichlet(np.ones(len(order))) / order**2
+        return Wander(self, size, rng.uniform(0, 2 * pi, len(order) + 1), rng.choice((-1, 1)))
+
+
+@final
+class Wander:
+    """A loop r(phi) = radius (1 + sum a_k cos(k phi + p_k)), driven at constant d phi/dt."""
+
+    def __init__(self, config: Config, size: Array, phases: Array, sense: int) -> None:
+        self._config, self._sense = config, sense
+        self._waves = list(zip(HARMONICS, size.tolist(), phases[1:].tolist(), strict=True))
+        self._begin = float(phases[0])
+
+    def at(self, time: float) -> Pose:
+        """T_world_target at a time [s]."""
+        c = self._config
+        phi = self._begin + self._sense * 2 * pi * time / c.period
+        r = c.radius * (1 + sum(a * cos(k * phi + p) for k, a, p in self._waves))
+        dr = -c.radius * sum(a * k * sin(k * phi + p) for k, a, p in self._waves)
+        dx = self._sense * (dr * cos(phi) - r * sin(phi))
+        dy = self._sense * (dr * sin(phi) + r * cos(phi))
+        return Pose.planar(c.x + r * cos(phi), c.y + r * sin(phi), atan2(dy, dx))

@@ -1,0 +1,70 @@
+"""Where things are in the picture: the target's projection, and the camera pose that makes a given picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.types import Array, Camera, Pose, Truth
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+"""Rotation of a level camera that looks straight down with image u along world x."""
+
+
+def truth(
+    camera: Camera,
+    outline: Array,
+    T_world_camera: Pose,
+    T_world_target: Pose,
+    visible: float | None = None,
+) -> Truth:
+    """The exact truth for a target whose reference rectangle has these corners.
+
+    Args:
+        camera: Intrinsics.
+        outline: Corners (4, 3) in the target's frame [m]: front left of the image first, then clockwise
+            as the image shows them when the nose points right.
+        T_world_camera: Pose of the camera.
+        T_world_target: Pose of the target.
+        visible: Fraction of the silhouette that is seen, if known.
+    """
+    T_camera_target = T_world_camera.inverse() @ T_world_target
+    corners = camera.project(T_camera_target.apply(outline))
+    middle = outline.mean(axis=0)
+    nose = (outline[1] + outline[2]) / 2
+    centre, front = camera.project(T_camera_target.apply(np.stack([middle, nose])))
+    along, across = outline[1] - outline[0], outline[3] - outline[0]
+    metric_area = np.linalg.norm(np.cross(along, across))
+    return Truth(
+        centre=centre,
+        theta=float(np.arctan2(front[1] - centre[1], front[0] - centre[0])),
+        size=float(np.sqrt(abs(shoelace(corners)) / metric_area)),
+        corners=corners,
+        T_world_camera=T_world_camera,
+        T_world_target=T_world_target,
+        visible=visible,
+    )
+
+
+def shoelace(polygon: Array) -> float:
+    """Signed area of a polygon (n, 2); positive for corners that turn from +x to +y."""
+    x, y = polygon.T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
+
+
+def camera_above(
+    camera: Camera, point: Array, heading: float, pixel: Array, theta: float, depth: float
+) -> Pose:
+    """The level camera that sees a world point at a pixel and a depth, with a heading at an image angle.
+
+    Args:
+        camera: Intrinsics.
+        point: World point (3,) [m].
+        heading: Direction in the world, about z [rad].
+        pixel: Where the point shall be seen (2,) [px].
+        theta: Direction in which the heading shall be seen, from +u towards +v [rad].
+        depth: Distance along the optical axis [m].
+    """
+    yaw = heading + theta
+    R = Pose.planar(0.0, 0.0, yaw).rotation @ DOWN
+    ray = np.append(camera.normalise(pixel), 1.0) * depth
+    return Pose(R, point - R @ ray)

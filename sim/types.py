@@ -1,0 +1,122 @@
+"""The values that leave the world: camera, pose, frame, truth. No MuJoCo here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole camera without distortion.
+
+    Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1, so its
+    centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
+    """
+
+    fx: float
+    """Focal length along u [px]."""
+    fy: float
+    """Focal length along v [px]."""
+    cx: float
+    """Principal point, u [px]."""
+    cy: float
+    """Principal point, v [px]."""
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+
+    def normalise(self, pixels: Array) -> Array:
+        """Pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
+        return (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
+
+    def to_pixels(self, normalised: Array) -> Array:
+        """Normalised image coordinates (..., 2) as pixels (..., 2)."""
+        return normalised * (self.fx, self.fy) + (self.cx, self.cy)
+
+    def project(self, points: Array) -> Array:
+        """Points (..., 3) in the camera frame [m] as pixels (..., 2)."""
+        return self.to_pixels(points[..., :2] / points[..., 2:])
+
+    def contains(self, pixels: Array) -> bool:
+        """Whether every one of the pixels (..., 2) lies inside the image."""
+        return bool(np.all((pixels >= 0) & (pixels <= (self.width, self.height))))
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a."""
+
+    rotation: Array
+    """Rotation (3, 3)."""
+    translation: Array
+    """Translation (3,) [m]."""
+
+    @staticmethod
+    def planar(x: float, y: float, heading: float) -> Pose:
+        """A pose on the table: position [m] and heading [rad] about world z."""
+        c, s = np.cos(heading), np.sin(heading)
+        return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
+
+    def __matmul__(self, other: Pose) -> Pose:
+        return Pose(self.rotation @ other.rotation, self.apply(other.translation))
+
+    def inverse(self) -> Pose:
+        """T_b_a."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def apply(self, points: Array) -> Array:
+        """Points (..., 3) of frame b in frame a."""
+        return points @ self.rotation.T + self.translation
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture. It never carries the truth."""
+
+    image: Image
+    """RGB (H, W, 3), read-only."""
+    time: float
+    """Simulated time [s]."""
+    index: int
+    """Number of the frame, from 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where the target really is, exact, at the time of one frame."""
+
+    centre: Array
+    """Projected centre of the target's reference rectangle (2,) [px]."""
+    theta: float
+    """Direction of the target's nose in the image, from +u towards +v [rad]."""
+    size: float
+    """Square root of image area over metric area of the reference rectangle [px/m]."""
+    corners: Array
+    """Projected corners of the reference rectangle (4, 2) [px]."""
+    T_world_camera: Pose
+    """Pose of the camera (x right, y down, z forward)."""
+    T_world_target: Pose
+    """Pose of the target (x along its nose, z up)."""
+    visible: float | None
+    """Fraction of the target's silhouette that is seen, 0..1; None where it was not asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What disturbs the world at one moment."""
+
+    gain: float = 1.0
+    """Factor on the brightness of the image."""
+    board: float | None = None
+    """Sideways distance of the board from the line of sight to the target [m]; None: parked."""
+
+    def __or__(self, other: Effect) -> Effect:
+        """Both at once."""
+        return Effect(self.gain * other.gain, self.board if other.board is None else other.board)
