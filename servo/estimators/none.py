@@ -1,0 +1,32 @@
+"""No estimate: the target is taken to stand still, and a moving one is followed with a lag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from sim.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, rng: np.random.Generator) -> Nothing:
+        """The estimator; draws nothing."""
+        return Nothing()
+
+
+@final
+class Nothing:
+    """Always zero."""
+
+    def update(self, error: Array, own: Array, dt: float) -> Array:
+        """Zero (4,)."""
+        return np.zeros(4)
+
+    def skip(self) -> Array:
+        """Zero (4,)."""
+        return np.zeros(4)

@@ -1,0 +1,64 @@
+"""Between tracker states and features: s = (xn, yn, an, theta), with an = K / sqrt(a), xn = an xg, yn = an yg.
+
+Two scalings are in use. The paper (Teuliere, Marchand, Eck) has K = 1, so an is about 1 / sqrt(area); Tahri
+and Chaumette 2005 have K = Z* sqrt(a*), which is the square root S of the metric area: an is then the depth
+in metres. The control is the same; thresholds, gains that adapt, filters' constants and plots are not.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from servo import moments
+from servo.types import Moments
+from sim.types import Array, Camera
+from tracking.types import Region, State
+
+
+class Scaling(Enum):
+    """The unit of an, xn and yn."""
+
+    METRIC = "metric"
+    """K = sqrt(metric area): an is the depth [m]."""
+    PAPER = "paper"
+    """K = 1: an is 1 over the square root of the normalised area."""
+
+    def factor(self, root_area: float) -> float:
+        """K, for a target whose metric area has this square root [m]."""
+        return root_area if self is Scaling.METRIC else 1.0
+
+
+def of_moments(m: Moments, scale: float) -> Array:
+    """The features (4,) of a silhouette; scale is K."""
+    an = scale / float(np.sqrt(m.area))
+    theta = float(np.arctan2(2 * m.mu11, m.mu20 - m.mu02)) / 2
+    return np.array([an * m.xg, an * m.yg, an, theta])
+
+
+def moments_of(corners: Array, camera: Camera) -> Moments:
+    """The moments of a polygon (n, 2) [px], in normalised image coordinates."""
+    return moments.of_polygon(camera.normalise(corners))
+
+
+def moments_of_state(state: State, region: Region, camera: Camera) -> Moments:
+    """The moments of the rectangle in which a tracker sees the target."""
+    return moments_of(region.corners(state), camera)
+
+
+def depth_of(m: Moments, root_area: float) -> float:
+    """Depth [m] of a plane parallel to the image in which a target of known metric area has these moments."""
+    return root_area / float(np.sqrt(m.area))
+
+
+def half_turn(angle: float) -> float:
+    """An angle [rad] wrapped to (-pi/2, pi/2]: moments do not tell front from back."""
+    return np.pi / 2 - (np.pi / 2 - angle) % np.pi
+
+
+def error_of(seen: Array, goal: Array) -> Array:
+    """e = s - s* (4,), its angle wrapped."""
+    e = seen - goal
+    e[3] = half_turn(e[3])
+    return e

@@ -1,0 +1,92 @@
+"""Interaction matrices of the normalised moment features: ds/dt = L v for a target that stands still.
+
+After Tahri and Chaumette 2005 and Teuliere, Marchand and Eck, section VI, written for any target plane
+1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With K the scale of the features
+(features.py) and
+
+    n_pq = 4 mu_pq / a      e11 = n11 - xg yg / 2      e12 = n20 - xg^2 / 2      e21 = n02 - yg^2 / 2
+
+ViSP 3.5's first element is wrong for tilted planes (a factor 1/2 is missing); ours agrees with finite
+differences. Twist order: vx, vy, vz, wx, wy, wz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from servo.types import Moments, Plane
+from sim.types import Array
+
+ROUND = 1e-9
+"""Below this difference of the principal moments, over their sum, a shape has no orientation."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """Second moments over area, as the rows below use them."""
+
+    e11: float
+    e12: float
+    e21: float
+    k: float
+    """Inverse depth of the plane at the centroid."""
+
+    @staticmethod
+    def of(m: Moments, plane: Plane) -> _Shape:
+        n20, n11, n02 = 4 * m.mu20 / m.area, 4 * m.mu11 / m.area, 4 * m.mu02 / m.area
+        return _Shape(
+            e11=n11 - m.xg * m.yg / 2,
+            e12=n20 - m.xg**2 / 2,
+            e21=n02 - m.yg**2 / 2,
+            k=plane.A * m.xg + plane.B * m.yg + plane.C,
+        )
+
+
+def row_xn(m: Moments, plane: Plane, an: float) -> Array:
+    """Row (6,) of xn = an xg."""
+    A, B, s, xn, yn = plane.A, plane.B, _Shape.of(m, plane), an * m.xg, an * m.yg
+    vx, vy, vz = -an * (s.k - A * m.xg / 2), B * xn / 2, an * (A * s.e12 + B * s.e11)
+    return np.array([vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn])
+
+
+def row_yn(m: Moments, plane: Plane, an: float) -> Array:
+    """Row (6,) of yn = an yg."""
+    A, B, s, xn, yn = plane.A, plane.B, _Shape.of(m, plane), an * m.xg, an * m.yg
+    vx, vy, vz = A * yn / 2, -an * (s.k - B * m.yg / 2), an * (A * s.e11 + B * s.e21)
+    return np.array([vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn])
+
+
+def row_an(m: Moments, plane: Plane, an: float) -> Array:
+    """Row (6,) of an = K / sqrt(a)."""
+    A, B, C, k = plane.A, plane.B, plane.C, _Shape.of(m, plane).k
+    vz = -an * (3 * k - C) / 2
+    return np.array([A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0])
+
+
+def row_theta(m: Moments, plane: Plane) -> Array:
+    """Row (6,) of theta = atan2(2 mu11, mu20 - mu02) / 2.
+
+    Raises:
+        ValueError: The shape is round, so it has no orientation.
+    """
+    d, total = m.mu20 - m.mu02, m.mu20 + m.mu02
+    D = d**2 + 4 * m.mu11**2
+    root = np.sqrt(D)
+    if root <= ROUND * total:
+        raise ValueError("a shape with equal principal moments has no orientation to servo on")
+    q, c, s = total / root, d / root, 2 * m.mu11 / root
+    A, B, xg, yg = plane.A, plane.B, m.xg, m.yg
+    wx = 5 * (m.mu12 * d + m.mu11 * (m.mu03 - m.mu21)) / D + (-xg * (1 - q * c) + yg * q * s) / 2
+    wy = 5 * (-m.mu21 * d + m.mu11 * (m.mu30 - m.mu12)) / D + (xg * q * s - yg * (1 + q * c)) / 2
+    vx = (A * q * s + B * (1 - q * c)) / 2
+    vy = -(A * (1 + q * c) + B * q * s) / 2
+    return np.array([vx, vy, B * wx - A * wy, wx, wy, -1.0])
+
+
+def interaction(m: Moments, plane: Plane, scale: float) -> Array:
+    """The matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a)."""
+    an = scale / float(np.sqrt(m.area))
+    rows = [row_xn(m, plane, an), row_yn(m, plane, an), row_an(m, plane, an), row_theta(m, plane)]
+    return np.stack(rows)

@@ -1,0 +1,68 @@
+"""Is the target still there? A robust threshold on the distance, with hysteresis: one for all trackers."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from tracking.types import Status
+
+MAD_TO_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, slots=True)
+class LockConfig:
+    """When a distance is too large to be the target."""
+
+    floor: Annotated[float, Ge(0), Le(1)] = 0.25
+    """The threshold is never below this distance."""
+    cap: Annotated[float, Gt(0), Le(1)] = 0.5
+    """The threshold is never above this distance."""
+    sigmas: Annotated[float, Gt(0)] = 3.0
+    """Robust standard deviations above the median of recent good frames."""
+    history: Annotated[int, Ge(3), Le(10_000)] = 60
+    """How many good frames count as recent."""
+    hysteresis: Annotated[float, Gt(0), Le(1)] = 0.8
+    """The target is believed again below this fraction of the threshold."""
+    patience: Annotated[float, Ge(0)] = 1.0
+    """After this long without the target it is LOST [s]."""
+
+
+class Lock:
+    """Judges each frame's distance by the good frames before it."""
+
+    def __init__(self, config: LockConfig) -> None:
+        self._config = config
+        self._good: deque[float] = deque(maxlen=config.history)
+        self._unseen_since: float | None = None
+
+    @property
+    def threshold(self) -> float:
+        """The largest distance that is believed: median + 3 sigma of the good frames, between floor and cap."""
+        c = self._config
+        if not self._good:
+            return c.cap
+        median = float(np.median(self._good))
+        sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.array(self._good) - median)))
+        return float(np.clip(median + c.sigmas * sigma, c.floor, c.cap))
+
+    @property
+    def locked(self) -> bool:
+        """Whether the last frame was good."""
+        return self._unseen_since is None
+
+    def judge(self, distance: float, time: float) -> Status:
+        """The status after a frame with this distance at this time [s]."""
+        limit = self.threshold * (1.0 if self.locked else self._config.hysteresis)
+        if distance <= limit:
+            self._good.append(distance)
+            self._unseen_since = None
+            return Status.LOCKED
+        if self._unseen_since is None:
+            self._unseen_since = time
+        waited = time - self._unseen_since
+        return Status.LOST if waited >= self._config.patience else Status.UNSURE

@@ -1,0 +1,1 @@
+"""How a target is found: sampling, and local optimisation."""

@@ -1,0 +1,147 @@
+"""Multiple-kernel SSD tracking by Newton steps (Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck,
+section III, equations 6 to 9).
+
+The objective O(x) = mean_j ||sqrt(q_j(x)) - sqrt(q*_j)||^2 = 2 - 2 rho(x) has the minima of d_m. With
+e = sqrt(q) - sqrt(q*) and J_U = diag(q)^(-1/2) dq/dx, a step minimises ||e + J_U dx / 2||^2, so
+dx = -2 J_U^+ e. Three things the paper leaves out matter:
+
+* The normaliser C of the histogram depends on the state: dK_i/dp = (dk_i/dp - K_i sum_m dk_m/dp) / S.
+  Without the second term the scale column of the Jacobian is wrong by its own size.
+* Kernels see only pixels of the object (the template), else the background makes the scale biased.
+* Plain Gauss-Newton oscillates: Levenberg damping, and a step counts only if it lowers O.
+
+Colours are binned softly (trilinearly) here, which makes O smooth in the state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.types import Array, Image
+from tracking import hot
+from tracking.types import Region, State
+
+FLOOR = 1e-3
+"""Added to every bin under the root, whose derivative has no bound at an empty one."""
+ANGLE_UNIT, SCALE_UNIT = 1 / 20, 1 / 20
+"""Angle [rad] and ln scale that count as much as one pixel."""
+TINY = 1e-12
+UNITS = np.array([1.0, 1.0, ANGLE_UNIT, SCALE_UNIT])
+FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e3
+"""Levenberg damping relative to the trace: at first, after a bad step, after a good one, and to give up at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refined:
+    """Where the search ended."""
+
+    state: State
+    distance: float
+    """The distance d_m there."""
+    evaluations: int
+    """How often the histograms were computed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """The objective around a state."""
+
+    cost: float
+    gradient: Array
+    """Half of dO/dx (4,)."""
+    curvature: Array
+    """Gauss-Newton approximation (4, 4) of half the Hessian."""
+
+    @property
+    def distance(self) -> float:
+        """The Bhattacharyya distance: O = 2 d_m^2 (equation 6)."""
+        return float(np.sqrt(min(self.cost / 2, 1.0)))
+
+
+class KernelModel:
+    """The target under a grid of Epanechnikov kernels, and the search for it."""
+
+    def __init__(
+        self,
+        image: Image,
+        region: Region,
+        state: State,
+        *,
+        per_side: int = 3,
+        span: float = 1.25,
+        levels: int = 8,
+        pixels: int = 2000,
+    ) -> None:
+        """Learn the reference histograms.
+
+        Args:
+            image: First frame (H, W, 3).
+            region: The template.
+            state: Where it is.
+            per_side: Kernels along each side of the grid.
+            span: Half axis of a kernel in cells of the grid: larger widens the basin, smaller sharpens the angle.
+            levels: Bins a channel.
+            pixels: Larger targets are read at every second, third, ... pixel to stay below this.
+        """
+        self._half = (region.width / 2, region.height / 2)
+        offsets = (np.arange(per_side) + 0.5) / per_side - 0.5
+        u, v = np.meshgrid(offsets * region.width, offsets * region.height)
+        self._centres = np.stack([u.ravel(), v.ravel()], axis=1)
+        self._span = (span * region.width / per_side, span * region.height / per_side)
+        self._levels = levels
+        self._area, self._pixels = region.width * region.height, pixels
+        sums, totals = self.histograms(image, state.vector)
+        self._root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + FLOOR)
+
+    def histograms(self, image: Image, x: Array) -> tuple[Array, Array]:
+        """Histograms under the kernels at x (4,), not normalised: as of `hot.kernel_histograms`."""
+        area = self._area * float(np.exp(2 * x[3]))
+        stride = max(1, int(np.sqrt(area / self._pixels)))
+        return hot.kernel_histograms(
+            image, x, *self._half, self._centres, *self._span, self._levels, stride
+        )
+
+    def linearise(self, image: Image, x: Array) -> Linearisation:
+        """Objective, gradient and curvature at x (4,)."""
+        at = self.histograms(image, x)
+        return Linearisation(*hot.ssd_normal_equations(*at, self._root_reference, FLOOR))
+
+    def refine(
+        self,
+        image: Image,
+        state: State,
+        *,
+        most: int = 8,
+        tolerance: float = 0.05,
+        hopeless: float = 1.0,
+    ) -> Refined:
+        """Descend from a state to the nearest minimum of the objective.
+
+        Args:
+            image: RGB (H, W, 3).
+            state: Where to begin.
+            most: Largest number of evaluations.
+            tolerance: A step shorter than this ends the search [px, or as much in angle and scale].
+            hopeless: A start with a larger distance than this is returned as it is.
+        """
+        x = state.vector
+        here = self.linearise(image, x)
+        damping, evaluations = FIRST_DAMPING, 1
+        if here.distance > hopeless:
+            return Refined(state, here.distance, evaluations)
+        while evaluations < most and damping < MOST_DAMPING:
+            H = here.curvature * np.outer(UNITS, UNITS)
+            H[np.diag_indices(4)] += damping * np.trace(H) / 4 + np.finfo(float).tiny
+            step = -UNITS * np.linalg.solve(H, UNITS * here.gradient)
+            there = self.linearise(image, x + step)
+            evaluations += 1
+            if there.cost < here.cost:
+                x, here, damping = x + step, there, damping * LESS
+            else:
+                damping *= MORE
+            if float(np.max(np.abs(step / UNITS))) < tolerance:
+                break
+        return Refined(State.of(x), here.distance, evaluations)
+

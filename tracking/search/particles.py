@@ -1,0 +1,69 @@
+"""A particle filter on (x, y, theta, ln scale) with constant-velocity evolution
+(Teuliere, Marchand, Eck, sections IV and V; Isard and Blake 1998)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.types import Array
+from tracking.search import sampling
+from tracking.types import Region, State
+
+
+class ParticleFilter:
+    """Samples, their weights, and the velocity that moves them: predict, weigh, read, resample."""
+
+    def __init__(
+        self, region: Region, state: State, count: int, noise: tuple[float, float, float],
+        rng: np.random.Generator,
+    ) -> None:
+        """Put all samples on one state.
+
+        Args:
+            region: The template; position noise is relative to its size.
+            state: Where it is.
+            count: Number of samples.
+            noise: Standard deviations per frame: of x and y over the target's size (the root of its
+                area), of theta [rad], of ln scale.
+            rng: Where all draws come from.
+        """
+        size = float(np.sqrt(region.area(state)))
+        self._noise = np.array([noise[0] * size, noise[0] * size, noise[1], noise[2]])
+        self._rng = rng
+        self.samples = np.tile(state.vector, (count, 1))
+        self.weights = np.full(count, 1.0 / count)
+
+    def predict(self, velocity: Array, widen: float = 1.0) -> None:
+        """Move every sample by the velocity (4,) per frame, and spread them."""
+        spread = widen * self._noise * self._rng.standard_normal(self.samples.shape)
+        self.samples = self.samples + velocity + spread
+
+    def weigh(self, log_likelihood: Array) -> None:
+        """Weigh the samples by a log-likelihood (N,), on top of the weights they have."""
+        self.weights = sampling.normalised(np.log(self.weights) + log_likelihood)
+
+    def mean(self) -> State:
+        """The weighted mean. It is read before resampling, which only adds variance."""
+        return State.of(sampling.mean(self.samples, self.weights))
+
+    def covariance(self) -> Array:
+        """Covariance (4, 4) of the samples."""
+        return sampling.covariance(self.samples, self.weights)
+
+    def ess(self) -> float:
+        """Effective sample size."""
+        return sampling.effective_size(self.weights)
+
+    def cloud(self) -> Array:
+        """Samples and weights as (N, 5): x, y, theta, scale, weight."""
+        scale = np.exp(self.samples[:, 3:])
+        return np.hstack([self.samples[:, :3], scale, self.weights[:, None]])
+
+    def resample(self) -> None:
+        """Draw the samples anew, as often as their weights say."""
+        self.samples = self.samples[sampling.systematic(self.weights, self._rng)]
+        self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
+
+    def shift(self, correction: Array) -> None:
+        """Move all samples by (4,)."""
+        self.samples = self.samples + correction

@@ -1,0 +1,126 @@
+"""The values of tracking: state, region, estimate, status, and what a tracker is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Frame
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where the target is in the image (Teuliere, Marchand, Eck, section II)."""
+
+    x: float
+    """Centre, to the right [px]."""
+    y: float
+    """Centre, down [px]."""
+    theta: float = 0.0
+    """Orientation, from +x towards +y [rad]; continuous, so it may pass pi."""
+    scale: float = 1.0
+    """Size over the size in the first frame."""
+
+    @property
+    def vector(self) -> Array:
+        """(x, y, theta, ln scale): the coordinates in which filters and searches work."""
+        return np.array([self.x, self.y, self.theta, np.log(self.scale)])
+
+    @staticmethod
+    def of(vector: Array) -> State:
+        """The state of a vector (x, y, theta, ln scale)."""
+        x, y, theta, log_scale = vector.tolist()
+        return State(x, y, theta, float(np.exp(log_scale)))
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """The template rectangle, its size in the first frame; a state places it."""
+
+    width: float
+    """Along the target's own x axis [px]."""
+    height: float
+    """Along the target's own y axis [px]."""
+
+    def corners(self, state: State) -> Array:
+        """Corners (4, 2) [px]; at theta = 0 top left, top right, bottom right, bottom left."""
+        half = state.scale / 2 * np.array([self.width, self.height])
+        c, s = np.cos(state.theta), np.sin(state.theta)
+        box = half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+        return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
+
+    def area(self, state: State) -> float:
+        """Area [px^2]."""
+        return self.width * self.height * state.scale**2
+
+    def iou(self, a: State, b: State) -> float:
+        """Intersection over union of the rectangle in two places."""
+        shared, _ = cv2.intersectConvexConvex(
+            self.corners(a).astype(np.float32), self.corners(b).astype(np.float32)
+        )
+        return float(shared) / (self.area(a) + self.area(b) - float(shared))
+
+
+class Status(Enum):
+    """How sure a tracker is; each member carries its sentence."""
+
+    LOCKED = "The target is seen and followed."
+    UNSURE = "The target looks unlike itself, perhaps hidden; the estimate is a prediction."
+    LOST = "The target has not been seen for a while; the estimate means nothing."
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What a tracker says about one frame."""
+
+    state: State
+    """Where the target is."""
+    covariance: Array
+    """Covariance (4, 4) of (x, y, theta, ln scale)."""
+    distance: float
+    """Bhattacharyya distance between the target as it looks here and as it first looked, 0..1."""
+    status: Status
+    """How sure the tracker is."""
+    ess: float = float("nan")
+    """Effective sample size, for trackers with particles."""
+    evaluations: int = 0
+    """Histograms evaluated in this frame."""
+    particles: Array | None = None
+    """Particles (N, 5): x, y, theta, scale, weight; weights sum to 1."""
+
+
+class Tracker(Protocol):
+    """Follows one target through frames."""
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the target from the first frame."""
+        ...
+
+    def update(self, frame: Frame) -> Estimate:
+        """Find the target in the next frame."""
+        ...
+
+
+def check_region(frame: Frame, region: Region, state: State) -> None:
+    """Refuse a region that is no region.
+
+    Raises:
+        ValueError: The rectangle is empty or not inside the image.
+    """
+    if region.width * state.scale < 1 or region.height * state.scale < 1:
+        raise ValueError(
+            f"the region is {region.width * state.scale:.3g} x {region.height * state.scale:.3g} px; "
+            "both sides must be at least 1 px"
+        )
+    height, width = frame.image.shape[:2]
+    corners = region.corners(state)
+    if np.any(corners < 0) or np.any(corners > (width, height)):
+        (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
+        raise ValueError(
+            f"the region spans {left:.0f}..{right:.0f} x {top:.0f}..{bottom:.0f} px and leaves the "
+            f"image of {width} x {height} px"
+        )
