@@ -1,0 +1,81 @@
+"""TOML tables into frozen dataclasses, strictly: a wrong key, type or range becomes one sentence."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from pydantic import ConfigDict, ValidationError, create_model
+
+from sim import plugins
+
+STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+MESSAGES = {"unexpected_keyword_argument": "there is no such key"}
+"""Our words where pydantic's speak of Python."""
+
+
+class Mistake(ValueError):
+    """Something the user got wrong, in one sentence: what, where, and what would be right."""
+
+
+def unknown(key: str, known: Iterable[str]) -> str:
+    """The sentence for a key that does not exist."""
+    names = list(known)
+    near = difflib.get_close_matches(key, names, n=1)
+    hint = f"did you mean '{near[0]}'?" if near else f"there is {', '.join(names)}"
+    return f"there is no key '{key}'; {hint}"
+
+
+def fill(config: type[Any], table: Any, place: str) -> Any:
+    """An instance of a dataclass from a table.
+
+    Raises:
+        Mistake: A key is unknown, or a value has the wrong type or is out of range.
+    """
+    if not isinstance(table, dict):
+        raise Mistake(f"{place} should be a table of settings, not {table!r}")
+    fields = list(config.__dataclass_fields__)
+    for key in table:
+        if key not in fields:
+            raise Mistake(f"{place}: {unknown(key, fields)}")
+    try:
+        # By way of JSON, in which lists may become tuples and strings enums though types are strict.
+        text = json.dumps({"it": table}, default=str)
+        return create_model("Section", __config__=STRICT, it=(config, ...)).model_validate_json(text).it
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"][1:])
+        said = MESSAGES.get(first["type"]) or first["msg"][0].lower() + first["msg"][1:]
+        raise Mistake(f"{place}.{where} = {first['input']!r}: {said}") from None
+
+
+def fill_plugin(folder: str, table: Any, place: str, default: str | None = None) -> Any:
+    """The `Config` of the kind that a table names, filled from the rest of the table.
+
+    Raises:
+        Mistake: As for `fill`, or the kind is unknown.
+    """
+    if not isinstance(table, dict):
+        raise Mistake(f"{place} should be a table with a kind, not {table!r}")
+    kind = table.get("kind", default)
+    if kind is None:
+        raise Mistake(f"{place} needs a kind: one of {', '.join(plugins.kinds(folder))}")
+    try:
+        config = plugins.config_of(folder, str(kind))
+    except plugins.UnknownKind as error:
+        raise Mistake(f"{place}.kind: {error}") from None
+    return fill(config, {k: v for k, v in table.items() if k != "kind"}, place)
+
+
+def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:
+    """One `Config` for each table of a list.
+
+    Raises:
+        Mistake: As for `fill_plugin`.
+    """
+    if not isinstance(tables, list):
+        raise Mistake(f"{place} should be a list of tables, not {tables!r}")
+    return tuple(fill_plugin(folder, t, f"{place}[{i}]") for i, t in enumerate(tables))
+

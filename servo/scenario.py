@@ -1,0 +1,236 @@
+"""A scenario is a TOML file: parsed once, strictly, into frozen values; every mistake is named with its place."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from annotated_types import Ge, Gt, Le
+
+from servo.parsing import Mistake, fill, fill_plugin, fill_plugins, unknown
+from sim.render import CameraConfig
+from sim.world import WorldConfig
+
+Table = dict[str, Any]
+LONGEST = 3600.0
+MOST_LATENCY = 100
+
+
+@dataclass(frozen=True, slots=True)
+class RunConfig:
+    """The episode as a whole."""
+
+    duration: Annotated[float, Gt(0), Le(LONGEST)] = 10.0
+    """Simulated time [s]."""
+    seed: Annotated[int, Ge(0)] = 0
+    """Seed of every random stream."""
+    latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
+    """Frames until a command acts: what frame k asks for moves the camera from frame k + latency on."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalConfig:
+    """Where the target shall be seen."""
+
+    x: float = 0.0
+    """To the right of the image's centre [px]."""
+    y: float = 0.0
+    """Below the image's centre [px]."""
+    angle_deg: float = 0.0
+    """Direction of the target's nose, from right towards down [deg]."""
+    depth: Annotated[float, Gt(0)] = 1.0
+    """Distance of the target's reference rectangle [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartConfig:
+    """How the first picture differs from the goal."""
+
+    x: float = 0.0
+    """Target this far to the right of the goal [px]."""
+    y: float = 0.0
+    """Target this far below the goal [px]."""
+    angle_deg: float = 0.0
+    """Target turned by this, from right towards down [deg]."""
+    scale: Annotated[float, Gt(0)] = 1.0
+    """Target this many times as large as at the goal."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionConfig:
+    """The region given to the tracker in the first frame: the truth, unless changed here."""
+
+    x: float = 0.0
+    """Shifted to the right [px]."""
+    y: float = 0.0
+    """Shifted down [px]."""
+    angle_deg: float = 0.0
+    """Turned [deg]."""
+    width: Annotated[float, Ge(0)] = 1.0
+    """Factor on its width."""
+    height: Annotated[float, Ge(0)] = 1.0
+    """Factor on its height."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureConfig:
+    """What counts in the measures."""
+
+    after: Annotated[float, Ge(0)] = 0.0
+    """Time from which errors count [s]."""
+    above: Annotated[float, Gt(0)] = 4.0
+    """Servo error above which the camera counts as off the target [px]."""
+
+
+SECTIONS: dict[str, type[Any]] = {
+    "run": RunConfig,
+    "world": WorldConfig,
+    "camera": CameraConfig,
+    "goal": GoalConfig,
+    "start": StartConfig,
+    "region": RegionConfig,
+    "measure": MeasureConfig,
+}
+PLUGINS = {
+    "motion": ("sim.motions", "still"),
+    "tracker": ("tracking.trackers", "pf_ssd"),
+    "estimator": ("servo.estimators", "kalman_cv"),
+    "controller": ("servo.controllers", "ibvs"),
+}
+"""Tables with a `kind`: the folder it is looked up in, and the kind where none is given."""
+LISTS = {"disturbances": "sim.disturbances"}
+KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect")
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """Everything a run depends on."""
+
+    name: str
+    table: Table = field(repr=False)
+    """The TOML table it was parsed from, overrides included."""
+    run: RunConfig
+    world: WorldConfig
+    camera: CameraConfig
+    goal: GoalConfig
+    start: StartConfig
+    region: RegionConfig
+    measure: MeasureConfig
+    motion: Any
+    tracker: Any
+    estimator: Any
+    controller: Any
+    disturbances: tuple[Any, ...]
+    expect: dict[str, float | str]
+    """Bounds on measures by name, and `outcome`."""
+
+    def settings(self) -> Table:
+        """Every value the run uses, the defaults included."""
+        names = [f.name for f in dataclasses.fields(self) if f.name not in ("name", "table", "expect")]
+        plain = {name: _plain(getattr(self, name)) for name in names}
+        for name, (_, default) in PLUGINS.items():
+            plain[name] = {"kind": self.table.get(name, {}).get("kind", default)} | plain[name]
+        return plain
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return dataclasses.asdict(value)
+
+
+def shipped() -> list[str]:
+    """Names of the scenarios in the package, sorted."""
+    files = resources.files("scenes").iterdir()
+    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+
+
+def load(name: str, overrides: list[str] | None = None, seed: int | None = None) -> Scenario:
+    """A scenario by its shipped name or by the path of a TOML file.
+
+    Args:
+        name: Such as "reversal" or "mine/slow.toml".
+        overrides: Such as "tracker.kind=frozen" (the command line's --set).
+        seed: Replaces run.seed.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    text, place = _read(name)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise Mistake(f"{place}: this is not TOML: {error}") from None
+    for item in overrides or []:
+        override(table, item)
+    if seed is not None:
+        override(table, f"run.seed={seed}")
+    return parse(table, Path(name).stem, place)
+
+
+def parse(table: Table, name: str, place: str) -> Scenario:
+    """The scenario of a TOML table; place names it in messages.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    for key in table:
+        if key not in KEYS:
+            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
+    for key, (folder, default) in PLUGINS.items():
+        values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
+    for key, folder in LISTS.items():
+        values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
+    expect = table.get("expect", {})
+    return Scenario(name=name, table=table, expect=expect, **values)
+
+
+def override(table: Table, item: str) -> None:
+    """Apply one "a.b=value" to a table; setting a `kind` clears the rest of its table first.
+
+    Raises:
+        Mistake: It has not that form, or the path leads through something that is no table.
+    """
+    path, equals, text = item.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
+    at: Any = table
+    for key in keys[:-1]:
+        try:
+            at = at[int(key)] if isinstance(at, list) else at.setdefault(key, {})
+        except (ValueError, IndexError):
+            at = None
+        if not isinstance(at, dict | list):
+            raise Mistake(f"--set {item}: '{path}' leads through '{key}', which is not a table")
+    if not isinstance(at, dict):
+        raise Mistake(f"--set {item}: '{path}' is not a key of a table")
+    if keys[-1] == "kind":
+        at.clear()
+    at[keys[-1]] = _value(text.strip())
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _read(name: str) -> tuple[str, str]:
+    path = Path(name)
+    if path.suffix != ".toml":
+        if name not in shipped():
+            there = ", ".join(shipped())
+            raise Mistake(f"there is no scenario '{name}'; there is {there}, or give a .toml file")
+        path = Path(str(resources.files("scenes") / f"{name}.toml"))
+    try:
+        return path.read_text(encoding="utf-8"), path.name
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise Mistake(f"{name}: cannot read this scenario: {reason}") from None
