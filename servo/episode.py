@@ -54,7 +54,7 @@ class Step:
     estimate: Estimate
     command: Command
     target_motion_true: Array
-    """True mean de/dt (4,) of the target's own motion over the last frame interval, in the command's scaling."""
+    """True mean de/dt (4,) of the target's own motion over the last frame interval, in the task's scaling."""
     joints: Array
     """Joint positions (n,) at the time of the frame [m or rad]."""
     rates: Array
@@ -109,6 +109,7 @@ class Episode:
         self.frames = max(1, round(s.run.duration * s.camera.rate))
         camera, outline = self.world.camera, self.world.outline
         self.root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
+        self.scale = s.features.scaling.factor(self.root_area)
         self.goal = np.array([camera.cx + s.goal.x, camera.cy + s.goal.y])
         self.goal_theta = radians(s.goal.angle_deg)
         self.goal_size = camera.fx / s.goal.depth
@@ -149,7 +150,7 @@ class Episode:
         self._first = first, truth, Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED)
         self.controller = scenario.controller.build(stream(scenario.run.seed, "controller"))
         estimator = scenario.estimator.build(stream(scenario.run.seed, "estimator"))
-        self.controller.start(Task(self._goal_moments(), self.root_area, estimator))
+        self.controller.start(Task(self._goal_moments(), self.root_area, self.scale, estimator))
 
     def _goal_moments(self) -> Moments:
         length, width = np.ptp(self.world.outline[:, :2], axis=0) * self.goal_size
@@ -175,7 +176,7 @@ class Episode:
             waiting.append(command.twist)
             controlled = perf_counter()
             joints, rates = world.robot.joints(world.data), world.robot.rates_measured(world.data)
-            motion = self._target_motion(command)
+            motion = self._target_motion()
             acting = waiting.popleft()
             moved = perf_counter()
             limited = world.step(acting)
@@ -199,17 +200,14 @@ class Episode:
         x, y = truth.centre.tolist()
         return State(x, y, truth.theta, truth.size / self.first_size)
 
-    def _target_motion(self, command: Command) -> Array:
-        """True de/dt of the target's own motion, in the scaling of the command."""
+    def _target_motion(self) -> Array:
+        """True mean de/dt of the target's own motion: both ends of the interval, seen by the camera of now."""
         world = self.world
-        scale = command.features[2] * 0 + self._scale()
-        seen = [features.of_moments(features.moments_of(t.corners, world.camera), scale)
-                for t in (world.truth_moved(-world.period), world.truth_moved(0.0))]  # fmt: skip
-        return features.error_of(seen[1], seen[0]) / world.period
-
-    def _scale(self) -> float:
-        scaling = getattr(self.scenario.controller, "scaling", features.Scaling.METRIC)
-        return scaling.factor(self.root_area)
+        before, now = (
+            features.of_moments(features.moments_of(truth.corners, world.camera), self.scale)
+            for truth in (world.truth_moved(-world.period), world.truth_moved(0.0))
+        )
+        return features.error_of(now, before) / world.period
 
 
 def run(scenario: Scenario) -> Iterator[Step]:

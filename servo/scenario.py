@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le
 
+from servo.features import Scaling
 from servo.parsing import Mistake, fill, fill_plugin, fill_plugins, unknown
 from sim.render import CameraConfig
 from sim.world import WorldConfig
@@ -77,6 +78,14 @@ class RegionConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class FeaturesConfig:
+    """What is servoed."""
+
+    scaling: Scaling = Scaling.METRIC
+    """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
+
+
+@dataclass(frozen=True, slots=True)
 class MeasureConfig:
     """What counts in the measures."""
 
@@ -93,6 +102,7 @@ SECTIONS: dict[str, type[Any]] = {
     "goal": GoalConfig,
     "start": StartConfig,
     "region": RegionConfig,
+    "features": FeaturesConfig,
     "measure": MeasureConfig,
 }
 PLUGINS = {
@@ -119,6 +129,7 @@ class Scenario:
     goal: GoalConfig
     start: StartConfig
     region: RegionConfig
+    features: FeaturesConfig
     measure: MeasureConfig
     motion: Any
     tracker: Any

@@ -45,7 +45,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a controller says about one frame. Features are in the controller's own scaling."""
+    """What a controller says about one frame. Features are in the task's scaling."""
 
     twist: Array
     """Camera twist (6,) in the camera frame [m/s, rad/s]."""
@@ -87,6 +87,8 @@ class Task:
     """How the target shall look."""
     root_area: float
     """Square root of the target's metric area [m]: it gives the depth."""
+    scale: float
+    """K of the features an = K / sqrt(a): see features.py."""
     estimator: Estimator
     """Where the target's own motion comes from."""
 

@@ -102,7 +102,9 @@ class World:
         self._eye = self.model.camera(EYE).id
         self._motion, self._disturbances = motion, tuple(disturbances)
         self._visibility = config.visibility
-        self._renderer = Renderer(self.model, EYE, camera.width, camera.height)
+        self._renderer = Renderer(
+            self.model, EYE, camera.width, camera.height, camera.supersample
+        )
         self._sensor = Sensor(camera, rng)
         self._exposed_at = exposure_steps(camera, self._steps)
         self._pictures: list[Image] = []

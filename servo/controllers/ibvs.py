@@ -38,8 +38,6 @@ class Config:
     """Features whose target motion is compensated; those that do not move only add noise."""
     matrix: Literal["current", "desired", "mean"] = "current"
     """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
-    scaling: features.Scaling = features.Scaling.METRIC
-    """Unit of an: "metric" (the depth) or "paper" (1 / sqrt(area))."""
     coast: Annotated[float, Ge(0)] = 1.0
     """How long the estimated motion is still followed while the target is not seen [s]; then hold."""
     fastest: Annotated[float, Gt(0)] = 0.6
@@ -59,13 +57,12 @@ class Ibvs:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._moves = np.array([name in config.dof for name in DOF])
-        self._fed = np.array([name in config.feed_forward for name in FEATURES])
+        self._fed = np.array([float(name in config.feed_forward) for name in FEATURES])
 
     def start(self, task: Task) -> None:
         """Begin a task."""
         self._task = task
-        self._scale = self._config.scaling.factor(task.root_area)
-        self._goal = features.of_moments(task.goal, self._scale)
+        self._goal = features.of_moments(task.goal, task.scale)
         self._L_goal = self._matrix(task.goal)
         self._measured = Difference()
         self._seen, self._L, self._unseen = self._goal, self._L_goal, 0.0
@@ -75,7 +72,7 @@ class Ibvs:
         estimator = self._task.estimator
         if seen is not None:
             self._unseen = 0.0
-            self._seen, self._L = features.of_moments(seen, self._scale), self._matrix(seen)
+            self._seen, self._L = features.of_moments(seen, self._task.scale), self._matrix(seen)
             error = features.error_of(self._seen, self._goal)
             own = self._L @ twist_measured
             measurable = self._measured.ready
@@ -102,7 +99,7 @@ class Ibvs:
 
     def _matrix(self, m: Moments) -> Array:
         plane = Plane.parallel(features.depth_of(m, self._task.root_area))
-        return interaction(m, plane, self._scale)
+        return interaction(m, plane, self._task.scale)
 
     def _inverse(self) -> Array:
         """L+ (6, 4) over the degrees of freedom that may move."""

@@ -70,7 +70,7 @@ class KernelModel:
         state: State,
         *,
         per_side: int = 3,
-        span: float = 1.25,
+        span: float = 1.0,
         levels: int = 8,
         pixels: int = 2000,
     ) -> None:

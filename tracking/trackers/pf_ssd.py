@@ -52,7 +52,7 @@ class Config:
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     ring: Annotated[float, Gt(0)] = 0.4
     """Width of that ring, both sides together, over the target's size."""
-    span: Annotated[float, Gt(0)] = 1.25
+    span: Annotated[float, Gt(0)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
