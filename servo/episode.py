@@ -55,6 +55,8 @@ class Step:
     command: Command
     target_motion_true: Array
     """True mean de/dt (4,) of the target's own motion over the last frame interval, in the task's scaling."""
+    bodies: Array
+    """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
     joints: Array
     """Joint positions (n,) at the time of the frame [m or rad]."""
     rates: Array
@@ -177,6 +179,7 @@ class Episode:
             controlled = perf_counter()
             joints, rates = world.robot.joints(world.data), world.robot.rates_measured(world.data)
             motion = self._target_motion()
+            bodies = world.bodies()
             acting = waiting.popleft()
             moved = perf_counter()
             limited = world.step(acting)
@@ -187,7 +190,7 @@ class Episode:
                 frame=frame, truth=truth, true_state=self._true_state(truth), region=self.region,
                 goal=self.goal, goal_theta=self.goal_theta, goal_size=self.goal_size,
                 estimate=estimate, command=command, target_motion_true=motion,
-                joints=joints, rates=rates, twist_acting=acting, twist_measured=measured,
+                bodies=bodies, joints=joints, rates=rates, twist_acting=acting, twist_measured=measured,
                 limited=limited, seconds=seconds,
             )  # fmt: skip
 

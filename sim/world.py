@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import Annotated, Protocol
@@ -175,9 +175,19 @@ class World:
             self.camera, self.outline, self._see(), self._motion.at(self.data.time + seconds)
         )
 
-    def render_with(self, paint: Callable[[Renderer], Image]) -> Image:
-        """A picture made with the world's own renderer."""
-        return paint(self._renderer)
+    def describe_renderer(self) -> str:
+        """The name the OpenGL driver gives itself."""
+        return self._renderer.describe()
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Names of the bodies that can move."""
+        return tuple(self.model.body(i).name for i in range(1, self.model.nbody))
+
+    def bodies(self) -> Array:
+        """Poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
+        rotations = self.data.xmat[1:].reshape(-1, 3, 3)
+        return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
     def _see(self) -> Pose:
         # After mj_step the poses are one step old: refresh them, which costs microseconds.

@@ -1,0 +1,175 @@
+"""What the commands `run`, `check` and `doctor` do, between the library and the terminal."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import time
+from collections.abc import Iterable, Sequence
+from importlib import metadata
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from servo import scenario as scenarios
+from servo.episode import Episode, Step
+from servo.measures import Report, Violation, check_expect, summarise, violations
+from servo.run_folder import VERSIONED, RunFolder, prepare
+from servo.scenario import Scenario
+from sim import gl
+
+FPS_FRAMES = 60
+WAITING = "preparing (the first run on a machine compiles the hot loops, which takes a while)"
+
+
+def run_scenario(
+    name: str, changes: list[str], seed: int | None, out: Path | None, *, quiet: bool, rerun: bool
+) -> int:
+    """Run one scenario into a folder; the exit code: 1 where a bound was missed."""
+    scenario = _load(name, changes, seed)
+    gl.backend()
+    console = Console(quiet=quiet)
+    with console.status(WAITING):
+        episode = Episode(scenario)
+    with episode:
+        output = RunFolder(prepare(out, scenario), episode, rerun=rerun)
+        steps: list[Step] = []
+        try:
+            for step in _with_progress(episode, scenario.name, console):
+                steps.append(step)
+                output.add(step)
+        finally:
+            output.close()
+    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    missed = violations(report, scenario.expect)
+    paths = output.finish(steps, report, missed)
+    _print_report(console, scenario, report, steps)
+    for path in paths:
+        console.print(f"  {path}", highlight=False, soft_wrap=True)
+    _print_missed(Console(stderr=True), missed, _command(name, changes, scenario.run.seed))
+    return 1 if missed else 0
+
+
+def check_scenarios(
+    names: Sequence[str], changes: list[str], seeds: Iterable[int], *, quiet: bool
+) -> int:
+    """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
+    chosen = [s for n in names or scenarios.shipped() if (s := _load(n, changes, None)).expect or names]
+    gl.backend()
+    console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)
+    for title in ("scenario", "seed", "outcome", "servo rms", "peak", "tracking rms", "bounds", "time"):
+        table.add_column(title, justify="left" if title in ("scenario", "outcome", "bounds") else "right")
+    failures: list[tuple[list[Violation], str]] = []
+    runs = [(s.name, seed) for s in chosen for seed in seeds]
+    paths = {s.name: n for s, n in zip(chosen, names, strict=True)} if names else {}
+    with _progress(console) as progress:
+        task = progress.add_task("checking", total=len(runs))
+        for name, seed in runs:
+            progress.update(task, description=f"{name}, seed {seed}")
+            scenario = _load(paths.get(name, name), changes, seed)
+            began = time.perf_counter()
+            with Episode(scenario) as episode:
+                report = summarise(list(episode), scenario.measure, episode.world.period)
+            missed = violations(report, scenario.expect)
+            if missed:
+                failures.append((missed, _command(paths.get(name, name), changes, seed)))
+            table.add_row(*_check_row(scenario, report, missed, time.perf_counter() - began))
+            progress.advance(task)
+    console.print(table)
+    for missed, command in failures:
+        _print_missed(Console(stderr=True), missed, command)
+    return 1 if failures else 0
+
+
+def examine() -> int:
+    """Print back end, renderer, versions and speed of this machine."""
+    console = Console()
+    backend = gl.backend()
+    scenario = scenarios.load("still")
+    with Episode(scenario) as episode:
+        world = episode.world
+        world.look()
+        began = time.perf_counter()
+        for _ in range(FPS_FRAMES):
+            world.look()
+        rate = FPS_FRAMES / (time.perf_counter() - began)
+        rows = {
+            "OpenGL back end": backend,
+            "renderer": world.describe_renderer(),
+            "frames a second": f"{rate:.0f} at {scenario.camera.width} x {scenario.camera.height}",
+            "Python": platform.python_version(),
+            **{name: metadata.version(name) for name in VERSIONED},
+        }
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value in rows.items():
+        table.add_row(name, value)
+    console.print(table)
+    return 0
+
+
+def _load(name: str, changes: list[str], seed: int | None) -> Scenario:
+    scenario = scenarios.load(name, changes, seed)
+    check_expect(scenario)
+    return scenario
+
+
+def _progress(console: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, TextColumn("{task.fields[note]}"), console=console, transient=True)
+
+
+def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
+    with _progress(console) as progress:
+        task = progress.add_task(name, total=episode.frames, note="")
+        for step in episode:
+            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+            progress.update(task, advance=1, note=note)
+            yield step
+
+
+def _print_report(console: Console, scenario: Scenario, report: Report, steps: Sequence[Step]) -> None:
+    console.print(f"[bold]{scenario.name}[/], seed {scenario.run.seed}: {report.outcome.name}. {report.outcome.value}")
+    table = Table(box=None, pad_edge=False)
+    for title in ("measure", "value", "bound"):
+        table.add_column(title, justify="left" if title == "measure" else "right")
+    table.add_column("meaning", style="dim")
+    for m in report.measures:
+        bound = scenario.expect.get(m.name)
+        shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
+        table.add_row(m.name, f"{m.value:.3g}", shown, m.meaning)
+    console.print(table)
+    console.print(_stage_line(steps))
+
+
+def _stage_line(steps: Sequence[Step]) -> str:
+    def median(stage: str) -> float:
+        values = sorted(getattr(s.seconds, stage) for s in steps)
+        return 1e3 * values[len(values) // 2]
+
+    stages = "  ".join(f"{stage} {median(stage):.2f}" for stage in ("render", "track", "control", "physics"))
+    return f"A step took {median('total'):.1f} ms: {stages} (medians, ms; writing not included)"
+
+
+def _check_row(scenario: Scenario, report: Report, missed: list[Violation], seconds: float) -> list[str]:
+    value = report.value
+    kept = f"{len(scenario.expect) - len(missed)} of {len(scenario.expect)}"
+    return [
+        scenario.name, str(scenario.run.seed), report.outcome.name,
+        f"{value('servo_rms_px'):.2f} px", f"{value('servo_peak_px'):.1f} px",
+        f"{value('tracking_rms_px'):.2f} px",
+        f"[red]{kept}[/]" if missed else f"[green]{kept}[/]", f"{seconds:.1f} s",
+    ]  # fmt: skip
+
+
+def _command(name: str, changes: list[str], seed: int) -> str:
+    parts = ["servobench", "run", name, *(p for c in changes for p in ("--set", c)), "--seed", str(seed)]
+    return shlex.join(parts)
+
+
+def _print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
+    for violation in missed:
+        console.print(f"missed: {violation}", highlight=False, soft_wrap=True)
+    if missed:
+        console.print(f"  again: {command}", highlight=False, soft_wrap=True)

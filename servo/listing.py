@@ -1,0 +1,66 @@
+"""What there is to choose from: kinds by folder, scenarios, and the settings of one kind."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib import resources
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from servo.parsing import Mistake
+from servo.scenario import LISTS, PLUGINS, shipped
+from sim import plugins
+
+FOLDERS = {**{name: folder for name, (folder, _) in PLUGINS.items()}, **LISTS}
+
+
+def show_all() -> None:
+    """Print every scenario and kind with its sentence."""
+    console = Console()
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name in shipped():
+        table.add_row("scenario", f"[bold]{name}[/]", _sentence(name))
+    for section, folder in FOLDERS.items():
+        for kind in plugins.kinds(folder):
+            table.add_row(section, f"[bold]{kind}[/]", plugins.summary(folder, kind))
+    console.print(table)
+
+
+def show_kind(kind: str) -> None:
+    """Print the settings of a kind.
+
+    Raises:
+        Mistake: There is no such kind anywhere.
+    """
+    found = [(s, f) for s, f in FOLDERS.items() if kind in plugins.kinds(f)]
+    if not found:
+        everything = ", ".join(k for f in FOLDERS.values() for k in plugins.kinds(f))
+        raise Mistake(f"there is no kind '{kind}'; there is {everything}")
+    console = Console()
+    for section, folder in found:
+        config = plugins.config_of(folder, kind)
+        console.print(f"[bold]{section}.kind = \"{kind}\"[/]  {plugins.summary(folder, kind)}")
+        table = Table(box=None, pad_edge=False)
+        for title in ("setting", "default", "meaning"):
+            table.add_column(title)
+        _add_settings(table, section, config)
+        console.print(table)
+
+
+def _add_settings(table: Table, prefix: str, config: type[Any]) -> None:
+    docs = plugins.field_docs(config)
+    for f in dataclasses.fields(config):
+        factory = f.default_factory
+        if factory is not dataclasses.MISSING and dataclasses.is_dataclass(factory):
+            _add_settings(table, f"{prefix}.{f.name}", factory)  # type: ignore[arg-type]
+        else:
+            default = getattr(f.default, "value", f.default)
+            table.add_row(f"{prefix}.{f.name}", str(default), docs[f.name])
+
+
+def _sentence(name: str) -> str:
+    """A scenario's second line, which says what it shows."""
+    lines = (resources.files("scenes") / f"{name}.toml").read_text(encoding="utf-8").splitlines()
+    return lines[1].removeprefix("# ")

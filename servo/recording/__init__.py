@@ -1,0 +1,1 @@
+"""Rerun recordings: writing, drawing, viewing. The only folder that imports rerun."""

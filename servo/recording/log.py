@@ -1,0 +1,184 @@
+"""A run as a Rerun recording.
+
+| entity | what |
+|---|---|
+| world/table, world/fixed/* | table top with texture, things that never move |
+| world/BODY, world/BODY/* | gantry links, car, board: pose; their shapes |
+| world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
+| world/eye/image/estimate, goal, truth, particles | green, red and white rectangles; the particle cloud |
+| plots/error | distance of the true centre from goal and from estimate [px] |
+| plots/features | feature errors e = s - s* |
+| plots/motion/xn, yn, an, theta | de/dt of the target: measured, estimated, true |
+| plots/twist/linear, angular | camera twist: commanded, measured |
+| plots/joints, plots/range | joint positions; limited joints within their range, -1..1 |
+| plots/distance, plots/ess, plots/ms | Bhattacharyya distance; effective sample size; stage times [ms] |
+| events | occluded, lost, found again, saturated |
+
+Timelines: `frame` and `sim_time`. Images go out frame by frame, all numbers in columns once a second.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import rerun as rr
+
+from servo.episode import Episode, Step
+from servo.events import Event, events
+from servo.recording.parts import IMAGE, blueprint, goal_corners, outline, solids
+from servo.types import DOF, FEATURES
+from sim.shapes import shapes_of, table_top
+from sim.types import Array
+
+JPEG_QUALITY = 85
+GREEN, RED, WHITE, AMBER = (60, 220, 90), (240, 60, 50), (255, 255, 255), (255, 190, 40)
+GREY = (130, 130, 140)
+XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
+FRUSTUM = 0.15
+"""How far from the camera its image plane is drawn [m]."""
+STAGES = ("render", "track", "control", "physics")
+LEVELS = {Event.OCCLUDED: "WARN", Event.LOST: "ERROR", Event.SATURATED: "WARN"}
+
+
+class RerunLog:
+    """Writes one recording."""
+
+    def __init__(self, path: Path, episode: Episode) -> None:
+        rr.set_strict_mode(True)
+        self._episode, world = episode, episode.world
+        self._robot, self._moving = world.robot, world.moving
+        self._at_once = max(1, round(episode.scenario.camera.rate))
+        self._rec = rr.RecordingStream("servobench", recording_id=path.parent.name)
+        self._rec.save(path, default_blueprint=blueprint())
+        self._rec.set_log_time_enabled(False)
+        self._rec.set_log_tick_enabled(False)
+        self._before: Step | None = None
+        self._steps: list[Step] = []
+        self._log_scene()
+        self._name_series()
+
+    def add(self, step: Step) -> None:
+        """Log a step."""
+        self._rec.set_time("frame", sequence=step.frame.index)
+        self._rec.set_time("sim_time", duration=step.frame.time)
+        self._log_picture(step)
+        for event in events(self._before, step):
+            text = f"{event.name}: {event.value}"
+            self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
+        self._before = step
+        self._steps.append(step)
+        if len(self._steps) >= self._at_once:
+            self._send_numbers()
+
+    def close(self) -> None:
+        """Write what is left and the footer."""
+        self._send_numbers()
+        self._rec.flush()
+        self._rec.disconnect()
+
+    def _log_scene(self) -> None:
+        model, camera = self._episode.world.model, self._episode.world.camera
+        corners, texture = table_top(model)
+        uv = [[0, 1], [1, 1], [1, 0], [0, 0]]
+        mesh = rr.Mesh3D(
+            vertex_positions=corners, triangle_indices=[[0, 1, 2], [0, 2, 3]], vertex_texcoords=uv,
+            vertex_normals=[[0, 0, 1]] * 4, albedo_texture=texture,
+        )  # fmt: skip
+        self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._rec.log("world/table", mesh, static=True)
+        for path, archetype in solids(shapes_of(model), ("fixed", *self._moving)):
+            self._rec.log(path, archetype, static=True)
+        pinhole = rr.Pinhole(
+            focal_length=[camera.fx, camera.fy], principal_point=[camera.cx, camera.cy],
+            width=camera.width, height=camera.height, camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=FRUSTUM,
+        )  # fmt: skip
+        self._rec.log("world/eye", pinhole, static=True)
+
+    def _log_picture(self, step: Step) -> None:
+        bgr = cv2.cvtColor(step.frame.image, cv2.COLOR_RGB2BGR)
+        _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        image = rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")
+        self._rec.log(IMAGE, image)
+        estimate = step.estimate
+        self._rec.log(f"{IMAGE}/truth", outline(step.truth.corners, WHITE))
+        self._rec.log(f"{IMAGE}/goal", outline(goal_corners(step), RED))
+        self._rec.log(f"{IMAGE}/estimate", outline(step.region.corners(estimate.state), GREEN))
+        if estimate.particles is not None:
+            cloud = rr.Points2D(estimate.particles[:, :2], radii=1.0, colors=AMBER)
+            self._rec.log(f"{IMAGE}/particles", cloud)
+
+    def _send_numbers(self) -> None:
+        if not self._steps:
+            return
+        steps, self._steps = self._steps, []
+        index = [
+            rr.TimeColumn("frame", sequence=[s.frame.index for s in steps]),
+            rr.TimeColumn("sim_time", duration=[s.frame.time for s in steps]),
+        ]
+        numbers: dict[str, list[Any]] = defaultdict(list)
+        for step in steps:
+            for path, values in self._series(step).items():
+                numbers[path].append(values)
+        for path, rows in numbers.items():
+            table = np.asarray(rows, float)
+            columns = rr.Scalars.columns(scalars=table.ravel())
+            self._rec.send_columns(path, index, columns.partition([table.shape[1]] * len(table)))
+        poses = np.stack([s.bodies for s in steps])
+        eyes = [s.truth.T_world_camera for s in steps]
+        self._send_poses("world/eye", index, [e.translation for e in eyes], [e.rotation for e in eyes])
+        for i, name in enumerate(self._moving):
+            self._send_poses(f"world/{name}", index, poses[:, i, :, 3], poses[:, i, :, :3])
+
+    def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
+        # Rerun takes 3x3 matrices column by column.
+        columns = rr.Transform3D.columns(
+            translation=np.asarray(t), mat3x3=np.asarray(R).transpose(0, 2, 1).reshape(-1, 9)
+        )
+        self._rec.send_columns(path, index, columns)
+
+    def _series(self, step: Step) -> dict[str, Array | list[float]]:
+        command, measured, seconds = step.command, step.twist_measured, step.seconds
+        found: dict[str, Array | list[float]] = {
+            "plots/error": [step.servo_error, step.tracking_error],
+            "plots/features": command.error,
+            "plots/twist/linear": np.concatenate([command.twist[:3], measured[:3]]),
+            "plots/twist/angular": np.concatenate([command.twist[3:], measured[3:]]),
+            "plots/joints": step.joints,
+            "plots/range": self._within_range(step.joints),
+            "plots/distance": [step.estimate.distance],
+            "plots/ess": [step.estimate.ess],
+            "plots/ms": [1e3 * getattr(seconds, stage) for stage in STAGES],
+        }
+        motions = (command.target_motion_measured, command.target_motion, step.target_motion_true)
+        for i, name in enumerate(FEATURES):
+            found[f"plots/motion/{name}"] = [m[i] for m in motions]
+        return found
+
+    def _within_range(self, joints: Array) -> Array:
+        limited = np.isfinite(self._robot.upper)
+        low, high = self._robot.lower[limited], self._robot.upper[limited]
+        return np.append(2 * (joints[limited] - low) / (high - low) - 1, [-1.0, 1.0])
+
+    def _name_series(self) -> None:
+        limited = [n for n, u in zip(self._robot.names, self._robot.upper, strict=True) if np.isfinite(u)]
+        twists = [*XYZ, *(tuple(c // 2 for c in colour) for colour in XYZ)]
+        names: dict[str, tuple[list[str], list[Any]]] = {
+            "error": (["servo", "tracking"], [RED, GREEN]),
+            "features": (list(FEATURES), [*XYZ, AMBER]),
+            "twist/linear": ([f"{w} {d}" for w in ("commanded", "measured") for d in DOF[:3]], twists),
+            "twist/angular": ([f"{w} {d}" for w in ("commanded", "measured") for d in DOF[3:]], twists),
+            "joints": (list(self._robot.names), [*XYZ, AMBER, WHITE, GREY]),
+            "range": ([*limited, "lower limit", "upper limit"], [*XYZ, AMBER, WHITE, RED, RED]),
+            "distance": (["distance"], [GREEN]),
+            "ess": (["effective sample size"], [GREEN]),
+            "ms": (list(STAGES), [*XYZ, AMBER]),
+            **{f"motion/{f}": (["measured", "estimated", "true"], [GREY, GREEN, WHITE]) for f in FEATURES},
+        }
+        for path, (series, colours) in names.items():
+            lines = rr.SeriesLines(names=series, colors=colours[: len(series)])
+            self._rec.log(f"plots/{path}", lines, static=True)

@@ -1,0 +1,88 @@
+"""Looking at a recording: in Rerun's own window, in a browser, or as a picture without any window."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+from rerun.experimental import ViewerClient
+
+from servo.parsing import Mistake
+
+MAGIC = (b"RRF2", b"RRIO")
+"""How Rerun's files begin."""
+VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
+LOADED_WITHIN, POLL = 30.0, 0.25
+DRAWN_AFTER = 3.0
+"""Time for a first drawing of a scene on a machine without a GPU [s]."""
+
+
+def check(path: Path) -> None:
+    """Refuse what is not a recording.
+
+    Raises:
+        Mistake: There is no such file, or it is not one of Rerun's.
+    """
+    try:
+        with path.open("rb") as file:
+            begin = file.read(4)
+    except OSError as error:
+        raise Mistake(f"{path}: cannot read this recording: {error.strerror}") from None
+    if begin not in MAGIC:
+        raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
+
+
+def show(path: Path, *, web: bool) -> int:
+    """Open the viewer and wait until it is closed; its exit code."""
+    command = [sys.executable, "-m", "rerun", str(path)]
+    if web:
+        command += ["--web-viewer", "--bind", "127.0.0.1"]
+    return subprocess.call(command)
+
+
+def picture(path: Path, png: Path, at: float) -> None:
+    """Draw the viewer as it would look at a simulated time [s] into a PNG, without a window.
+
+    Raises:
+        Mistake: The viewer cannot start here, or never shows the recording.
+    """
+    try:
+        with _quiet_viewer() as viewer:
+            viewer.open(str(path.resolve()))
+            end = time.monotonic() + LOADED_WITHIN
+            while not viewer.get_state().views:
+                if time.monotonic() > end:
+                    raise Mistake(f"{path}: the viewer did not show this within {LOADED_WITHIN:g} s")
+                time.sleep(POLL)
+            viewer.set_time("sim_time", duration=at, play_state="paused")
+            time.sleep(DRAWN_AFTER)
+            png.write_bytes(viewer.take_screenshot())
+    except (RuntimeError, OSError):
+        raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
+
+
+def _quiet_viewer() -> ViewerClient:
+    """A viewer without a window, whose own log does not reach our stderr."""
+    stderr, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 2)
+    try:
+        # The viewer that belongs to this rerun-sdk, whatever PATH says.
+        rerun = Path(sysconfig.get_path("scripts")) / "rerun"
+        return ViewerClient.spawn(
+            headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=str(rerun)
+        )
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(nothing)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
