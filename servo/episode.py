@@ -178,7 +178,7 @@ class Episode:
             waiting.append(command.twist)
             controlled = perf_counter()
             joints, rates = world.robot.joints(world.data), world.robot.rates_measured(world.data)
-            motion = self._target_motion()
+            motion = self._target_motion(truth)
             bodies = world.bodies()
             acting = waiting.popleft()
             moved = perf_counter()
@@ -203,14 +203,13 @@ class Episode:
         x, y = truth.centre.tolist()
         return State(x, y, truth.theta, truth.size / self.first_size)
 
-    def _target_motion(self) -> Array:
+    def _target_motion(self, truth: Truth) -> Array:
         """True mean de/dt of the target's own motion: both ends of the interval, seen by the camera of now."""
-        world = self.world
         before, now = (
-            features.of_moments(features.moments_of(truth.corners, world.camera), self.scale)
-            for truth in (world.truth_moved(-world.period), world.truth_moved(0.0))
+            features.of_moments(features.moments_of(t.corners, self.world.camera), self.scale)
+            for t in (self.world.truth_before(), truth)
         )
-        return features.error_of(now, before) / world.period
+        return features.error_of(now, before) / self.world.period
 
 
 def run(scenario: Scenario) -> Iterator[Step]:

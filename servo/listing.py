@@ -7,6 +7,7 @@ from importlib import resources
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from servo.parsing import Mistake
@@ -24,7 +25,7 @@ def show_all() -> None:
         table.add_row("scenario", f"[bold]{name}[/]", _sentence(name))
     for section, folder in FOLDERS.items():
         for kind in plugins.kinds(folder):
-            table.add_row(section, f"[bold]{kind}[/]", plugins.summary(folder, kind))
+            table.add_row(section, f"[bold]{kind}[/]", escape(plugins.summary(folder, kind)))
     console.print(table)
 
 
@@ -41,7 +42,7 @@ def show_kind(kind: str) -> None:
     console = Console()
     for section, folder in found:
         config = plugins.config_of(folder, kind)
-        console.print(f"[bold]{section}.kind = \"{kind}\"[/]  {plugins.summary(folder, kind)}")
+        console.print(f"[bold]{section}.kind = \"{kind}\"[/]  {escape(plugins.summary(folder, kind))}")
         table = Table(box=None, pad_edge=False)
         for title in ("setting", "default", "meaning"):
             table.add_column(title)
@@ -57,7 +58,7 @@ def _add_settings(table: Table, prefix: str, config: type[Any]) -> None:
             _add_settings(table, f"{prefix}.{f.name}", factory)  # type: ignore[arg-type]
         else:
             default = getattr(f.default, "value", f.default)
-            table.add_row(f"{prefix}.{f.name}", str(default), docs[f.name])
+            table.add_row(f"{prefix}.{f.name}", escape(str(default)), escape(docs[f.name]))
 
 
 def _sentence(name: str) -> str:

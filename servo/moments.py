@@ -38,7 +38,7 @@ def _area_and_centre(polygon: Array) -> tuple[float, Array]:
 
 def _nodes(corners: Array) -> tuple[Array, Array]:
     """Quadrature nodes (m, 2) and weights (m,) of the triangles between the origin and each edge."""
-    after = np.roll(corners, -1, axis=0)
+    after = corners[np.arange(1, len(corners) + 1) % len(corners)]
     areas = (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2
     nodes = BARYCENTRIC[:, 1, None, None] * corners + BARYCENTRIC[:, 2, None, None] * after
     return nodes.reshape(-1, 2), np.outer(WEIGHTS, areas).ravel()

@@ -21,8 +21,8 @@ def truth(
 
     Args:
         camera: Intrinsics.
-        outline: Corners (4, 3) in the target's frame [m]: front left of the image first, then clockwise
-            as the image shows them when the nose points right.
+        outline: Corners (4, 3) in the target's frame [m], level, in the order in which an image with the
+            nose to the right shows them: top left, top right, bottom right, bottom left.
         T_world_camera: Pose of the camera.
         T_world_target: Pose of the target.
         visible: Fraction of the silhouette that is seen, if known.
@@ -32,8 +32,7 @@ def truth(
     middle = outline.mean(axis=0)
     nose = (outline[1] + outline[2]) / 2
     centre, front = camera.project(T_camera_target.apply(np.stack([middle, nose])))
-    along, across = outline[1] - outline[0], outline[3] - outline[0]
-    metric_area = np.linalg.norm(np.cross(along, across))
+    metric_area = abs(shoelace(outline[:, :2]))
     return Truth(
         centre=centre,
         theta=float(np.arctan2(front[1] - centre[1], front[0] - centre[0])),
@@ -48,7 +47,8 @@ def truth(
 def shoelace(polygon: Array) -> float:
     """Signed area of a polygon (n, 2); positive for corners that turn from +x to +y."""
     x, y = polygon.T
-    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
+    after = np.arange(1, len(x) + 1) % len(x)
+    return float(x @ y[after] - y @ x[after]) / 2
 
 
 def camera_above(

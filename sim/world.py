@@ -100,6 +100,7 @@ class World:
         self.robot = Robot(self.model)
         self.camera = pinhole(self.model, EYE, camera.width, camera.height)
         self._eye = self.model.camera(EYE).id
+        self.outline = outline_of(self.model)
         self._motion, self._disturbances = motion, tuple(disturbances)
         self._visibility = config.visibility
         self._renderer = Renderer(
@@ -115,13 +116,6 @@ class World:
     def close(self) -> None:
         """Give the renderer's GL context back."""
         self._renderer.close()
-
-    @property
-    def outline(self) -> Array:
-        """Corners (4, 3) of the target's reference rectangle in its own frame [m]."""
-        site = self.model.site(OUTLINE)
-        a, b, _ = site.size
-        return site.pos + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
 
     def start(self, pixel: Array, theta: float, depth: float) -> bool:
         """Put the camera where it sees the target at a pixel, an angle and a depth; whether it can be there."""
@@ -169,11 +163,10 @@ class World:
         target = self._motion.at(self.data.time)
         return placement.truth(self.camera, self.outline, self._see(), target, visible)
 
-    def truth_moved(self, seconds: float) -> Truth:
-        """The truth if the camera stood as now and the target were where it is that much later."""
-        return placement.truth(
-            self.camera, self.outline, self._see(), self._motion.at(self.data.time + seconds)
-        )
+    def truth_before(self) -> Truth:
+        """The truth if the camera stood as now and the target where it was one frame ago."""
+        target = self._motion.at(self.data.time - self.period)
+        return placement.truth(self.camera, self.outline, self._see(), target)
 
     def describe_renderer(self) -> str:
         """The name the OpenGL driver gives itself."""
@@ -224,6 +217,13 @@ class World:
         car[shadow] = False
         alone = self._renderer.silhouette(self.data, car, alone=True)
         return self._renderer.silhouette(self.data, car, alone=False) / alone if alone else 0.0
+
+
+def outline_of(model: mujoco.MjModel) -> Array:
+    """Corners (4, 3) of the target's reference rectangle in its own frame [m]."""
+    site = model.site(OUTLINE)
+    a, b, _ = site.size
+    return site.pos + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
 
 
 def exposure_steps(camera: CameraConfig, steps: int) -> frozenset[int]:

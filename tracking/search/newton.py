@@ -135,13 +135,13 @@ class KernelModel:
             H = here.curvature * np.outer(UNITS, UNITS)
             H[np.diag_indices(4)] += damping * np.trace(H) / 4 + np.finfo(float).tiny
             step = -UNITS * np.linalg.solve(H, UNITS * here.gradient)
+            if float(np.max(np.abs(step / UNITS))) < tolerance:
+                break
             there = self.linearise(image, x + step)
             evaluations += 1
             if there.cost < here.cost:
                 x, here, damping = x + step, there, damping * LESS
             else:
                 damping *= MORE
-            if float(np.max(np.abs(step / UNITS))) < tolerance:
-                break
         return Refined(State.of(x), here.distance, evaluations)
 
