@@ -1,1 +1,3 @@
-"""Closing the loop: features, control laws, estimators, scenarios, runs, and everything a person starts."""
+"""Closing the loop: features, control laws, estimators, scenarios, runs, and everything a person
+starts.
+"""

@@ -10,16 +10,23 @@ import typer
 
 app = typer.Typer(
     name="servobench",
-    help="A visual-servoing testbed: rendered frames in, gantry motion out, ground truth beside every frame.",
+    help="A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-SCENARIO = Annotated[str, typer.Argument(help="A shipped scenario (servobench list) or a .toml file.")]
-SET = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change any setting; repeat at will.")]
-SEED = Annotated[int | None, typer.Option(min=0, help="Seed of every random stream (default: the scenario's).")]
+SCENARIO = Annotated[
+    str, typer.Argument(help="A shipped scenario (servobench list) or a .toml file.")
+]
+SET = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change any setting; repeat at will."),
+]
+SEED = Annotated[
+    int | None, typer.Option(min=0, help="Seed of every random stream (default: the scenario's).")
+]
 QUIET = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but mistakes.")]
 
 
@@ -28,33 +35,45 @@ def run(
     scenario: SCENARIO,
     changes: SET = None,
     seed: SEED = None,
-    out: Annotated[Path | None, typer.Option(help="Folder to write (default: runs/NAME-SEED).")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write (default: runs/NAME-SEED).")
+    ] = None,
     quiet: QUIET = False,
     no_rerun: Annotated[bool, typer.Option("--no-rerun", help="Write no Rerun recording.")] = False,
 ) -> None:
     """Run a scenario; write its recording, table, report and plots."""
     from servo.commands import run_scenario
 
-    raise typer.Exit(run_scenario(scenario, changes or [], seed, out, quiet=quiet, rerun=not no_rerun))
+    raise typer.Exit(
+        run_scenario(scenario, changes or [], seed, out, quiet=quiet, rerun=not no_rerun)
+    )
 
 
 @app.command()
 def check(
-    scenarios: Annotated[list[str] | None, typer.Argument(help="Which (default: all that have bounds).")] = None,
+    scenarios: Annotated[
+        list[str] | None, typer.Argument(help="Which (default: all that have bounds).")
+    ] = None,
     changes: SET = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Run each with seeds 0, 1, ... up to this many.")] = 1,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Run each with seeds 0, 1, ... up to this many.")
+    ] = 1,
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 0,
     quiet: QUIET = False,
 ) -> None:
     """Run scenarios without recordings and test their bounds; exit 1 if one is missed."""
     from servo.commands import check_scenarios
 
-    raise typer.Exit(check_scenarios(scenarios or [], changes or [], range(seed, seed + seeds), quiet=quiet))
+    raise typer.Exit(
+        check_scenarios(scenarios or [], changes or [], range(seed, seed + seeds), quiet=quiet)
+    )
 
 
 @app.command("list")
 def list_(
-    what: Annotated[str | None, typer.Argument(help="A kind: show its settings, their units and defaults.")] = None,
+    what: Annotated[
+        str | None, typer.Argument(help="A kind: show its settings, their units and defaults.")
+    ] = None,
 ) -> None:
     """List scenarios, motions, disturbances, trackers, estimators and controllers."""
     from servo.listing import show_all, show_kind
@@ -65,8 +84,12 @@ def list_(
 @app.command()
 def view(
     recording: Annotated[Path, typer.Argument(help="A run's folder, or an .rrd file.")],
-    web: Annotated[bool, typer.Option("--web", help="In a browser instead of Rerun's own window.")] = False,
-    png: Annotated[Path | None, typer.Option(help="Draw the viewer into this PNG instead; no display needed.")] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="In a browser instead of Rerun's own window.")
+    ] = False,
+    png: Annotated[
+        Path | None, typer.Option(help="Draw the viewer into this PNG instead; no display needed.")
+    ] = None,
     at: Annotated[float, typer.Option(min=0, help="Simulated time to show in the PNG [s].")] = 4.0,
 ) -> None:
     """Open a recording in the Rerun viewer, or draw it into a PNG."""

@@ -56,11 +56,24 @@ def check_scenarios(
     names: Sequence[str], changes: list[str], seeds: Iterable[int], *, quiet: bool
 ) -> int:
     """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
-    chosen = [s for n in names or scenarios.shipped() if (s := _load(n, changes, None)).expect or names]
+    chosen = [
+        s for n in names or scenarios.shipped() if (s := _load(n, changes, None)).expect or names
+    ]
     gl.backend()
     console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)
-    for title in ("scenario", "seed", "outcome", "servo rms", "peak", "tracking rms", "bounds", "time"):
-        table.add_column(title, justify="left" if title in ("scenario", "outcome", "bounds") else "right")
+    for title in (
+        "scenario",
+        "seed",
+        "outcome",
+        "servo rms",
+        "peak",
+        "tracking rms",
+        "bounds",
+        "time",
+    ):
+        table.add_column(
+            title, justify="left" if title in ("scenario", "outcome", "bounds") else "right"
+        )
     failures: list[tuple[list[Violation], str]] = []
     runs = [(s.name, seed) for s in chosen for seed in seeds]
     paths = {s.name: n for s, n in zip(chosen, names, strict=True)} if names else {}
@@ -116,7 +129,12 @@ def _load(name: str, changes: list[str], seed: int | None) -> Scenario:
 
 
 def _progress(console: Console) -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     return Progress(*columns, TextColumn("{task.fields[note]}"), console=console, transient=True)
 
 
@@ -129,8 +147,11 @@ def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[St
             yield step
 
 
-def _print_report(console: Console, scenario: Scenario, report: Report, steps: Sequence[Step]) -> None:
-    console.print(f"[bold]{scenario.name}[/], seed {scenario.run.seed}: {report.outcome.name}. {report.outcome.value}")
+def _print_report(
+    console: Console, scenario: Scenario, report: Report, steps: Sequence[Step]
+) -> None:
+    outcome = f"{report.outcome.name}. {report.outcome.value}"
+    console.print(f"[bold]{scenario.name}[/], seed {scenario.run.seed}: {outcome}")
     table = Table(box=None, pad_edge=False)
     for title in ("measure", "value", "bound"):
         table.add_column(title, justify="left" if title == "measure" else "right")
@@ -148,11 +169,15 @@ def _stage_line(steps: Sequence[Step]) -> str:
         values = sorted(getattr(s.seconds, stage) for s in steps)
         return 1e3 * values[len(values) // 2]
 
-    stages = "  ".join(f"{stage} {median(stage):.2f}" for stage in ("render", "track", "control", "physics"))
+    stages = "  ".join(
+        f"{stage} {median(stage):.2f}" for stage in ("render", "track", "control", "physics")
+    )
     return f"A step took {median('total'):.1f} ms: {stages} (medians, ms; writing not included)"
 
 
-def _check_row(scenario: Scenario, report: Report, missed: list[Violation], seconds: float) -> list[str]:
+def _check_row(
+    scenario: Scenario, report: Report, missed: list[Violation], seconds: float
+) -> list[str]:
     value = report.value
     kept = f"{len(scenario.expect) - len(missed)} of {len(scenario.expect)}"
     return [
@@ -164,7 +189,14 @@ def _check_row(scenario: Scenario, report: Report, missed: list[Violation], seco
 
 
 def _command(name: str, changes: list[str], seed: int) -> str:
-    parts = ["servobench", "run", name, *(p for c in changes for p in ("--set", c)), "--seed", str(seed)]
+    parts = [
+        "servobench",
+        "run",
+        name,
+        *(p for c in changes for p in ("--set", c)),
+        "--seed",
+        str(seed),
+    ]
     return shlex.join(parts)
 
 

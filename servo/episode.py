@@ -54,7 +54,9 @@ class Step:
     estimate: Estimate
     command: Command
     target_motion_true: Array
-    """True mean de/dt (4,) of the target's own motion over the last frame interval, in the task's scaling."""
+    """True mean de/dt (4,) of the target's own motion over the last frame interval, in the task's
+    scaling.
+    """
     bodies: Array
     """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
     joints: Array
@@ -62,7 +64,9 @@ class Step:
     rates: Array
     """Joint velocities (n,) then [m/s or rad/s]."""
     twist_acting: Array
-    """Camera twist (6,) that is asked for until the next frame: the command of `latency` frames ago."""
+    """Camera twist (6,) that is asked for until the next frame: the command of `latency` frames
+    ago.
+    """
     twist_measured: Array
     """Mean camera twist (6,) over the last frame interval."""
     limited: bool
@@ -82,7 +86,11 @@ class Step:
     @property
     def tracking_error(self) -> float:
         """Distance of the estimated from the true centre [px]."""
-        return float(np.hypot(*(np.array([self.estimate.state.x, self.estimate.state.y]) - self.truth.centre)))
+        return float(
+            np.hypot(
+                *(np.array([self.estimate.state.x, self.estimate.state.y]) - self.truth.centre)
+            )
+        )
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -102,7 +110,9 @@ class Episode:
         s, seed = scenario, scenario.run.seed
         self.scenario = s
         motion = s.motion.build(stream(seed, "motion"))
-        disturbances = [d.build(stream(seed, f"disturbance {i}")) for i, d in enumerate(s.disturbances)]
+        disturbances = [
+            d.build(stream(seed, f"disturbance {i}")) for i, d in enumerate(s.disturbances)
+        ]
         self.tracker: Tracker = s.tracker.build(stream(seed, "tracker"))
         try:
             self.world = World(s.world, s.camera, motion, disturbances, stream(seed, "sensor"))
@@ -133,7 +143,9 @@ class Episode:
         pixel = self.goal + (start.x, start.y)
         theta = self.goal_theta + radians(start.angle_deg)
         if not self.world.start(pixel, theta, self.scenario.goal.depth / start.scale):
-            raise Mistake(f"{name}: start: the gantry cannot bring the camera where this picture is taken")
+            raise Mistake(
+                f"{name}: start: the gantry cannot bring the camera where this picture is taken"
+            )
 
     def _begin(self) -> None:
         """Take the first frame, show it to the tracker, and tell the controller its task."""
@@ -156,7 +168,8 @@ class Episode:
 
     def _goal_moments(self) -> Moments:
         length, width = np.ptp(self.world.outline[:, :2], axis=0) * self.goal_size
-        state = State(*self.goal.tolist(), self.goal_theta)
+        x, y = self.goal.tolist()
+        state = State(x, y, self.goal_theta)
         return features.moments_of_state(state, Region(length, width), self.world.camera)
 
     def __iter__(self) -> Iterator[Step]:
@@ -190,8 +203,8 @@ class Episode:
                 frame=frame, truth=truth, true_state=self._true_state(truth), region=self.region,
                 goal=self.goal, goal_theta=self.goal_theta, goal_size=self.goal_size,
                 estimate=estimate, command=command, target_motion_true=motion,
-                bodies=bodies, joints=joints, rates=rates, twist_acting=acting, twist_measured=measured,
-                limited=limited, seconds=seconds,
+                bodies=bodies, joints=joints, rates=rates, twist_acting=acting,
+                twist_measured=measured, limited=limited, seconds=seconds,
             )  # fmt: skip
 
     def _seen(self, estimate: Estimate) -> Moments | None:
@@ -204,7 +217,9 @@ class Episode:
         return State(x, y, truth.theta, truth.size / self.first_size)
 
     def _target_motion(self, truth: Truth) -> Array:
-        """True mean de/dt of the target's own motion: both ends of the interval, seen by the camera of now."""
+        """True mean de/dt of the target's own motion: both ends of the interval, seen by the camera
+        of now.
+        """
         before, now = (
             features.of_moments(features.moments_of(t.corners, self.world.camera), self.scale)
             for t in (self.world.truth_before(), truth)

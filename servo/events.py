@@ -24,7 +24,9 @@ def events(before: Step | None, step: Step) -> list[Event]:
     then, now = before.estimate.status if before else Status.LOCKED, step.estimate.status
     if now is not then:
         found.append(
-            {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}[now]
+            {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}[
+                now
+            ]
         )
     was = before is not None and _slowed(before)
     if _slowed(step) != was:

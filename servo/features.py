@@ -1,8 +1,10 @@
-"""Between tracker states and features: s = (xn, yn, an, theta), with an = K / sqrt(a), xn = an xg, yn = an yg.
+"""Between tracker states and features: s = (xn, yn, an, theta), with an = K / sqrt(a), xn = an xg,
+yn = an yg.
 
-Two scalings are in use. The paper (Teuliere, Marchand, Eck) has K = 1, so an is about 1 / sqrt(area); Tahri
-and Chaumette 2005 have K = Z* sqrt(a*), which is the square root S of the metric area: an is then the depth
-in metres. The control is the same; thresholds, gains that adapt, filters' constants and plots are not.
+Two scalings are in use. The paper (Teuliere, Marchand, Eck) has K = 1, so an is about 1 /
+sqrt(area); Tahri and Chaumette 2005 have K = Z* sqrt(a*), which is the square root S of the metric
+area: an is then the depth in metres. The control is the same; thresholds, gains that adapt,
+filters' constants and plots are not.
 """
 
 from __future__ import annotations
@@ -48,7 +50,9 @@ def moments_of_state(state: State, region: Region, camera: Camera) -> Moments:
 
 
 def depth_of(m: Moments, root_area: float) -> float:
-    """Depth [m] of a plane parallel to the image in which a target of known metric area has these moments."""
+    """Depth [m] of a plane parallel to the image in which a target of known metric area has these
+    moments.
+    """
     return root_area / float(np.sqrt(m.area))
 
 
@@ -58,7 +62,7 @@ def half_turn(angle: float) -> float:
 
 
 def error_of(seen: Array, goal: Array) -> Array:
-    """e = s - s* (4,), its angle wrapped."""
+    """The error e = s - s* (4,), its angle wrapped."""
     e = seen - goal
     e[3] = half_turn(e[3])
     return e

@@ -1,13 +1,14 @@
-"""Interaction matrices of the normalised moment features: ds/dt = L v for a target that stands still.
+"""Interaction matrices of the normalised moment features: ds/dt = L v for a target that stands
+still.
 
-After Tahri and Chaumette 2005 and Teuliere, Marchand and Eck, section VI, written for any target plane
-1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With K the scale of the features
-(features.py) and
+After Tahri and Chaumette 2005 and Teuliere, Marchand and Eck, section VI, written for any target
+plane 1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With K the scale of the
+features (features.py) and
 
-    n_pq = 4 mu_pq / a      e11 = n11 - xg yg / 2      e12 = n20 - xg^2 / 2      e21 = n02 - yg^2 / 2
+    n_pq = 4 mu_pq / a    e11 = n11 - xg yg / 2    e12 = n20 - xg^2 / 2    e21 = n02 - yg^2 / 2
 
-ViSP 3.5's first element is wrong for tilted planes (a factor 1/2 is missing); ours agrees with finite
-differences. Twist order: vx, vy, vz, wx, wy, wz.
+ViSP 3.5's first element is wrong for tilted planes (a factor 1/2 is missing); ours agrees with
+finite differences. Twist order: vx, vy, vz, wx, wy, wz.
 """
 
 from __future__ import annotations

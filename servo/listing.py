@@ -42,7 +42,9 @@ def show_kind(kind: str) -> None:
     console = Console()
     for section, folder in found:
         config = plugins.config_of(folder, kind)
-        console.print(f"[bold]{section}.kind = \"{kind}\"[/]  {escape(plugins.summary(folder, kind))}")
+        console.print(
+            f'[bold]{section}.kind = "{kind}"[/]  {escape(plugins.summary(folder, kind))}'
+        )
         table = Table(box=None, pad_edge=False)
         for title in ("setting", "default", "meaning"):
             table.add_column(title)

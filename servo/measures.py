@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo.episode import Step
 from servo.features import half_turn
@@ -62,7 +63,9 @@ MEANINGS = {
     "lost_pct": ("%", "frames in which the tracker said LOST"),
     "step_ms": ("ms", "wall-clock time of a step, median"),
 }
-"""Unit and meaning of every measure. Those with `_rms_`, `_peak_` and `_off_` count from measure.after on."""
+"""Unit and meaning of every measure. Those with `_rms_`, `_peak_` and `_off_` count from
+measure.after on.
+"""
 TIMED = "step_ms"
 """The measure that differs from run to run."""
 
@@ -100,7 +103,9 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
     turned = np.degrees(_series(steps, _servo_angle))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
     tracked = _series(counted, lambda s: s.tracking_error)
-    angle = np.degrees(_series(counted, lambda s: half_turn(s.estimate.state.theta - s.truth.theta)))
+    angle = np.degrees(
+        _series(counted, lambda s: half_turn(s.estimate.state.theta - s.truth.theta))
+    )
     scale = 100 * _series(counted, lambda s: s.estimate.state.scale / s.true_state.scale - 1)
     late = slice(len(steps) - len(counted), None)
     values = {
@@ -136,7 +141,9 @@ def check_expect(scenario: Scenario) -> None:
         place = f"{scenario.name}: expect"
         if name == "outcome":
             if bound not in Outcome.__members__:
-                raise Mistake(f"{place}.outcome = {bound!r}: one of {', '.join(Outcome.__members__)}")
+                raise Mistake(
+                    f"{place}.outcome = {bound!r}: one of {', '.join(Outcome.__members__)}"
+                )
         elif name not in MEANINGS:
             raise Mistake(f"{place}: {unknown(name, (*MEANINGS, 'outcome'))}")
         elif isinstance(bound, bool) or not isinstance(bound, int | float):
@@ -167,7 +174,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _longest(flags: Array) -> int:
+def _longest(flags: NDArray[np.bool_]) -> int:
     """Length of the longest run of true values."""
     best = run = 0
     for flag in flags:

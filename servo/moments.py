@@ -13,7 +13,9 @@ WEIGHTS = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
 
 
 def of_polygon(polygon: Array) -> Moments:
-    """Moments up to third order of a simple polygon (n, 2) in normalised coordinates, whatever its sense."""
+    """Moments up to third order of a simple polygon (n, 2) in normalised coordinates, whatever its
+    sense.
+    """
     area, centre = _area_and_centre(polygon)
     corners = polygon - centre
     nodes, weights = _nodes(corners)
@@ -37,7 +39,7 @@ def _area_and_centre(polygon: Array) -> tuple[float, Array]:
 
 
 def _nodes(corners: Array) -> tuple[Array, Array]:
-    """Quadrature nodes (m, 2) and weights (m,) of the triangles between the origin and each edge."""
+    """Quadrature nodes (m, 2) and weights (m,) of the triangles from the origin to each edge."""
     after = corners[np.arange(1, len(corners) + 1) % len(corners)]
     areas = (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2
     nodes = BARYCENTRIC[:, 1, None, None] * corners + BARYCENTRIC[:, 2, None, None] * after

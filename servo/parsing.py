@@ -1,4 +1,4 @@
-"""TOML tables into frozen dataclasses, strictly: a wrong key, type or range becomes one sentence."""
+"""TOML tables into frozen dataclasses, strictly: a wrong key, type or range is one sentence."""
 
 from __future__ import annotations
 
@@ -41,9 +41,11 @@ def fill(config: type[Any], table: Any, place: str) -> Any:
         if key not in fields:
             raise Mistake(f"{place}: {unknown(key, fields)}")
     try:
-        # By way of JSON, in which lists may become tuples and strings enums though types are strict.
+        # By way of JSON, in which lists may become tuples and strings enums though types are
+        # strict.
         text = json.dumps({"it": table}, default=str)
-        return create_model("Section", __config__=STRICT, it=(config, ...)).model_validate_json(text).it
+        section: Any = create_model("Section", __config__=STRICT, it=(config, ...))
+        return section.model_validate_json(text).it
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"][1:])
@@ -78,4 +80,3 @@ def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:
     if not isinstance(tables, list):
         raise Mistake(f"{place} should be a list of tables, not {tables!r}")
     return tuple(fill_plugin(folder, t, f"{place}[{i}]") for i, t in enumerate(tables))
-

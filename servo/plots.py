@@ -53,7 +53,13 @@ def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
         ax.plot(time, measured, color=MEASURED, lw=0.9, label="measured")
         ax.plot(time, estimated, color=ESTIMATED, lw=1.6, label="estimated")
         ax.plot(time[1:], true[1:], color=TRUE, lw=1.0, ls="--", label="true")
-        shown = np.concatenate([np.nanpercentile(measured, MIDDLE) if np.isfinite(measured).any() else [0], estimated, true[1:]])
+        shown = np.concatenate(
+            [
+                np.nanpercentile(measured, MIDDLE) if np.isfinite(measured).any() else [0],
+                estimated,
+                true[1:],
+            ]
+        )
         room = 0.1 * max(float(np.ptp(shown)), 0.02)
         ax.set_ylim(shown.min() - room, shown.max() + room)
         ax.set_ylabel(f"d{FEATURES[i]}/dt of the target [1/s]")
@@ -69,12 +75,22 @@ def _error_figure(steps: Sequence[Step], title: str) -> Figure:
     time = [s.frame.time for s in steps]
     for i, name in enumerate(FEATURES):
         error = [s.command.error[i] for s in steps]
-        axes[0].plot(time, error, color=COLOURS[i], lw=1.3, label=f"{name}" + (" [rad]" if i == 3 else ""))
+        axes[0].plot(
+            time, error, color=COLOURS[i], lw=1.3, label=f"{name}" + (" [rad]" if i == 3 else "")
+        )
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(loc="upper right", ncols=4, frameon=False)
     axes[0].set_title(f"{title}: errors")
-    axes[1].plot(time, [s.servo_error for s in steps], color=COLOURS[0], lw=1.5, label="true centre to goal")
-    axes[1].plot(time, [s.tracking_error for s in steps], color=COLOURS[1], lw=1.0, label="estimated to true centre")
+    axes[1].plot(
+        time, [s.servo_error for s in steps], color=COLOURS[0], lw=1.5, label="true centre to goal"
+    )
+    axes[1].plot(
+        time,
+        [s.tracking_error for s in steps],
+        color=COLOURS[1],
+        lw=1.0,
+        label="estimated to true centre",
+    )
     axes[1].set_ylabel("distance [px]")
     axes[1].set_ylim(bottom=0)
     axes[1].legend(loc="upper right", ncols=2, frameon=False)
@@ -87,4 +103,12 @@ def _shade_unseen(ax: Axes, steps: Sequence[Step]) -> None:
     unseen = [s.estimate.status is not Status.LOCKED for s in steps]
     time = [s.frame.time for s in steps]
     low_high = (0, 1)
-    ax.fill_between(time, *low_high, where=unseen, transform=ax.get_xaxis_transform(), color="#d9d2c3", alpha=0.7, lw=0)
+    ax.fill_between(
+        time,
+        *low_high,
+        where=unseen,
+        transform=ax.get_xaxis_transform(),
+        color="#d9d2c3",
+        alpha=0.7,
+        lw=0,
+    )

@@ -17,7 +17,15 @@ from servo.scenario import Scenario
 from servo.steps_table import TABLE, StepsTable
 
 RECORDING, REPORT = "run.rrd", "report.json"
-VERSIONED = ("servobench", "mujoco", "numpy", "numba", "opencv-python-headless", "filterpy", "rerun-sdk")
+VERSIONED = (
+    "servobench",
+    "mujoco",
+    "numpy",
+    "numba",
+    "opencv-python-headless",
+    "filterpy",
+    "rerun-sdk",
+)
 
 
 def prepare(asked: Path | None, scenario: Scenario) -> Path:
@@ -51,7 +59,7 @@ class RunFolder:
     def __init__(self, folder: Path, episode: Episode, *, rerun: bool) -> None:
         self.folder, self._scenario = folder, episode.scenario
         rows = max(1, round(episode.scenario.camera.rate))
-        self._table = StepsTable(folder, episode.world.robot.names, rows)
+        self._table = StepsTable(folder, episode.world.robot, rows)
         self._log = None
         if rerun:
             from servo.recording.log import RerunLog  # rerun takes half a second to import
@@ -70,11 +78,15 @@ class RunFolder:
             self._log.close()
         self._table.close()
 
-    def finish(self, steps: Sequence[Step], report: Report, missed: Sequence[Violation]) -> list[Path]:
+    def finish(
+        self, steps: Sequence[Step], report: Report, missed: Sequence[Violation]
+    ) -> list[Path]:
         """Write report and plots; the paths of everything written."""
         text = json.dumps(_summary(self._scenario, report, missed), indent=2, allow_nan=False)
         (self.folder / REPORT).write_text(text + "\n", encoding="utf-8")
-        drawn = plots.draw(steps, f"{self._scenario.name}, seed {self._scenario.run.seed}", self.folder)
+        drawn = plots.draw(
+            steps, f"{self._scenario.name}, seed {self._scenario.run.seed}", self.folder
+        )
         recording = [self.folder / RECORDING] if self._log else []
         return [*recording, self.folder / TABLE, self.folder / REPORT, *drawn]
 

@@ -1,4 +1,6 @@
-"""A scenario is a TOML file: parsed once, strictly, into frozen values; every mistake is named with its place."""
+"""A scenario is a TOML file: parsed once, strictly, into frozen values; every mistake is named with
+its place.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ class RunConfig:
     seed: Annotated[int, Ge(0)] = 0
     """Seed of every random stream."""
     latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
-    """Frames until a command acts: what frame k asks for moves the camera from frame k + latency on."""
+    """Frames until a command acts: what frame k asks for moves the camera from frame k + latency
+    on.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +145,9 @@ class Scenario:
 
     def settings(self) -> Table:
         """Every value the run uses, the defaults included."""
-        names = [f.name for f in dataclasses.fields(self) if f.name not in ("name", "table", "expect")]
+        names = [
+            f.name for f in dataclasses.fields(self) if f.name not in ("name", "table", "expect")
+        ]
         plain = {name: _plain(getattr(self, name)) for name in names}
         for name, (_, default) in PLUGINS.items():
             plain[name] = {"kind": self.table.get(name, {}).get("kind", default)} | plain[name]

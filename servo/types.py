@@ -1,4 +1,6 @@
-"""The values of servoing: moments, plane, features, command, and what estimators and controllers are."""
+"""The values of servoing: moments, plane, features, command, and what estimators and controllers
+are.
+"""
 
 from __future__ import annotations
 

@@ -1,1 +1,3 @@
-"""The world: MuJoCo scene, gantry, renderer, target motions and disturbances. Knows nothing of tracking or control."""
+"""The world: MuJoCo scene, gantry, renderer, target motions and disturbances. Knows nothing of
+tracking or control.
+"""

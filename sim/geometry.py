@@ -1,6 +1,7 @@
 """Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoint.
 
-A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving frame.
+A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving
+frame.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ SMALL_ANGLE = 1e-6
 
 
 def skew(w: Array) -> Array:
-    """The matrix (3, 3) with skew(w) @ p = w x p."""
+    """The matrix (3, 3) whose product with p is w x p."""
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
@@ -29,11 +30,12 @@ def exp_so3(w: Array) -> Array:
 
 def log_so3(R: Array) -> Array:
     """Rotation vector (3,) [rad] of a rotation by less than pi."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    axis: Array = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     sine = float(np.linalg.norm(axis))
     if sine < SMALL_ANGLE and np.trace(R) > 0:
         return axis
-    return axis * (np.arctan2(sine, (np.trace(R) - 1) / 2) / sine)
+    angle = float(np.arctan2(sine, (np.trace(R) - 1) / 2))
+    return axis * (angle / sine)
 
 
 def _left_jacobian(w: Array) -> Array:

@@ -1,7 +1,7 @@
 """Which OpenGL a renderer can have on this machine, and a plain sentence where it can have none.
 
-MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong thing, so
-this file looks first, without importing MuJoCo.
+MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong
+thing, so this file looks first, without importing MuJoCo.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def backend() -> str:
     if _library("libGL.so.1") is None:
         _require("libOpenGL.so.0", APT)
     if not _has_device(egl):
-        raise NoRenderer(f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'.")
+        raise NoRenderer(
+            f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'."
+        )
     return "egl"
 
 
@@ -57,19 +59,28 @@ def _require(name: str, remedy: str) -> ctypes.CDLL:
 
 
 def _has_device(egl: ctypes.CDLL) -> bool:
-    """Whether some EGL device can be initialised (needs a DRI driver, which libEGL alone does not bring)."""
+    """Whether some EGL device can be initialised (needs a DRI driver, which libEGL alone does not
+    bring).
+    """
     egl.eglGetProcAddress.restype = ctypes.c_void_p
-    addresses = [egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")]
+    addresses = [
+        egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")
+    ]
     if None in addresses:
         return False
-    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(addresses[0])
-    display_of = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(addresses[1])
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(
+        addresses[0]
+    )
+    display_of = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(
+        addresses[1]
+    )
     devices = (ctypes.c_void_p * MOST_DEVICES)()
     found = ctypes.c_int()
     if not query(MOST_DEVICES, devices, ctypes.byref(found)):
         return False
     egl.eglInitialize.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
     return any(
-        (display := display_of(EGL_PLATFORM_DEVICE, device, None)) and egl.eglInitialize(display, None, None)
+        (display := display_of(EGL_PLATFORM_DEVICE, device, None))
+        and egl.eglInitialize(display, None, None)
         for device in devices[: found.value]
     )

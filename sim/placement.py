@@ -1,4 +1,6 @@
-"""Where things are in the picture: the target's projection, and the camera pose that makes a given picture."""
+"""Where things are in the picture: the target's projection, and the camera pose that makes a given
+picture.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ def truth(
 
     Args:
         camera: Intrinsics.
-        outline: Corners (4, 3) in the target's frame [m], level, in the order in which an image with the
-            nose to the right shows them: top left, top right, bottom right, bottom left.
+        outline: Corners (4, 3) in the target's frame [m], level, in the order in which an image
+            with the nose to the right shows them: top left, top right, bottom right, bottom left.
         T_world_camera: Pose of the camera.
         T_world_target: Pose of the target.
         visible: Fraction of the silhouette that is seen, if known.
@@ -54,7 +56,8 @@ def shoelace(polygon: Array) -> float:
 def camera_above(
     camera: Camera, point: Array, heading: float, pixel: Array, theta: float, depth: float
 ) -> Pose:
-    """The level camera that sees a world point at a pixel and a depth, with a heading at an image angle.
+    """The level camera that sees a world point at a pixel and a depth, with a heading at an image
+    angle.
 
     Args:
         camera: Intrinsics.

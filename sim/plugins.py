@@ -1,6 +1,8 @@
-"""A folder is a registry: a file's name is a kind, its `Config` holds the settings and builds the thing.
+"""A folder is a registry: a file's name is a kind, its `Config` holds the settings and builds the
+thing.
 
-Dropping a file into one of the folders is all it takes to add a motion, a tracker, an estimator, ...
+Dropping a file into one of the folders is all it takes to add a motion, a tracker, an estimator,
+...
 """
 
 from __future__ import annotations
@@ -8,9 +10,11 @@ from __future__ import annotations
 import ast
 import dataclasses
 import importlib
+import importlib.util
 import inspect
 import pkgutil
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 
 class UnknownKind(ValueError):
@@ -37,16 +41,15 @@ def config_of(folder: str, kind: str) -> type[Any]:
 def summary(folder: str, kind: str) -> str:
     """The first sentence of the kind's file, read without importing what it needs."""
     spec = importlib.util.find_spec(f"{folder}.{kind}")
-    assert spec is not None and spec.origin is not None
-    with open(spec.origin, encoding="utf-8") as file:
-        text = ast.get_docstring(ast.parse(file.read())) or ""
+    if spec is None or spec.origin is None:
+        raise UnknownKind(f"there is no kind '{kind}' in {folder}")
+    text = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 
 def field_docs(config: type[Any]) -> dict[str, str]:
     """The docstring under each field of a dataclass, by field name."""
-    body = ast.parse(inspect.getsource(config)).body[0]
-    assert isinstance(body, ast.ClassDef)
+    body = cast(ast.ClassDef, ast.parse(inspect.getsource(config)).body[0])
     docs: dict[str, str] = {}
     for node, after in zip(body.body, body.body[1:], strict=False):
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):

@@ -1,9 +1,11 @@
 """The camera: off-screen frames of the scene, with exposure, brightness and sensor noise.
 
-Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision frame (x right, y down,
-z forward), and nowhere else.
+Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision frame (x right, y
+down, z forward), and nowhere else.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import importlib
@@ -20,7 +22,9 @@ from sim.types import Array, Camera, Image, Pose
 
 VISION_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
 NOISE_MARGIN = 64
-"""The noise tile is this much larger than the image [px], so that it can lie differently in each frame."""
+"""The noise tile is this much larger than the image [px], so that it can lie differently in each
+frame.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,9 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
     """T_world_camera in the vision frame, as of the last kinematics."""
-    return Pose(data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy())
+    return Pose(
+        data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy()
+    )
 
 
 class Renderer:
@@ -65,7 +71,8 @@ class Renderer:
         self._size = (width, height)
         width, height = width * supersample, height * supersample
         backend = gl.backend()
-        # The context is made directly, so that nothing depends on MUJOCO_GL at the time mujoco was imported.
+        # The context is made directly, so that nothing depends on MUJOCO_GL at the time mujoco was
+        # imported.
         context: Any = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
         context.make_current()
         self._gl = context
@@ -95,7 +102,9 @@ class Renderer:
         return picture  # type: ignore[return-value]
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> int:
-        """Pixels in which one of the geoms (a mask over geom ids) is seen; alone: with nothing in front."""
+        """Pixels in which one of the geoms (a mask over geom ids) is seen; alone: with nothing in
+        front.
+        """
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         groups = self._option.geomgroup.copy()
@@ -116,18 +125,23 @@ class Renderer:
         """The name the OpenGL driver gives itself."""
         self._gl.make_current()
         opengl: Any = importlib.import_module("OpenGL.GL")
-        return f"{opengl.glGetString(opengl.GL_RENDERER).decode()}, {opengl.glGetString(opengl.GL_VERSION).decode()}"
+        names = (opengl.GL_RENDERER, opengl.GL_VERSION)
+        return ", ".join(opengl.glGetString(name).decode() for name in names)
 
     def _draw(self, data: mujoco.MjData) -> None:
         self._gl.make_current()
         every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, data, self._option, None, self._camera, every, self._scene)
+        mujoco.mjv_updateScene(
+            self._model, data, self._option, None, self._camera, every, self._scene
+        )
         mujoco.mjr_render(self._rect, self._scene, self._context)
         mujoco.mjr_readPixels(self._upside_down, None, self._rect, self._context)
 
 
 class Sensor:
-    """What happens between the light and the numbers: averaging over the exposure, brightness, noise."""
+    """What happens between the light and the numbers: averaging over the exposure, brightness,
+    noise.
+    """
 
     def __init__(self, config: CameraConfig, rng: np.random.Generator) -> None:
         self._size = (config.height, config.width)

@@ -1,5 +1,7 @@
 """The scene as plain shapes, for whoever draws it without MuJoCo."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -53,7 +55,9 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
 
 
 def table_top(model: mujoco.MjModel) -> tuple[Array, Image]:
-    """Corners (4, 3) of the table's upper face [m], counter-clockwise from above, and its texture (h, w, 3) at half size."""
+    """Corners (4, 3) of the table's upper face [m], counter-clockwise from above, and its texture
+    (h, w, 3) at half size.
+    """
     table = model.geom(TEXTURED)
     a, b, c = table.size
     corners = table.pos + np.array([[-a, -b, c], [a, -b, c], [a, b, c], [-a, b, c]])

@@ -15,8 +15,8 @@ Image = NDArray[np.uint8]
 class Camera:
     """A pinhole camera without distortion.
 
-    Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1, so its
-    centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
+    Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1,
+    so its centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
     """
 
     fx: float

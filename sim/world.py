@@ -1,5 +1,7 @@
 """The world in one object: look at it, step it, and ask it for the truth."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -63,8 +65,8 @@ def steps_between(physics_rate: float, rate: float, name: str) -> int:
     steps = physics_rate / rate
     if steps < 1 or abs(steps - round(steps)) > WHOLE * steps:
         raise ValueError(
-            f"{name} = {rate:g} Hz does not divide world.physics_rate = {physics_rate:g} Hz into whole "
-            f"steps ({steps:.6g} steps each)"
+            f"{name} = {rate:g} Hz does not divide world.physics_rate = {physics_rate:g} Hz "
+            f"into whole steps ({steps:.6g} steps each)"
         )
     return round(steps)
 
@@ -93,7 +95,9 @@ class World:
         rng: np.random.Generator,
     ) -> None:
         self._steps = steps_between(config.physics_rate, camera.rate, "camera.rate")
-        self._drive_steps = steps_between(config.physics_rate, config.drive_rate, "world.drive_rate")
+        self._drive_steps = steps_between(
+            config.physics_rate, config.drive_rate, "world.drive_rate"
+        )
         self.period = 1.0 / camera.rate
         self.model = build_model(config.physics_rate, camera.fovy_deg)
         self.data = mujoco.MjData(self.model)
@@ -103,9 +107,7 @@ class World:
         self.outline = outline_of(self.model)
         self._motion, self._disturbances = motion, tuple(disturbances)
         self._visibility = config.visibility
-        self._renderer = Renderer(
-            self.model, EYE, camera.width, camera.height, camera.supersample
-        )
+        self._renderer = Renderer(self.model, EYE, camera.width, camera.height, camera.supersample)
         self._sensor = Sensor(camera, rng)
         self._exposed_at = exposure_steps(camera, self._steps)
         self._pictures: list[Image] = []
@@ -118,7 +120,9 @@ class World:
         self._renderer.close()
 
     def start(self, pixel: Array, theta: float, depth: float) -> bool:
-        """Put the camera where it sees the target at a pixel, an angle and a depth; whether it can be there."""
+        """Put the camera where it sees the target at a pixel, an angle and a depth; whether it can
+        be there.
+        """
         target = self._motion.at(0.0)
         heading = float(np.arctan2(target.rotation[1, 0], target.rotation[0, 0]))
         point = target.apply(self.outline.mean(axis=0))
@@ -128,7 +132,9 @@ class World:
         return reached
 
     def step(self, twist: Array) -> bool:
-        """Hold a camera twist (6,) until the next frame; whether a joint limit or rate made it slower."""
+        """Hold a camera twist (6,) until the next frame; whether a joint limit or rate made it
+        slower.
+        """
         before = self._see()
         saturated = False
         for k in range(self._steps):
@@ -146,7 +152,7 @@ class World:
         return saturated
 
     def twist_measured(self) -> Array:
-        """The camera's mean twist (6,) over the last frame interval, from its poses at both ends."""
+        """The camera's mean twist (6,) since the last frame, from its poses at both ends."""
         return self._mean_twist
 
     def look(self) -> Frame:
@@ -227,7 +233,9 @@ def outline_of(model: mujoco.MjModel) -> Array:
 
 
 def exposure_steps(camera: CameraConfig, steps: int) -> frozenset[int]:
-    """The physics steps of a frame interval at which a sub-frame is taken, besides the one at its end."""
+    """The physics steps of a frame interval at which a sub-frame is taken, besides the one at its
+    end.
+    """
     if camera.exposure == 0:
         return frozenset()
     before_end = np.linspace(0, camera.exposure * steps, camera.subframes)[1:]

@@ -1,1 +1,3 @@
-"""Frames in, estimates out: trackers put together from shared parts. Sees frames, never the world behind them."""
+"""Frames in, estimates out: trackers put together from shared parts. Sees frames, never the world
+behind them.
+"""

@@ -32,7 +32,8 @@ def bhattacharyya_of_cells(
     """Bhattacharyya coefficient of each cell of each state (N, K) with its reference histogram.
 
     Args:
-        labels: Bin of each pixel in a window of the image (h, w); negative: not counted as any colour.
+        labels: Bin of each pixel in a window of the image (h, w); negative: not counted as any
+            colour.
         left, top: Where the window lies in the image [px].
         states: (N, 4).
         points: Template points at which the image is read (P, 2) [px].
@@ -116,8 +117,8 @@ def kernel_histograms(
         for j in range(first_j, last_j, stride):
             dx, dy = j + 0.5 - state[0], i + 0.5 - state[1]
             rx, ry = (c * dx + s * dy) / scale, (-s * dx + c * dy) / scale
-            # A pixel counts by how much of it the template covers. With a hard rim the objective would have
-            # a step, and a false minimum, wherever a pixel's centre crosses it.
+            # A pixel counts by how much of it the template covers. With a hard rim the objective
+            # would have a step, and a false minimum, wherever a pixel's centre crosses it.
             in_x, in_y = scale * (half_width - abs(rx)) + 0.5, scale * (half_height - abs(ry)) + 0.5
             if in_x <= 0.0 or in_y <= 0.0:
                 continue
@@ -130,7 +131,8 @@ def kernel_histograms(
             m_theta = scale * (slope_y * rx - slope_x * ry)
             m_scale = scale * (abs(slope_x) * half_width + abs(slope_y) * half_height)
             for channel in range(3):
-                # Bin centres lie at (b + 0.5) * 256 / levels; colours beyond the last one stay in it.
+                # Bin centres lie at (b + 0.5) * 256 / levels; colours beyond the last one stay in
+                # it.
                 level = (image[i, j, channel] + 0.5) * levels / 256.0 - 0.5
                 level = min(max(level, 0.0), levels - 1.0)
                 low[channel] = min(int(level), levels - 2)
@@ -175,7 +177,7 @@ def kernel_histograms(
 def ssd_normal_equations(
     sums: Array, totals: Array, root_reference: Array, floor: float
 ) -> tuple[float, Array, Array]:
-    """Cost, gradient (4,) and curvature (4, 4) of the mean over kernels of ||sqrt(q + floor) - reference||^2.
+    """Cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - reference_k||^2.
 
     Args:
         sums: As of kernel_histograms (K, B, 5).

@@ -1,4 +1,6 @@
-"""Is the target still there? A robust threshold on the distance, with hysteresis: one for all trackers."""
+"""Is the target still there? A robust threshold on the distance, with hysteresis: one for all
+trackers.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class Lock:
 
     @property
     def threshold(self) -> float:
-        """The largest distance that is believed: median + 3 sigma of the good frames, between floor and cap."""
+        """The largest distance that is believed: median + 3 sigma of the good frames, between floor
+        and cap.
+        """
         c = self._config
         if not self._good:
             return c.cap

@@ -111,10 +111,10 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
     Raises:
         ValueError: The rectangle is empty or not inside the image.
     """
-    if region.width * state.scale < 1 or region.height * state.scale < 1:
+    sides = (region.width * state.scale, region.height * state.scale)
+    if min(sides) < 1:
         raise ValueError(
-            f"the region is {region.width * state.scale:.3g} x {region.height * state.scale:.3g} px; "
-            "both sides must be at least 1 px"
+            f"the region is {sides[0]:.3g} x {sides[1]:.3g} px; both sides must be at least 1 px"
         )
     height, width = frame.image.shape[:2]
     corners = region.corners(state)

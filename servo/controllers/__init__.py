@@ -1,1 +1,3 @@
-"""Controllers, one a file: `Config.build(rng)` gives a function from an `Estimator` to a `Controller`."""
+"""Controllers, one a file: `Config.build(rng)` gives a function from an `Estimator` to a
+`Controller`.
+"""

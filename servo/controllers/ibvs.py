@@ -1,9 +1,12 @@
-"""Image-based visual servoing with the target's motion fed forward (Teuliere, Marchand, Eck, equation 17):
+"""Image-based visual servoing with the target's motion fed forward.
+
+After Teuliere, Marchand, Eck, equation 17:
 
     v = -lambda L+ e - L+ de/dt
 
-The paper prints both lines of its law without lambda. All six degrees of freedom with the minimum-norm
-pseudo-inverse tilt the camera while every error looks fine, so the default moves only vx, vy, vz and wz.
+The paper prints both lines of its law without lambda. All six degrees of freedom with the
+minimum-norm pseudo-inverse tilt the camera while every error looks fine, so the default moves only
+vx, vy, vz and wz.
 """
 
 from __future__ import annotations
@@ -31,7 +34,8 @@ class Config:
     """The control law."""
 
     gain: Annotated[float, Gt(0)] = 2.0
-    """lambda [1/s]; with one frame of delay and period T the loop is unstable from lambda T = 1 on."""
+    """lambda [1/s]; with one frame of delay and period T the loop is unstable from lambda T = 1 on.
+    """
     dof: tuple[Dof, ...] = ("vx", "vy", "vz", "wz")
     """Parts of the camera twist that may move."""
     feed_forward: tuple[Feature, ...] = ("xn", "yn")
@@ -39,7 +43,8 @@ class Config:
     matrix: Literal["current", "desired", "mean"] = "current"
     """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
     coast: Annotated[float, Ge(0)] = 1.0
-    """How long the estimated motion is still followed while the target is not seen [s]; then hold."""
+    """How long the estimated motion is still followed while the target is not seen [s]; then hold.
+    """
     fastest: Annotated[float, Gt(0)] = 0.6
     """Largest speed of the camera [m/s]."""
     fastest_turn: Annotated[float, Gt(0)] = 2.0
@@ -63,18 +68,23 @@ class Ibvs:
         """Begin a task."""
         self._task = task
         self._goal = features.of_moments(task.goal, task.scale)
-        self._L_goal = self._matrix(task.goal)
+        self._goal_matrix = self._matrix(task.goal)
         self._measured = Difference()
-        self._seen, self._L, self._unseen = self._goal, self._L_goal, 0.0
+        self._seen, self._matrix_seen, self._unseen = self._goal, self._goal_matrix, 0.0
 
     def command(self, seen: Moments | None, twist_measured: Array, dt: float) -> Command:
-        """The twist for what is seen now; without a sight, the target's motion alone, and in the end nothing."""
+        """The twist for what is seen now; without a sight, the target's motion alone, and in the
+        end nothing.
+        """
         estimator = self._task.estimator
         if seen is not None:
             self._unseen = 0.0
-            self._seen, self._L = features.of_moments(seen, self._task.scale), self._matrix(seen)
+            self._seen, self._matrix_seen = (
+                features.of_moments(seen, self._task.scale),
+                self._matrix(seen),
+            )
             error = features.error_of(self._seen, self._goal)
-            own = self._L @ twist_measured
+            own = self._matrix_seen @ twist_measured
             measurable = self._measured.ready
             measured = self._measured.update(error, own, dt) if measurable else np.full(4, np.nan)
             if not measurable:
@@ -103,14 +113,20 @@ class Ibvs:
 
     def _inverse(self) -> Array:
         """L+ (6, 4) over the degrees of freedom that may move."""
-        choices = {"current": self._L, "desired": self._L_goal, "mean": (self._L + self._L_goal) / 2}
+        choices = {
+            "current": self._matrix_seen,
+            "desired": self._goal_matrix,
+            "mean": (self._matrix_seen + self._goal_matrix) / 2,
+        }
         L = choices[self._config.matrix]
         inverse = np.zeros((6, 4))
         inverse[self._moves] = np.linalg.pinv(L[:, self._moves], rcond=RANK_TOLERANCE)
         return inverse
 
     def _limited(self, twist: Array) -> tuple[Array, bool]:
-        """The twist at most as fast as allowed, in the same direction, and whether it was shortened."""
+        """The twist at most as fast as allowed, in the same direction, and whether it was
+        shortened.
+        """
         speed, turn = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
         excess = float(max(speed / self._config.fastest, turn / self._config.fastest_turn))
         return (twist / excess, True) if excess > 1 else (twist, False)

@@ -1,4 +1,6 @@
-"""The plain difference (Teuliere, Marchand, Eck, equation 18): what the camera's motion does not explain."""
+"""The plain difference (Teuliere, Marchand, Eck, equation 18): what the camera's motion does not
+explain.
+"""
 
 from __future__ import annotations
 

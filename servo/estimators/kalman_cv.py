@@ -1,11 +1,13 @@
-"""Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck, equation 19; ViSP's model).
+"""Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck, equation 19; ViSP's
+model).
 
 For each feature by itself, with the plain difference z as measurement:
 
-    x+ = x + nu,  nu+ = rho nu + w      F = [[1, 1], [0, rho]]   H = [1, 0]   Q = diag(0, sQ)   R = sR
+    x+ = x + nu    nu+ = rho nu + w
+    F = [[1, 1], [0, rho]]    H = [1, 0]    Q = diag(0, sQ)    R = sR
 
-A slow filter is worse than none where the target reverses, so the constants must fit the camera's rate:
-those that are not given come from `tuned`.
+A slow filter is worse than none where the target reverses, so the constants must fit the camera's
+rate: those that are not given come from `tuned`.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.03, 3.0
 
 
 def tuned(dt: float) -> float:
-    """sQ / sR for a frame interval [s]: a power of it through the two tuned rates."""
+    """The ratio sQ / sR for a frame interval [s]: a power of it through the two tuned rates."""
     exponent = np.log(RATIO_AT_5_HZ / RATIO_AT_30_HZ) / np.log(30 / 5)
     return float(RATIO_AT_30_HZ * (30 * dt) ** exponent)
 
@@ -82,11 +84,15 @@ class KalmanCv:
         sR = c.measure_variance
         sQ = tuned(dt) * sR if c.state_variance is None else c.state_variance
         each = np.eye(4)
+
+        def block(of_one: Array) -> Array:
+            return np.kron(each, of_one).astype(np.float64)
+
         f = KalmanFilter(dim_x=8, dim_z=4)
-        f.F = np.kron(each, [[1.0, 1.0], [0.0, c.rho]])
-        f.H = np.kron(each, [[1.0, 0.0]])
-        f.Q = np.kron(each, np.diag([0.0, sQ]))
+        f.F = block(np.array([[1.0, 1.0], [0.0, c.rho]]))
+        f.H = block(np.array([[1.0, 0.0]]))
+        f.Q = block(np.diag([0.0, sQ]))
         f.R = sR * each
-        f.P = np.kron(each, np.diag([sR, sQ / (1 - c.rho**2)]))
+        f.P = block(np.diag([sR, sQ / (1 - c.rho**2)]))
         f.x = np.kron(z, [1.0, 0.0])[:, None]
         return f

@@ -5,16 +5,19 @@
 | world/table, world/fixed/* | table top with texture, things that never move |
 | world/BODY, world/BODY/* | gantry links, car, board: pose; their shapes |
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
-| world/eye/image/estimate, goal, truth, particles | green, red and white rectangles; the particle cloud |
+| world/eye/image/estimate, goal, truth | green, red and white rectangles |
+| world/eye/image/particles | the particle cloud |
 | plots/error | distance of the true centre from goal and from estimate [px] |
 | plots/features | feature errors e = s - s* |
 | plots/motion/xn, yn, an, theta | de/dt of the target: measured, estimated, true |
 | plots/twist/linear, angular | camera twist: commanded, measured |
 | plots/joints, plots/range | joint positions; limited joints within their range, -1..1 |
-| plots/distance, plots/ess, plots/ms | Bhattacharyya distance; effective sample size; stage times [ms] |
+| plots/distance, plots/ess | Bhattacharyya distance; effective sample size |
+| plots/ms | stage times |
 | events | occluded, lost, found again, saturated |
 
-Timelines: `frame` and `sim_time`. Images go out frame by frame, all numbers in columns once a second.
+Timelines: `frame` and `sim_time`. Images go out frame by frame, all numbers in columns once a
+second.
 """
 
 from __future__ import annotations
@@ -130,7 +133,9 @@ class RerunLog:
             self._rec.send_columns(path, index, columns.partition([table.shape[1]] * len(table)))
         poses = np.stack([s.bodies for s in steps])
         eyes = [s.truth.T_world_camera for s in steps]
-        self._send_poses("world/eye", index, [e.translation for e in eyes], [e.rotation for e in eyes])
+        self._send_poses(
+            "world/eye", index, [e.translation for e in eyes], [e.rotation for e in eyes]
+        )
         for i, name in enumerate(self._moving):
             self._send_poses(f"world/{name}", index, poses[:, i, :, 3], poses[:, i, :, :3])
 
@@ -165,19 +170,30 @@ class RerunLog:
         return np.append(2 * (joints[limited] - low) / (high - low) - 1, [-1.0, 1.0])
 
     def _name_series(self) -> None:
-        limited = [n for n, u in zip(self._robot.names, self._robot.upper, strict=True) if np.isfinite(u)]
+        limited = [
+            n for n, u in zip(self._robot.names, self._robot.upper, strict=True) if np.isfinite(u)
+        ]
         twists = [*XYZ, *(tuple(c // 2 for c in colour) for colour in XYZ)]
         names: dict[str, tuple[list[str], list[Any]]] = {
             "error": (["servo", "tracking"], [RED, GREEN]),
             "features": (list(FEATURES), [*XYZ, AMBER]),
-            "twist/linear": ([f"{w} {d}" for w in ("commanded", "measured") for d in DOF[:3]], twists),
-            "twist/angular": ([f"{w} {d}" for w in ("commanded", "measured") for d in DOF[3:]], twists),
+            "twist/linear": (
+                [f"{w} {d}" for w in ("commanded", "measured") for d in DOF[:3]],
+                twists,
+            ),
+            "twist/angular": (
+                [f"{w} {d}" for w in ("commanded", "measured") for d in DOF[3:]],
+                twists,
+            ),
             "joints": (list(self._robot.names), [*XYZ, AMBER, WHITE, GREY]),
             "range": ([*limited, "lower limit", "upper limit"], [*XYZ, AMBER, WHITE, RED, RED]),
             "distance": (["distance"], [GREEN]),
             "ess": (["effective sample size"], [GREEN]),
             "ms": (list(STAGES), [*XYZ, AMBER]),
-            **{f"motion/{f}": (["measured", "estimated", "true"], [GREY, GREEN, WHITE]) for f in FEATURES},
+            **{
+                f"motion/{f}": (["measured", "estimated", "true"], [GREY, GREEN, WHITE])
+                for f in FEATURES
+            },
         }
         for path, (series, colours) in names.items():
             lines = rr.SeriesLines(names=series, colors=colours[: len(series)])

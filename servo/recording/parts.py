@@ -1,5 +1,7 @@
 """Rerun archetypes for our values: solids, rectangles, and the layout of the viewer."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from collections import defaultdict
@@ -14,7 +16,7 @@ import rerun.blueprint as rrb
 from servo.episode import Step
 from sim.shapes import Shape
 from sim.types import Array
-from tracking.types import Region, State
+from tracking.types import State
 
 IMAGE = "world/eye/image"
 EYE_POSITION, EYE_TARGET = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
@@ -35,7 +37,11 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
     sizes = np.stack([m.size for m in members])
     centres = np.stack([m.pose.translation for m in members])
     quaternions = [_quaternion(m.pose.rotation) for m in members]
-    look: dict[str, Any] = {"quaternions": quaternions, "colors": [m.rgba for m in members], "fill_mode": "solid"}
+    look: dict[str, Any] = {
+        "quaternions": quaternions,
+        "colors": [m.rgba for m in members],
+        "fill_mode": "solid",
+    }
     if kind == "box":
         return rr.Boxes3D(half_sizes=sizes, centers=centres, **look)
     if kind == "ellipsoid":
@@ -65,8 +71,9 @@ def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
 def goal_corners(step: Step) -> Array:
     """Where the reference rectangle (4, 2) shall be [px]."""
     first = step.truth.size / step.true_state.scale
-    goal = State(*step.goal.tolist(), step.goal_theta, step.goal_size / first)
-    return Region(step.region.width, step.region.height).corners(goal)
+    x, y = step.goal.tolist()
+    goal = State(x, y, step.goal_theta, step.goal_size / first)
+    return step.region.corners(goal)
 
 
 def blueprint() -> rrb.Blueprint:
@@ -83,12 +90,25 @@ def blueprint() -> rrb.Blueprint:
     motion = [plot(f"motion/{f}", f"Target motion, {f}") for f in ("xn", "yn", "an", "theta")]
     numbers = rrb.Vertical(
         plot("error", "Distance of the true centre from goal and estimate [px]"),
-        rrb.Tabs(plot("features", "Feature errors"), plot("range", "Joints within their range"), plot("joints", "Joints")),
+        rrb.Tabs(
+            plot("features", "Feature errors"),
+            plot("range", "Joints within their range"),
+            plot("joints", "Joints"),
+        ),
         rrb.Tabs(*motion),
-        rrb.Tabs(plot("twist/linear", "Camera velocity [m/s]"), plot("twist/angular", "Camera turn [rad/s]")),
-        rrb.Tabs(plot("distance", "Bhattacharyya distance"), plot("ess", "Effective sample size"), plot("ms", "Stages [ms]")),
+        rrb.Tabs(
+            plot("twist/linear", "Camera velocity [m/s]"),
+            plot("twist/angular", "Camera turn [rad/s]"),
+        ),
+        rrb.Tabs(
+            plot("distance", "Bhattacharyya distance"),
+            plot("ess", "Effective sample size"),
+            plot("ms", "Stages [ms]"),
+        ),
         rrb.TextLogView(origin="events", name="Events"),
         row_shares=[3, 3, 3, 3, 2, 2],
     )  # fmt: skip
     columns = rrb.Horizontal(pictures, numbers, column_shares=[1, 1])
-    return rrb.Blueprint(columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True)
+    return rrb.Blueprint(
+        columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True
+    )

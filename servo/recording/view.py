@@ -1,4 +1,4 @@
-"""Looking at a recording: in Rerun's own window, in a browser, or as a picture without any window."""
+"""Looking at a recording: in Rerun's own window, in a browser, or as a picture without either."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ def picture(path: Path, png: Path, at: float) -> None:
             end = time.monotonic() + LOADED_WITHIN
             while not viewer.get_state().views:
                 if time.monotonic() > end:
-                    raise Mistake(f"{path}: the viewer did not show this within {LOADED_WITHIN:g} s")
+                    raise Mistake(
+                        f"{path}: the viewer did not show this within {LOADED_WITHIN:g} s"
+                    )
                 time.sleep(POLL)
             viewer.set_time("sim_time", duration=at, play_state="paused")
             time.sleep(DRAWN_AFTER)

@@ -35,8 +35,14 @@ class Board:
 
     def __init__(self, config: Config) -> None:
         c = config
-        # Fully hidden means within the board's own rim, which its slide has passed a moment before it stops.
-        self._times = (c.start - c.slide, c.start, c.start + c.duration, c.start + c.duration + c.slide)
+        # Fully hidden means within the board's own rim, which its slide has passed a moment before
+        # it stops.
+        self._times = (
+            c.start - c.slide,
+            c.start,
+            c.start + c.duration,
+            c.start + c.duration + c.slide,
+        )
         self._places = (-c.distance, 0.0, 0.0, c.distance)
 
     def at(self, time: float) -> Effect:

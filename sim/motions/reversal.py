@@ -1,5 +1,6 @@
 """The target drives back and forth on a straight line at constant speed and reverses at once
-(the experiment of Teuliere, Marchand and Eck, section VI)."""
+(the experiment of Teuliere, Marchand and Eck, section VI).
+"""
 
 from __future__ import annotations
 

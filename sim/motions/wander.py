@@ -1,4 +1,6 @@
-"""The target drives around a smooth closed loop whose shape, start and sense are drawn from the seed."""
+"""The target drives around a smooth closed loop whose shape, start and sense are drawn from the
+seed.
+"""
 
 from __future__ import annotations
 

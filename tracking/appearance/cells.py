@@ -8,11 +8,11 @@ The paper's equations (1) to (5), as we read them:
     rho(x)  = sum_u sqrt(q*_u q_u(x))                          Bhattacharyya coefficient
     d_m(x)  = sqrt(1 - mean_j rho_j(x))                        over the parts j
 
-The distance is the mean over the nine parts, not the sum: the sum is the same likelihood with nine times
-gamma, under which 300 particles leave an effective sample of two.
+The distance is the mean over the nine parts, not the sum: the sum is the same likelihood with nine
+times gamma, under which 300 particles leave an effective sample of two.
 
-The template is read at fixed points that every state carries along, not at whole pixels, so that C is a
-constant, a state costs the same at every scale, and no point lies outside the object.
+The template is read at fixed points that every state carries along, not at whole pixels, so that C
+is a constant, a state costs the same at every scale, and no point lies outside the object.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from tracking.appearance.colour import ColourBins, Window
 from tracking.types import Region, State
 
 REFERENCE_DENSITY = 4
-"""The reference is read this much more densely a side, so that it does not depend on the pixel grid."""
+"""The reference is read this much more densely a side, so that it does not depend on the pixel
+grid.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ def ring(region: Region, width: float, density: int) -> Layout:
 
 
 def histograms(image: Image, bins: ColourBins, layout: Layout, state: State) -> Array:
-    """Normalised histograms (K, B) of the parts of a layout; points beyond the image are left out."""
+    """Normalised histograms (K, B) of the parts of a layout; points off the image are left out."""
     vector = state.vector[None]
     window = Window.around(vector, layout.radius, image)
     labels = bins.label(image, window)
@@ -84,8 +86,9 @@ def histograms(image: Image, bins: ColourBins, layout: Layout, state: State) -> 
 class CellModel:
     """The target's reference histograms, and the distance of any state from them.
 
-    `contrast` adds eta times the likeness of the surrounding ring to the whole target to the squared
-    distance: a box that shrinks into the target then pays for it, which the histogram alone does not see.
+    `contrast` adds eta times the likeness of the surrounding ring to the whole target to the
+    squared distance: a box that shrinks into the target then pays for it, which the histogram alone
+    does not see.
     """
 
     def __init__(

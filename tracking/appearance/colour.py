@@ -52,8 +52,8 @@ class ColourBins:
     def label(self, image: Image, window: Window) -> Labels:
         """Bin numbers (h, w) of the pixels in a window."""
         bits = self.levels.bit_length() - 1
-        channels = (image[window.top : window.bottom, window.left : window.right] >> (8 - bits)).astype(
-            np.int16
-        )
+        channels = (
+            image[window.top : window.bottom, window.left : window.right] >> (8 - bits)
+        ).astype(np.int16)
         red, green, blue = np.moveaxis(channels, -1, 0)
         return (red << 2 * bits) | (green << bits) | blue

@@ -1,5 +1,6 @@
 """A particle filter on (x, y, theta, ln scale) with constant-velocity evolution
-(Teuliere, Marchand, Eck, sections IV and V; Isard and Blake 1998)."""
+(Teuliere, Marchand, Eck, sections IV and V; Isard and Blake 1998).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +15,11 @@ class ParticleFilter:
     """Samples, their weights, and the velocity that moves them: predict, weigh, read, resample."""
 
     def __init__(
-        self, region: Region, state: State, count: int, noise: tuple[float, float, float],
+        self,
+        region: Region,
+        state: State,
+        count: int,
+        noise: tuple[float, float, float],
         rng: np.random.Generator,
     ) -> None:
         """Put all samples on one state.

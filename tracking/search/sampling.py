@@ -31,7 +31,9 @@ def covariance(samples: Array, weights: Array) -> Array:
 
 
 def systematic(weights: Array, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Indices (N,) of a systematic resampling (Kitagawa 1996): sample i is drawn floor or ceil of N w_i times."""
+    """Indices (N,) of a systematic resampling (Kitagawa 1996): sample i is drawn floor or ceil of N
+    w_i times.
+    """
     count = len(weights)
     positions = (rng.random() + np.arange(count)) / count
     cumulative = np.cumsum(weights)

@@ -1,1 +1,1 @@
-"""Trackers, one a file, named as the literature names them: `Config.build(rng)` gives a `Tracker`."""
+"""Trackers, one a file, named as in the literature: `Config.build(rng)` gives a `Tracker`."""

@@ -1,4 +1,6 @@
-"""Nothing at all: the target stays where it was first seen. The baseline that every tracker must beat."""
+"""Nothing at all: the target stays where it was first seen. The baseline that every tracker must
+beat.
+"""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
 """Particle filter and multiple-kernel SSD together (Teuliere, Marchand, Eck, section V).
 
-A small particle filter survives fast motion and occlusion but is coarse; Newton's descent is exact but has
-a small basin. So the filter proposes its mean x^PF, and the descent starts from there:
+A small particle filter survives fast motion and occlusion but is coarse; Newton's descent is exact
+but has a small basin. So the filter proposes its mean x^PF, and the descent starts from there:
 
     if d_m(x^PF) <= tau:  x = Newton(x^PF)      else:  x = x^PF
 
-The paper prints >=, which contradicts the sentence before it: a large distance means an occlusion, where
-Newton would lock onto what is in front.
+The paper prints >=, which contradicts the sentence before it: a large distance means an occlusion,
+where Newton would lock onto what is in front.
 """
 
 from __future__ import annotations
@@ -57,9 +57,12 @@ class Config:
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
     occluded: Annotated[float, Gt(0), Le(1)] = 0.6
-    """The paper's tau: no descent where the filter's mean is farther from the target than this distance d_m."""
+    """The paper's tau: no descent where the filter's mean is farther from the target than this
+    distance d_m.
+    """
     trust: Annotated[float, Gt(0)] = 0.6
-    """The descent is believed up to this distance from the filter's mean, over the target's size."""
+    """The descent is believed up to this distance from the filter's mean, over the target's size.
+    """
     lock: LockConfig = field(default_factory=LockConfig)
     """When the target counts as hidden or lost."""
     widen_when_lost: Annotated[float, Ge(1)] = 3.0
@@ -128,7 +131,8 @@ class PfSsd:
         return Refined(proposed, 1.0, refined.evaluations)
 
     def _learn_motion(self, state: State, proposed: State) -> None:
-        # While the target is hidden the velocity stays: the filter's mean then moves by it and by chance.
+        # While the target is hidden the velocity stays: the filter's mean then moves by it and by
+        # chance.
         if self._status is Status.LOCKED:
             keep = self._config.velocity_memory
             moved: Array = state.vector - self._last.vector
