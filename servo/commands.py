@@ -56,38 +56,24 @@ def check_scenarios(
     names: Sequence[str], changes: list[str], seeds: Iterable[int], *, quiet: bool
 ) -> int:
     """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
-    chosen = [
-        s for n in names or scenarios.shipped() if (s := _load(n, changes, None)).expect or names
-    ]
+    chosen = list(names) or [n for n in scenarios.shipped() if scenarios.load(n).expect]
+    runs = [(name, _load(name, changes, seed)) for name in chosen for seed in seeds]
     gl.backend()
     console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)
-    for title in (
-        "scenario",
-        "seed",
-        "outcome",
-        "servo rms",
-        "peak",
-        "tracking rms",
-        "bounds",
-        "time",
-    ):
-        table.add_column(
-            title, justify="left" if title in ("scenario", "outcome", "bounds") else "right"
-        )
+    for title in ("scenario", "seed", "outcome", "servo rms", "peak", "tracking", "bounds", "time"):
+        words = title in ("scenario", "outcome", "bounds")
+        table.add_column(title, justify="left" if words else "right", no_wrap=True)
     failures: list[tuple[list[Violation], str]] = []
-    runs = [(s.name, seed) for s in chosen for seed in seeds]
-    paths = {s.name: n for s, n in zip(chosen, names, strict=True)} if names else {}
     with _progress(console) as progress:
-        task = progress.add_task("checking", total=len(runs))
-        for name, seed in runs:
-            progress.update(task, description=f"{name}, seed {seed}")
-            scenario = _load(paths.get(name, name), changes, seed)
+        task = progress.add_task("", total=len(runs), note="")
+        for name, scenario in runs:
+            progress.update(task, description=f"{scenario.name}, seed {scenario.run.seed}")
             began = time.perf_counter()
             with Episode(scenario) as episode:
                 report = summarise(list(episode), scenario.measure, episode.world.period)
             missed = violations(report, scenario.expect)
             if missed:
-                failures.append((missed, _command(paths.get(name, name), changes, seed)))
+                failures.append((missed, _command(name, changes, scenario.run.seed)))
             table.add_row(*_check_row(scenario, report, missed, time.perf_counter() - began))
             progress.advance(task)
     console.print(table)

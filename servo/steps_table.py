@@ -1,7 +1,7 @@
 """The steps of a run as a table: one row a frame, column names with units, stored as Parquet.
 
 While a run lasts its rows go to an Arrow stream beside the table, a second's worth at a time, so
-that a killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows").read_all()` reads what was written.
+that a killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads what was written.
 """
 
 from __future__ import annotations

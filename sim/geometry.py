@@ -34,8 +34,7 @@ def log_so3(R: Array) -> Array:
     sine = float(np.linalg.norm(axis))
     if sine < SMALL_ANGLE and np.trace(R) > 0:
         return axis
-    angle = float(np.arctan2(sine, (np.trace(R) - 1) / 2))
-    return axis * (angle / sine)
+    return axis * np.float64(np.arctan2(sine, (np.trace(R) - 1) / 2) / sine)
 
 
 def _left_jacobian(w: Array) -> Array:
