@@ -55,7 +55,8 @@ def exp_se3(xi: Array) -> Pose:
 def log_se3(pose: Pose) -> Array:
     """The constant twist (6,) that makes this motion in unit time."""
     w = log_so3(pose.rotation)
-    return np.concatenate([np.linalg.solve(_left_jacobian(w), pose.translation), w])
+    v = np.linalg.solve(_left_jacobian(w), pose.translation)
+    return np.concatenate([v, w]).astype(np.float64)
 
 
 def adjoint(T_a_b: Pose) -> Array:

@@ -14,6 +14,8 @@ from annotated_types import Ge, Gt, Le
 from tracking.types import Status
 
 MAD_TO_SIGMA = 1.4826
+FEW = 10
+"""With fewer good frames than this the threshold is the cap: their spread says nothing yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class Lock:
         and cap.
         """
         c = self._config
-        if not self._good:
+        if len(self._good) < FEW:
             return c.cap
         median = float(np.median(self._good))
         sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.array(self._good) - median)))

@@ -7,7 +7,7 @@ so dx = -2 J_U^+ e. Four things the paper leaves out matter:
 
 * The normaliser C of the histogram depends on the state: with S = sum_m k_m,
   dK_i/dp = (dk_i/dp - K_i sum_m dk_m/dp) / S. Without the second term the scale column of the
-  Jacobian is wrong by its own size.
+  Jacobian is wrong by about its own size.
 * Kernels see only pixels of the object (the template), else the background makes the scale biased.
 * A pixel on the template's rim counts by how much of it is covered, and the derivative knows it.
   With a hard rim O has a false minimum wherever a pixel's centre crosses the rim: descents from

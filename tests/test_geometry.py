@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from sim import geometry as g
+from sim.types import Pose
+
+RNG = np.random.default_rng(3)
+TWISTS = [RNG.normal(size=6) * size for size in (1e-9, 1e-4, 0.3, 1.0)] + [np.zeros(6)]
+
+
+@pytest.mark.parametrize("xi", TWISTS)
+def test_log_undoes_exp(xi):
+    np.testing.assert_allclose(g.log_se3(g.exp_se3(xi)), xi, rtol=1e-9, atol=1e-12)
+
+
+def test_rotation_vector_close_to_a_half_turn_is_found():
+    w = np.array([0.0, 0.0, np.pi - 1e-5])
+    np.testing.assert_allclose(g.log_so3(g.exp_so3(w)), w, atol=1e-9)
+
+
+@pytest.mark.parametrize("xi", TWISTS)
+def test_exp_is_a_rigid_motion(xi):
+    R = g.exp_se3(xi).rotation
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_two_half_motions_make_a_whole_one():
+    xi = TWISTS[3]
+    half = g.exp_se3(xi / 2)
+    whole = half @ half
+    np.testing.assert_allclose(whole.translation, g.exp_se3(xi).translation, atol=1e-12)
+    np.testing.assert_allclose(whole.rotation, g.exp_se3(xi).rotation, atol=1e-12)
+
+
+def test_exp_has_the_twist_as_its_derivative():
+    xi, h = TWISTS[2], 1e-6
+    point = np.array([0.2, -0.1, 0.7])
+    moved = (g.exp_se3(h * xi).apply(point) - g.exp_se3(-h * xi).apply(point)) / (2 * h)
+    np.testing.assert_allclose(moved, xi[:3] + np.cross(xi[3:], point), atol=1e-9)
+
+
+def test_adjoint_carries_a_twist_between_frames():
+    T = g.exp_se3(TWISTS[3])
+    xi = TWISTS[2]
+    direct = T @ g.exp_se3(xi) @ T.inverse()
+    np.testing.assert_allclose(g.log_se3(direct), g.adjoint(T) @ xi, atol=1e-12)
+
+
+def test_tilt_is_the_angle_from_straight_down():
+    level = np.diag([1.0, -1.0, -1.0])
+    assert g.tilt(level) == 0.0
+    assert g.tilt(g.exp_so3(np.array([0.1, 0.0, 0.0])) @ level) == pytest.approx(0.1)
+
+
+def test_pose_and_inverse_cancel():
+    T = Pose.planar(0.3, -0.2, 1.1)
+    unit = T @ T.inverse()
+    np.testing.assert_allclose(unit.rotation, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(unit.translation, np.zeros(3), atol=1e-15)

@@ -1,0 +1,64 @@
+import ctypes
+
+import pytest
+
+from sim import gl
+
+APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
+
+
+def machine_with(monkeypatch, *names, device=True):
+    real = ctypes.CDLL
+
+    def load(name, *rest, **more):
+        if name.startswith("lib") and name not in names:
+            raise OSError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    monkeypatch.setattr(gl.ctypes, "CDLL", load)
+    monkeypatch.setattr(gl, "_has_device", lambda egl: device)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+
+
+@pytest.mark.parametrize(
+    ("names", "device", "message"),
+    [
+        ((), True, f"The OpenGL library libEGL.so.1 is missing on this machine: run '{APT}'."),
+        (
+            ("libEGL.so.1",),
+            True,
+            f"The OpenGL library libOpenGL.so.0 is missing on this machine: run '{APT}'.",
+        ),
+        (
+            ("libEGL.so.1", "libGL.so.1"),
+            False,
+            f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'.",
+        ),
+    ],
+)
+def test_what_is_missing_is_named_with_the_command_that_installs_it(
+    monkeypatch, names, device, message
+):
+    machine_with(monkeypatch, *names, device=device)
+    with pytest.raises(gl.NoRenderer) as missing:
+        gl.backend()
+    assert str(missing.value) == message
+
+
+def test_a_complete_machine_uses_egl(monkeypatch):
+    machine_with(monkeypatch, "libEGL.so.1", "libGL.so.1")
+    assert gl.backend() == "egl"
+
+
+def test_the_real_probe_agrees_that_this_machine_renders(monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    assert gl.backend() in ("egl", "glfw")
+
+
+def test_rendering_that_was_switched_off_says_so(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    with pytest.raises(
+        gl.NoRenderer, match=r"^Rendering is switched off by MUJOCO_GL=off: unset it\.$"
+    ):
+        gl.backend()

@@ -1,0 +1,126 @@
+"""Each compiled loop against the same formula in plain NumPy."""
+
+import numpy as np
+import pytest
+
+from tracking import hot
+
+RNG = np.random.default_rng(5)
+
+
+def coefficient_twin(labels, left, top, states, points, cells, root_reference):
+    out = np.zeros((len(states), len(root_reference)))
+    for n, (x, y, theta, log_scale) in enumerate(states):
+        c, s = np.exp(log_scale) * np.cos(theta), np.exp(log_scale) * np.sin(theta)
+        u = x - left + c * points[:, 0] - s * points[:, 1]
+        v = y - top + s * points[:, 0] + c * points[:, 1]
+        inside = (u >= 0) & (v >= 0) & (u < labels.shape[1]) & (v < labels.shape[0])
+        for k in range(len(root_reference)):
+            seen = labels[
+                v[inside & (cells == k)].astype(int), u[inside & (cells == k)].astype(int)
+            ]
+            histogram = np.bincount(seen[seen >= 0], minlength=root_reference.shape[1])
+            out[n, k] = np.sum(root_reference[k] * np.sqrt(histogram / np.sum(cells == k)))
+    return out
+
+
+def histogram_twin(image, state, half_width, half_height, centres, span_x, span_y, levels, stride):
+    x, y, theta, log_scale = state
+    scale, c, s = np.exp(log_scale), np.cos(theta), np.sin(theta)
+    rows = np.arange(image.shape[0])
+    columns = np.arange(image.shape[1])
+    reach_x = scale * (abs(c) * half_width + abs(s) * half_height) + 1
+    reach_y = scale * (abs(s) * half_width + abs(c) * half_height) + 1
+    first_i, first_j = max(0, int(y - reach_y)), max(0, int(x - reach_x))
+    rows, columns = rows[first_i::stride], columns[first_j::stride]
+    j, i = np.meshgrid(columns, rows)
+    dx, dy = j + 0.5 - x, i + 0.5 - y
+    rx, ry = (c * dx + s * dy) / scale, (-s * dx + c * dy) / scale
+    cover_x = np.clip(scale * (half_width - abs(rx)) + 0.5, 0, 1)
+    cover_y = np.clip(scale * (half_height - abs(ry)) + 0.5, 0, 1)
+    level = np.clip((image[i, j] + 0.5) * levels / 256 - 0.5, 0, levels - 1)
+    low = np.minimum(level.astype(int), levels - 2)
+    part = level - low
+    sums = np.zeros((len(centres), levels**3))
+    for k, centre in enumerate(centres):
+        kernel = 1 - ((rx - centre[0]) / span_x) ** 2 - ((ry - centre[1]) / span_y) ** 2
+        weight = np.maximum(kernel, 0) * cover_x * cover_y
+        for corner in range(8):
+            up = [(corner >> channel) & 1 for channel in range(3)]
+            share = np.prod(
+                [part[..., ch] if up[ch] else 1 - part[..., ch] for ch in range(3)], axis=0
+            )
+            bins = np.zeros_like(low[..., 0])
+            for ch in range(3):
+                bins = bins * levels + low[..., ch] + up[ch]
+            np.add.at(sums[k], bins, share * weight)
+    return sums
+
+
+def test_coefficients_agree_with_numpy():
+    labels = RNG.integers(-1, 16, (40, 50)).astype(np.int16)
+    states = np.column_stack(
+        [
+            RNG.uniform(0, 70, 20),
+            RNG.uniform(0, 60, 20),
+            RNG.uniform(-4, 4, 20),
+            RNG.normal(0, 0.3, 20),
+        ]
+    )
+    points = RNG.uniform(-12, 12, (90, 2))
+    cells = RNG.integers(0, 3, 90)
+    root = np.sqrt(RNG.dirichlet(np.ones(16), 3))
+    args = (labels, 7, 5, states, points, cells, root)
+    np.testing.assert_allclose(
+        hot.bhattacharyya_of_cells(*args), coefficient_twin(*args), rtol=0, atol=1e-13
+    )
+
+
+CASES = [
+    (np.array([80.0, 60.0, 0.0, 0.0]), 1),
+    (np.array([83.3, 55.1, 0.7, 0.2]), 1),
+    (np.array([6.0, 4.0, -2.0, -0.3]), 1),
+    (np.array([83.3, 55.1, 0.7, 0.2]), 2),
+]
+SHAPE = (25.0, 15.0, np.array([[-16.0, -10.0], [0.0, 0.0], [16.0, 10.0]]), 18.0, 11.0, 8)
+
+
+@pytest.mark.parametrize(("state", "stride"), CASES)
+def test_kernel_histograms_agree_with_numpy(smooth_image, state, stride):
+    sums, totals = hot.kernel_histograms(smooth_image, state, *SHAPE, stride)
+    twin = histogram_twin(smooth_image, state, *SHAPE, stride)
+    np.testing.assert_allclose(sums[:, :, 0], twin, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(totals[:, 0], twin.sum(axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("state", "step"), [(CASES[0][0], 1e-6), (CASES[1][0], 1e-6)])
+def test_kernel_histogram_derivatives_agree_with_finite_differences(smooth_image, state, step):
+    state = state + [0.123, 0.217, 0.05, 0.03]  # away from where a pixel's coverage has its kinks
+    sums, totals = hot.kernel_histograms(smooth_image, state, *SHAPE, 1)
+    for p in range(4):
+        d = step * np.eye(4)[p]
+        forward, f_total = hot.kernel_histograms(smooth_image, state + d, *SHAPE, 1)
+        back, b_total = hot.kernel_histograms(smooth_image, state - d, *SHAPE, 1)
+        difference = (forward[:, :, 0] - back[:, :, 0]) / (2 * step)
+        error = np.linalg.norm(sums[:, :, 1 + p] - difference) / np.linalg.norm(difference)
+        assert error < 1e-6, p
+        np.testing.assert_allclose(
+            totals[:, 1 + p], (f_total[:, 0] - b_total[:, 0]) / (2 * step), rtol=1e-6, atol=1e-5
+        )
+
+
+def test_normal_equations_agree_with_numpy():
+    sums = RNG.random((3, 8, 5)) - 0.3
+    sums[:, :, 0] = np.abs(sums[:, :, 0])
+    sums[0, 2] = 0.0
+    totals = sums.sum(axis=1)
+    root, floor = np.sqrt(RNG.dirichlet(np.ones(8), 3)), 1e-3
+    q = sums[:, :, 0] / totals[:, :1]
+    dq = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
+    dq[0, 2] = 0.0
+    e = (np.sqrt(q + floor) - root).ravel()
+    J = (dq / (2 * np.sqrt(q + floor))[:, :, None]).reshape(-1, 4)
+    cost, gradient, curvature = hot.ssd_normal_equations(sums, totals, root, floor)
+    assert cost == pytest.approx(e @ e / 3, rel=1e-13)
+    np.testing.assert_allclose(gradient, J.T @ e / 3, rtol=1e-12)
+    np.testing.assert_allclose(curvature, J.T @ J / 3, rtol=1e-12)

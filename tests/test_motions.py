@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from sim import plugins
+from sim.motions import circle, line, reversal, sine, wander
+
+KINDS = plugins.kinds("sim.motions")
+
+
+def build(kind, seed=0):
+    return plugins.config_of("sim.motions", kind)().build(np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_motion_stays_on_the_table_and_level(kind):
+    motion = build(kind)
+    for time in np.linspace(-1, 20, 50):
+        pose = motion.at(time)
+        assert pose.translation[2] == 0.0
+        np.testing.assert_allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-12)
+        assert pose.rotation[2, 2] == 1.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_motion_jumps(kind):
+    motion, dt = build(kind), 1e-3
+    for time in np.linspace(0, 20, 400):
+        moved = motion.at(time + dt).translation - motion.at(time).translation
+        assert np.linalg.norm(moved) < 0.5 * dt  # nothing here drives faster than 0.5 m/s
+
+
+def test_line_drives_at_its_speed_along_its_heading():
+    motion = line.Config(x=0.1, y=0.2, heading_deg=90.0, speed=0.3).build(np.random.default_rng())
+    np.testing.assert_allclose(motion.at(2.0).translation, [0.1, 0.8, 0.0], atol=1e-12)
+
+
+def test_reversal_is_a_triangle_wave():
+    motion = reversal.Config(heading_deg=0.0, speed=0.1, length=0.4).build(np.random.default_rng())
+    way = [motion.at(t).translation[0] for t in (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)]
+    np.testing.assert_allclose(way, [0.0, 0.1, 0.2, 0.1, 0.0, -0.2, 0.0], atol=1e-12)
+
+
+def test_sine_has_its_amplitude_a_quarter_period_in():
+    motion = sine.Config(amplitude=0.15, frequency=0.2).build(np.random.default_rng())
+    assert motion.at(1.25).translation[0] == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize("frequency", [0.15, -0.15])
+def test_circle_has_its_nose_along_the_tangent(frequency):
+    motion, h = circle.Config(frequency=frequency).build(np.random.default_rng()), 1e-6
+    for time in (0.0, 1.3, 5.0):
+        pose = motion.at(time)
+        speed = (motion.at(time + h).translation - motion.at(time - h).translation) / (2 * h)
+        np.testing.assert_allclose(pose.rotation[:, 0] @ speed, 2 * np.pi * 0.15 * 0.15, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_wander_turns_gently_and_stays_near(seed):
+    motion, h = wander.Config().build(np.random.default_rng(seed)), 1e-4
+    tightest = np.inf
+    for time in np.linspace(0, 9, 200):
+        a, b, c = (motion.at(time + k * h).translation[:2] for k in (-1, 0, 1))
+        v, acceleration = (c - a) / (2 * h), (a - 2 * b + c) / h**2
+        turn = abs(v[0] * acceleration[1] - v[1] * acceleration[0])
+        tightest = min(tightest, np.linalg.norm(v) ** 3 / turn)
+        nose = motion.at(time).rotation[:2, 0]
+        assert nose @ v == pytest.approx(np.linalg.norm(v), rel=1e-6)
+        assert np.hypot(*b) < 0.18 * 1.3
+    assert tightest > 0.1  # half a car's length is what a toy car manages
+
+
+def test_wander_is_another_road_for_another_seed():
+    here, there = (build("wander", seed).at(1.0).translation for seed in (0, 1))
+    assert np.linalg.norm(here - there) > 1e-3

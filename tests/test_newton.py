@@ -1,0 +1,122 @@
+import cv2
+import numpy as np
+import pytest
+
+from tracking import hot
+from tracking.search.newton import FLOOR, UNITS, KernelModel
+from tracking.types import Region, State
+
+REGION, TRUE = Region(60.0, 40.0), State(80.0, 60.0, 0.3, 1.0)
+
+
+def target_image(state=TRUE, seed=2):
+    """A smooth random texture, moved by a state: exact truth for every parameter."""
+    rng = np.random.default_rng(seed)
+    texture = cv2.GaussianBlur(rng.normal(0, 1, (200, 260, 3)), (0, 0), 5)
+    texture = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
+    c, s = state.scale * np.cos(state.theta), state.scale * np.sin(state.theta)
+    A = np.array([[c, -s], [s, c]])
+    offset = np.array([state.x, state.y]) - A @ [130.0, 100.0] - 0.5 + A @ [0.5, 0.5]
+    warp = np.column_stack([A, offset])
+    return cv2.warpAffine(texture, warp, (160, 120), flags=cv2.INTER_LINEAR)
+
+
+def test_gradient_is_half_the_derivative_of_the_objective():
+    image = target_image()
+    model, x = KernelModel(image, REGION, TRUE), TRUE.vector + [2.0, -1.0, 0.05, 0.03]
+    gradient, h = model.linearise(image, x).gradient, 1e-5
+    for p in range(4):
+        d = h * np.eye(4)[p]
+        rise = (model.linearise(image, x + d).cost - model.linearise(image, x - d).cost) / (2 * h)
+        assert 2 * gradient[p] == pytest.approx(rise, rel=1e-4, abs=1e-8)
+
+
+def test_derivatives_of_a_normalised_histogram_sum_to_zero():
+    image = target_image()
+    sums, totals = KernelModel(image, REGION, TRUE).histograms(image, TRUE.vector)
+    q = sums[:, :, 0] / totals[:, :1]
+    dq = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
+    np.testing.assert_allclose(dq.sum(axis=1), 0.0, atol=1e-12)
+
+
+def test_without_the_normalisers_derivative_the_scale_column_is_mostly_wrong():
+    image = target_image()
+    sums, totals = KernelModel(image, REGION, TRUE).histograms(image, TRUE.vector)
+    q = sums[:, :, 0] / totals[:, :1]
+    full = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
+    naive = sums[:, :, 1:] / totals[:, :1, None]
+    error = np.linalg.norm(naive - full, axis=(0, 1)) / np.linalg.norm(full, axis=(0, 1))
+    assert error[3] > 0.7
+    assert error[2] < 0.1
+
+
+def test_the_objective_is_zero_at_the_true_state():
+    image = target_image()
+    assert KernelModel(image, REGION, TRUE).linearise(image, TRUE.vector).cost < 1e-20
+
+
+@pytest.mark.parametrize("span", [1.0, 1.5])
+@pytest.mark.parametrize(("offset", "least"), [(3.0, 12), (10.0, 12), (15.0, 11)])
+def test_basin_of_attraction(span, offset, least):
+    """Success: centre < 2 px, angle < 3 deg, scale < 5 %, of 12 directions of displacement."""
+    image, rng = target_image(), np.random.default_rng(4)
+    model, found = KernelModel(image, REGION, TRUE, span=span), 0
+    for direction in rng.normal(size=(12, 4)):
+        direction[:2] /= np.linalg.norm(direction[:2])
+        start = TRUE.vector + direction.clip(-1, 1) * offset * [1, 1, 1 / 60, 1 / 80]
+        end = model.refine(image, State.of(start), most=20).state.vector - TRUE.vector
+        found += bool(np.hypot(*end[:2]) < 2 and abs(end[2]) < 0.05 and abs(end[3]) < 0.05)
+    assert found >= least
+
+
+def test_a_descent_ends_at_the_moved_target_to_a_tenth_of_a_pixel():
+    moved = State(83.0, 57.5, 0.42, 1.06)
+    model = KernelModel(target_image(), REGION, TRUE)
+    refined = model.refine(target_image(moved), TRUE, most=20, tolerance=0.01)
+    error = np.abs(refined.state.vector - moved.vector)
+    assert error[:2].max() < 0.1
+    assert error[2] < np.radians(0.3)
+    assert error[3] < 0.003
+    assert refined.evaluations <= 8
+
+
+def test_one_round_kernel_cannot_see_rotation_and_nine_can():
+    region = Region(40.0, 40.0)
+    image = target_image()
+    one = KernelModel(image, region, TRUE, per_side=1, span=0.5).linearise(image, TRUE.vector)
+    nine = KernelModel(image, region, TRUE, per_side=3).linearise(image, TRUE.vector)
+    smallest = [np.linalg.eigvalsh(m.curvature * np.outer(UNITS, UNITS))[0] for m in (one, nine)]
+    assert smallest[1] > 1e-5
+    assert smallest[0] < 1e-3 * smallest[1]
+
+
+def test_a_hopeless_start_is_left_alone_after_one_look():
+    image = target_image()
+    far = State(30.0, 30.0, 2.0, 1.0)
+    refined = KernelModel(image, REGION, TRUE).refine(image, far, hopeless=0.1)
+    assert refined.state == far
+    assert refined.evaluations == 1
+    assert refined.distance > 0.1
+
+
+def test_a_step_never_makes_the_objective_worse():
+    image = target_image()
+    model = KernelModel(image, REGION, TRUE)
+    for x in TRUE.vector + np.random.default_rng(1).normal(0, [12, 12, 0.3, 0.2], (20, 4)):
+        before = model.linearise(image, x).distance
+        assert model.refine(image, State.of(x), most=6).distance <= before
+
+
+def test_a_large_target_is_read_at_fewer_pixels():
+    image = target_image()
+    model = KernelModel(image, REGION, TRUE, pixels=500)
+    _, every = hot.kernel_histograms(
+        image, TRUE.vector, 30.0, 20.0, np.zeros((1, 2)), 20.0, 40 / 3, 8, 1
+    )
+    _, some = hot.kernel_histograms(
+        image, TRUE.vector, 30.0, 20.0, np.zeros((1, 2)), 20.0, 40 / 3, 8, 2
+    )
+    assert some[0, 0] == pytest.approx(every[0, 0] / 4, rel=0.02)
+    _, totals = model.histograms(image, TRUE.vector)
+    assert totals[4, 0] == pytest.approx(some[0, 0], rel=1e-12)
+    assert FLOOR == 1e-3
