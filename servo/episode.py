@@ -13,7 +13,7 @@ import numpy as np
 from servo import features
 from servo.parsing import Mistake
 from servo.scenario import Scenario
-from servo.types import Command, Moments, Task
+from servo.types import Command, Moments, Plane, Sight, Task
 from sim.geometry import tilt
 from sim.types import Array, Frame, Truth
 from sim.world import World
@@ -164,7 +164,9 @@ class Episode:
         self._first = first, truth, Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED)
         self.controller = scenario.controller.build(stream(scenario.run.seed, "controller"))
         estimator = scenario.estimator.build(stream(scenario.run.seed, "estimator"))
-        self.controller.start(Task(self._goal_moments(), self.root_area, self.scale, estimator))
+        goal = self._goal_moments()
+        facing = features.facing_plane(goal, self.root_area)
+        self.controller.start(Task(Sight(goal, facing), self.scale, estimator))
 
     def _goal_moments(self) -> Moments:
         length, width = np.ptp(self.world.outline[:, :2], axis=0) * self.goal_size
@@ -187,7 +189,7 @@ class Episode:
                 truth = world.truth()
             began = perf_counter()
             measured = world.twist_measured()
-            command = self.controller.command(self._seen(estimate), measured, period)
+            command = self.controller.command(self._seen(estimate, truth), measured, period)
             waiting.append(command.twist)
             controlled = perf_counter()
             joints, rates = world.robot.joints(world.data), world.robot.rates_measured(world.data)
@@ -207,10 +209,18 @@ class Episode:
                 twist_measured=measured, limited=limited, seconds=seconds,
             )  # fmt: skip
 
-    def _seen(self, estimate: Estimate) -> Moments | None:
+    def _seen(self, estimate: Estimate, truth: Truth) -> Sight | None:
         if estimate.status is not Status.LOCKED:
             return None
-        return features.moments_of_state(estimate.state, self.region, self.world.camera)
+        m = features.moments_of_state(estimate.state, self.region, self.world.camera)
+        return Sight(m, self._plane(m, truth))
+
+    def _plane(self, m: Moments, truth: Truth) -> Plane:
+        """The target's plane; from the truth only what a calibrated robot over its table knows."""
+        if self.scenario.features.plane == "parallel":
+            return features.facing_plane(m, self.root_area)
+        T_camera_target = truth.T_world_camera.inverse() @ truth.T_world_target
+        return features.plane_of(T_camera_target, float(self.world.outline[0, 2]))
 
     def _true_state(self, truth: Truth) -> State:
         x, y = truth.centre.tolist()

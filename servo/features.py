@@ -14,8 +14,8 @@ from enum import Enum
 import numpy as np
 
 from servo import moments
-from servo.types import Moments
-from sim.types import Array, Camera
+from servo.types import Moments, Plane
+from sim.types import Array, Camera, Pose
 from tracking.types import Region, State
 
 
@@ -49,11 +49,22 @@ def moments_of_state(state: State, region: Region, camera: Camera) -> Moments:
     return moments_of(region.corners(state), camera)
 
 
-def depth_of(m: Moments, root_area: float) -> float:
-    """Depth [m] of a plane parallel to the image in which a target of known metric area has these
-    moments.
+def facing_plane(m: Moments, root_area: float) -> Plane:
+    """The plane parallel to the image in which a target of known metric area has these moments.
+
+    Args:
+        m: What is seen.
+        root_area: Square root of the metric area [m].
     """
-    return root_area / float(np.sqrt(m.area))
+    return Plane.parallel(root_area / float(np.sqrt(m.area)))
+
+
+def plane_of(T_camera_target: Pose, height: float) -> Plane:
+    """The plane at a height [m] over the target's origin, level in the target's frame."""
+    normal = T_camera_target.rotation[:, 2]
+    through = T_camera_target.translation + height * normal
+    A, B, C = (normal / (normal @ through)).tolist()
+    return Plane(A, B, C)
 
 
 def half_turn(angle: float) -> float:

@@ -9,7 +9,7 @@ import tomllib
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
 
@@ -87,6 +87,9 @@ class FeaturesConfig:
 
     scaling: Scaling = Scaling.METRIC
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
+    plane: Literal["parallel", "known"] = "parallel"
+    """The target's plane: "parallel" to the image at the depth its size tells, or "known" from the
+    poses of camera and table."""
 
 
 @dataclass(frozen=True, slots=True)

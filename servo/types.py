@@ -82,13 +82,20 @@ class Estimator(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Sight:
+    """The target as it is seen."""
+
+    moments: Moments
+    plane: Plane
+    """Where it lies, as far as is known."""
+
+
+@dataclass(frozen=True, slots=True)
 class Task:
     """What a controller is to do."""
 
-    goal: Moments
-    """How the target shall look."""
-    root_area: float
-    """Square root of the target's metric area [m]: it gives the depth."""
+    goal: Sight
+    """How the target shall be seen."""
     scale: float
     """K of the features an = K / sqrt(a): see features.py."""
     estimator: Estimator
@@ -102,11 +109,11 @@ class Controller(Protocol):
         """Begin a task."""
         ...
 
-    def command(self, seen: Moments | None, twist_measured: Array, dt: float) -> Command:
+    def command(self, seen: Sight | None, twist_measured: Array, dt: float) -> Command:
         """The twist to ask for now.
 
         Args:
-            seen: How the target looks, None where it was not seen.
+            seen: The target, None where it was not seen.
             twist_measured: Mean camera twist (6,) since the last frame.
             dt: Time since the last frame [s].
         """

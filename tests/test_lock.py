@@ -25,7 +25,7 @@ def test_a_large_distance_is_unsure_at_once_and_lost_after_its_patience():
 
 def test_hysteresis_wants_a_clearly_better_distance_to_believe_again():
     lock = Lock(LockConfig(floor=0.3, hysteresis=0.8))
-    feed(lock, [0.1] * 5)
+    feed(lock, [0.1] * 15)
     assert lock.judge(0.29, 1.0) is Status.LOCKED
     assert lock.judge(0.31, 1.1) is Status.UNSURE
     assert lock.judge(0.29, 1.2) is Status.UNSURE

@@ -9,7 +9,7 @@ import numpy as np
 
 from servo.controllers.ibvs import Config as IbvsConfig
 from servo.controllers.ibvs import Ibvs
-from servo.types import Command, Moments, Task
+from servo.types import Command, Sight, Task
 from sim.types import Array
 
 
@@ -33,7 +33,7 @@ class Hold:
         """Begin a task."""
         self._eyes.start(task)
 
-    def command(self, seen: Moments | None, twist_measured: Array, dt: float) -> Command:
+    def command(self, seen: Sight | None, twist_measured: Array, dt: float) -> Command:
         """No motion."""
         asked = self._eyes.command(seen, twist_measured, dt)
         return Command(

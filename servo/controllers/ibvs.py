@@ -20,7 +20,7 @@ from annotated_types import Ge, Gt
 from servo import features
 from servo.estimators.difference import Difference
 from servo.interaction import interaction
-from servo.types import DOF, FEATURES, Command, Moments, Plane, Task
+from servo.types import DOF, FEATURES, Command, Sight, Task
 from sim.types import Array
 
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
@@ -67,12 +67,12 @@ class Ibvs:
     def start(self, task: Task) -> None:
         """Begin a task."""
         self._task = task
-        self._goal = features.of_moments(task.goal, task.scale)
+        self._goal = features.of_moments(task.goal.moments, task.scale)
         self._goal_matrix = self._matrix(task.goal)
         self._measured = Difference()
         self._seen, self._matrix_seen, self._unseen = self._goal, self._goal_matrix, 0.0
 
-    def command(self, seen: Moments | None, twist_measured: Array, dt: float) -> Command:
+    def command(self, seen: Sight | None, twist_measured: Array, dt: float) -> Command:
         """The twist for what is seen now; without a sight, the target's motion alone, and in the
         end nothing.
         """
@@ -80,7 +80,7 @@ class Ibvs:
         if seen is not None:
             self._unseen = 0.0
             self._seen, self._matrix_seen = (
-                features.of_moments(seen, self._task.scale),
+                features.of_moments(seen.moments, self._task.scale),
                 self._matrix(seen),
             )
             error = features.error_of(self._seen, self._goal)
@@ -107,9 +107,8 @@ class Ibvs:
             saturated=saturated,
         )
 
-    def _matrix(self, m: Moments) -> Array:
-        plane = Plane.parallel(features.depth_of(m, self._task.root_area))
-        return interaction(m, plane, self._task.scale)
+    def _matrix(self, sight: Sight) -> Array:
+        return interaction(sight.moments, sight.plane, self._task.scale)
 
     def _inverse(self) -> Array:
         """L+ (6, 4) over the degrees of freedom that may move."""

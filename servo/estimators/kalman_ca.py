@@ -1,0 +1,50 @@
+"""Kalman filter of a nearly constant target acceleration (ViSP's model with a third state).
+
+For each feature by itself, with the plain difference z as measurement and T the frame interval:
+
+    x+ = x + nu + T a    nu+ = rho nu + w1    a+ = a + w2
+    F = [[1, 1, T], [0, rho, 0], [0, 0, 1]]    H = [1, 0, 0]    Q = diag(0, sQ, sQ2)    R = sR
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Lt
+
+from servo.estimators._kalman import FeatureFilters, Model
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Constants of the filter; only the ratios of the variances matter to the estimate."""
+
+    rho: Annotated[float, Ge(0), Lt(1)] = 0.5
+    """Memory of the velocity's change from frame to frame."""
+    state_variance: Annotated[float, Gt(0)] = 1e-4
+    """sQ, per frame [(1/s)^2]."""
+    acceleration_variance: Annotated[float, Gt(0)] = 1e-4
+    """sQ2, per frame [(1/s^2)^2]."""
+    measure_variance: Annotated[float, Gt(0)] = 1e-3
+    """sR [(1/s)^2]."""
+
+    def build(self, rng: np.random.Generator) -> FeatureFilters:
+        """The estimator; draws nothing."""
+        return FeatureFilters(self.model)
+
+    def model(self, dt: float) -> Model:
+        """The filter of one feature at a frame interval [s]."""
+        sR, rho, T = self.measure_variance, self.rho, dt
+        s = self.state_variance / (1 - rho**2)
+        F = np.array([[1.0, 1.0, T], [0.0, rho, 0.0], [0.0, 0.0, 1.0]])
+        Q = np.diag([0.0, self.state_variance, self.acceleration_variance])
+        P = np.array(
+            [
+                [sR, 0.0, sR / T],
+                [0.0, s, -rho * s / T],
+                [sR / T, -rho * s / T, (2 * sR + s) / T**2],
+            ]
+        )
+        return Model(F, Q, sR, P)
