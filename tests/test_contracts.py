@@ -1,0 +1,136 @@
+"""Every plugin found in its folder keeps the contract of its kind."""
+
+import cv2
+import numpy as np
+import pytest
+
+from servo.scenario import LISTS, PLUGINS
+from servo.types import Sight, Task
+from sim import plugins
+from sim.types import Effect, Frame, Pose
+from tracking.types import Region, State, Status
+
+FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
+EVERY = [(folder, kind) for folder in FOLDERS for kind in plugins.kinds(folder)]
+TRACKERS = plugins.kinds("tracking.trackers")
+ESTIMATORS = plugins.kinds("servo.estimators")
+CONTROLLERS = plugins.kinds("servo.controllers")
+FIRST = State(80.0, 60.0, 0.3, 1.0)
+
+
+def build(folder, kind, seed=0):
+    return plugins.config_of(folder, kind)().build(np.random.default_rng(seed))
+
+
+def frames(count=6, gone_after=None):
+    """A textured target that drifts over a textured ground, and is gone later if asked."""
+    rng = np.random.default_rng(3)
+    ground = cv2.GaussianBlur(rng.integers(60, 140, (120, 160, 3)).astype(np.uint8), (0, 0), 2)
+    for k in range(count):
+        image = ground.copy()
+        if gone_after is None or k < gone_after:
+            box = cv2.boxPoints(((79.5 + k, 59.5), (40, 20), np.degrees(0.3)))
+            cv2.fillConvexPoly(image, np.round(box).astype(int), (30, 60, 220))
+            cv2.circle(image, (86 + k, 62), 5, (240, 240, 60), -1)
+        image.setflags(write=False)
+        yield Frame(image, k * 0.1, k)
+
+
+def track(kind, seed=0, **options):
+    tracker, sequence = build("tracking.trackers", kind, seed), list(frames(**options))
+    tracker.start(sequence[0], Region(40.0, 20.0), FIRST)
+    return [tracker.update(frame) for frame in sequence[1:]]
+
+
+@pytest.mark.parametrize(("folder", "kind"), EVERY)
+def test_every_kind_documents_itself_and_its_settings(folder, kind):
+    assert plugins.summary(folder, kind).endswith((".", ")"))
+    docs = plugins.field_docs(plugins.config_of(folder, kind))
+    assert all(docs.values()), docs
+
+
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_trackers_give_finite_estimates_and_leave_the_frame_alone(kind):
+    for estimate in track(kind):
+        assert np.all(np.isfinite(estimate.state.vector))
+        assert np.all(np.isfinite(estimate.covariance))
+        assert 0.0 <= estimate.distance <= 1.0
+
+
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_trackers_repeat_bit_for_bit(kind):
+    once, again = ([e.state for e in track(kind, seed=5)] for _ in range(2))
+    assert once == again
+
+
+@pytest.mark.parametrize("kind", [k for k in TRACKERS if k != "frozen"])
+def test_a_target_that_is_gone_is_lost_not_an_exception(kind):
+    assert track(kind, count=30, gone_after=8)[-1].status is Status.LOST
+
+
+@pytest.mark.parametrize("kind", TRACKERS)
+@pytest.mark.parametrize(
+    "image",
+    [np.zeros((120, 160, 3), np.uint8), np.full((120, 160, 3), 255, np.uint8), np.zeros((7, 9, 3), np.uint8)],
+    ids=["black", "white", "tiny"],
+)  # fmt: skip
+def test_trackers_survive_any_picture(kind, image):
+    tracker = build("tracking.trackers", kind)
+    tracker.start(next(frames()), Region(40.0, 20.0), FIRST)
+    for k in range(1, 15):
+        estimate = tracker.update(Frame(image, k * 0.1, k))
+        assert np.all(np.isfinite(estimate.state.vector))
+
+
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_trackers_refuse_an_empty_region(kind):
+    with pytest.raises(ValueError, match="both sides must be at least 1 px"):
+        build("tracking.trackers", kind).start(next(frames()), Region(0.0, 20.0), FIRST)
+
+
+@pytest.mark.parametrize("kind", ESTIMATORS)
+def test_estimators_begin_at_zero_end_finite_and_keep_their_value_over_a_gap(kind):
+    estimator, rng = build("servo.estimators", kind), np.random.default_rng(1)
+    assert estimator.update(np.zeros(4), np.zeros(4), 0.1).tolist() == [0.0] * 4
+    for k in range(1, 30):
+        value = estimator.update(0.01 * k * np.ones(4) + rng.normal(0, 1e-3, 4), np.zeros(4), 0.1)
+    assert value.shape == (4,)
+    np.testing.assert_array_equal(estimator.skip(), value)
+    np.testing.assert_array_equal(estimator.update(np.full(4, 99.0), np.zeros(4), 0.1), value)
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_controllers_give_finite_twists_seen_or_unseen(kind):
+    from servo import features, moments
+
+    m = moments.of_polygon(
+        np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]]) + 0.02
+    )
+    sight = Sight(m, features.facing_plane(m, 0.14))
+    controller = build("servo.controllers", kind)
+    controller.start(Task(sight, 0.14, build("servo.estimators", "none")))
+    for seen in (None, sight, None, sight):
+        command = controller.command(seen, np.zeros(6), 0.1)
+        assert command.twist.shape == (6,)
+        assert np.all(np.isfinite(command.twist))
+        assert np.all(np.isfinite(command.error))
+
+
+@pytest.mark.parametrize("kind", plugins.kinds("sim.motions"))
+def test_motions_repeat_from_the_same_generator(kind):
+    a, b = (build("sim.motions", kind, 4).at(1.7) for _ in range(2))
+    assert isinstance(a, Pose)
+    np.testing.assert_array_equal(a.translation, b.translation)
+
+
+@pytest.mark.parametrize("kind", plugins.kinds("sim.disturbances"))
+def test_disturbances_do_nothing_before_time_zero(kind):
+    assert build("sim.disturbances", kind).at(-1.0) == Effect()
+
+
+def test_an_unknown_kind_lists_what_there_is():
+    with pytest.raises(plugins.UnknownKind) as refused:
+        plugins.config_of("servo.estimators", "magic")
+    assert str(refused.value) == (
+        "there is no kind 'magic'; there is difference, kalman_ca, kalman_cv, none"
+    )

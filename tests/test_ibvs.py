@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+
+from servo import features, moments
+from servo.controllers.hold import Config as HoldConfig
+from servo.controllers.ibvs import Config
+from servo.estimators import difference, none
+from servo.types import Plane, Sight, Task
+from tracking.types import Region, State
+
+RNG = np.random.default_rng(0)
+ROOT_AREA = float(np.sqrt(0.02))
+SQUARE = Region(0.2, 0.1)
+DT = 1 / 30
+
+
+def sight(x=0.0, y=0.0, theta=0.0, depth=1.0):
+    m = moments.of_polygon(SQUARE.corners(State(x, y, theta, 1 / depth)))
+    return Sight(m, features.facing_plane(m, ROOT_AREA))
+
+
+def started(config, estimator=none, scale=ROOT_AREA):
+    controller = config.build(RNG)
+    controller.start(Task(sight(), scale, estimator.Config().build(RNG)))
+    return controller
+
+
+def test_at_the_goal_nothing_moves():
+    command = started(Config()).command(sight(), np.zeros(6), DT)
+    np.testing.assert_allclose(command.twist, 0.0, atol=1e-12)
+
+
+def test_features_are_made_to_decay_with_the_gain():
+    controller, seen = started(Config(gain=2.0)), sight(0.05, -0.03, 0.2, 1.1)
+    command = controller.command(seen, np.zeros(6), DT)
+    from servo.interaction import interaction
+
+    rate = interaction(seen.moments, seen.plane, ROOT_AREA) @ command.twist
+    np.testing.assert_allclose(rate, -2.0 * command.error, atol=1e-12)
+
+
+def test_both_scalings_command_the_same_motion():
+    seen = sight(0.05, -0.03, 0.2, 1.1)
+    metric, paper = (
+        started(Config(), scale=s).command(seen, np.zeros(6), DT).twist for s in (ROOT_AREA, 1.0)
+    )
+    np.testing.assert_allclose(metric, paper, atol=1e-12)
+
+
+@pytest.mark.parametrize("matrix", ["current", "desired", "mean"])
+def test_the_matrix_is_taken_where_it_was_asked_for(matrix):
+    from servo.interaction import interaction
+
+    seen = sight(0.1, 0.05, 0.3, 1.2)
+    command = started(Config(matrix=matrix)).command(seen, np.zeros(6), DT)
+    here, there = (interaction(s.moments, s.plane, ROOT_AREA) for s in (seen, sight()))
+    L = {"current": here, "desired": there, "mean": (here + there) / 2}[matrix][:, [0, 1, 2, 5]]
+    twist = np.zeros(6)
+    twist[[0, 1, 2, 5]] = -2.0 * np.linalg.solve(L, command.error)
+    np.testing.assert_allclose(command.twist, twist, atol=1e-12)
+
+
+def test_masked_degrees_of_freedom_stay_zero_and_all_six_would_tilt():
+    seen = sight(0.2, 0.1)
+    masked = started(Config()).command(seen, np.zeros(6), DT).twist
+    full = started(Config(dof=("vx", "vy", "vz", "wx", "wy", "wz"))).command(seen, np.zeros(6), DT)
+    np.testing.assert_array_equal(masked[3:5], 0.0)
+    # SERVO.md: half of every lateral motion is then done by rotation.
+    assert np.abs(full.twist[3:5]).max() > 0.3 * np.abs(masked[:2]).max()
+
+
+def drive(controller, x, k, step):
+    """The target moves by `step` a frame in x; the camera stands still."""
+    return controller.command(sight(x + k * step), np.zeros(6), DT)
+
+
+def test_the_targets_motion_is_fed_forward_for_the_chosen_features():
+    step = 0.1 * DT
+    fed = started(Config(feed_forward=("xn",)), difference)
+    unfed = started(Config(feed_forward=()), difference)
+    for controller in (fed, unfed):
+        drive(controller, 0.0, 0, step)
+    a, b = (drive(c, 0.0, 1, step) for c in (fed, unfed))
+    np.testing.assert_allclose(a.target_motion[0], 0.1, rtol=1e-9)
+    assert (a.twist - b.twist)[0] == pytest.approx(0.1, rel=1e-3)
+    np.testing.assert_allclose(a.target_motion_measured, a.target_motion)
+
+
+def test_the_cameras_own_motion_is_not_taken_for_the_targets():
+    controller, twist = started(Config(), difference), np.array([0.1, 0, 0, 0, 0, 0])
+    controller.command(sight(0.0), np.zeros(6), DT)
+    moved = controller.command(sight(-0.1 * DT), twist, DT)
+    np.testing.assert_allclose(moved.target_motion, 0.0, atol=1e-9)
+
+
+def test_without_sight_it_coasts_on_the_estimate_then_holds():
+    controller = started(Config(coast=0.1), difference)
+    for k in range(2):
+        drive(controller, 0.01, k, 0.1 * DT)
+    blind = [controller.command(None, np.zeros(6), DT).twist[0] for _ in range(5)]
+    np.testing.assert_allclose(blind[:3], 0.1, rtol=1e-3)
+    np.testing.assert_allclose(blind[3:], 0.0)
+
+
+def test_a_fast_command_is_shortened_in_its_direction():
+    seen = sight(0.4, 0.3)
+    slow = started(Config(gain=1.0, fastest=99.0)).command(seen, np.zeros(6), DT)
+    fast = started(Config(gain=1.0, fastest=0.1)).command(seen, np.zeros(6), DT)
+    assert not slow.saturated
+    assert fast.saturated
+    assert np.linalg.norm(fast.twist[:3]) == pytest.approx(0.1)
+    np.testing.assert_allclose(np.cross(slow.twist[:3], fast.twist[:3]), 0.0, atol=1e-12)
+
+
+def test_hold_measures_but_does_not_move():
+    controller = started(HoldConfig(), difference)
+    for k in range(2):
+        command = drive(controller, 0.05, k, 0.1 * DT)
+    np.testing.assert_array_equal(command.twist, np.zeros(6))
+    assert command.target_motion[0] == pytest.approx(0.1)
+
+
+def closed_loop(gain, delay, steps=400):
+    """Largest error over the last quarter of a kinematic loop along x, from 1 cm off."""
+    controller, x, waiting = started(Config(gain=gain)), 0.01, [0.0] * delay
+    errors = []
+    for _ in range(steps):
+        waiting.append(controller.command(sight(x), np.zeros(6), DT).twist[0])
+        x -= waiting.pop(0) * DT
+        errors.append(abs(x))
+    return max(errors[-steps // 4 :])
+
+
+def test_one_frame_of_delay_is_stable_below_lambda_t_of_one_and_not_above():
+    assert closed_loop(gain=0.9 * 30, delay=1) < 1e-6
+    assert closed_loop(gain=1.1 * 30, delay=1) > 1e-3

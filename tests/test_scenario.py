@@ -1,0 +1,169 @@
+import pytest
+
+from servo import scenario as s
+from servo.measures import check_expect
+from servo.parsing import Mistake
+from tracking.trackers import pf_ssd
+
+
+def mistake(call, *args):
+    with pytest.raises(Mistake) as found:
+        call(*args)
+    return str(found.value)
+
+
+def written(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return str(path)
+
+
+SHIPPED = "circle, line, occlusion, reversal, reversal_5hz, sine, still, wander"
+
+BAD = {
+    "unknown table": ("[camra]\n", "mine.toml: there is no key 'camra'; did you mean 'camera'?"),
+    "unknown key": (
+        "[camera]\nwidht = 3\n",
+        "mine.toml: camera: there is no key 'widht'; did you mean 'width'?",
+    ),
+    "unknown key without a near one": (
+        "[goal]\nzzz = 3\n",
+        "mine.toml: goal: there is no key 'zzz'; there is x, y, angle_deg, depth",
+    ),
+    "nested unknown key": (
+        '[tracker]\nkind = "pf_ssd"\nlock = { flor = 0.1 }\n',
+        "mine.toml: tracker.lock.flor = 0.1: there is no such key",
+    ),
+    "wrong type": (
+        "[camera]\nwidth = 320.5\n",
+        "mine.toml: camera.width = 320.5: input should be a valid integer",
+    ),
+    "a string for a number": (
+        '[run]\nduration = "long"\n',
+        "mine.toml: run.duration = 'long': input should be a valid number",
+    ),
+    "out of range": (
+        "[goal]\ndepth = 0.0\n",
+        "mine.toml: goal.depth = 0.0: input should be greater than 0",
+    ),
+    "absurd": (
+        '[tracker]\nkind = "pf_ssd"\nparticles = 1000000000\n',
+        "mine.toml: tracker.particles = 1000000000: input should be less than or equal to 100000",
+    ),
+    "not a number": (
+        "[goal]\nx = nan\n",
+        "mine.toml: goal.x = nan: input should be a finite number",
+    ),
+    "unknown kind": (
+        '[tracker]\nkind = "csrt"\n',
+        "mine.toml: tracker.kind: there is no kind 'csrt'; there is frozen, pf_ssd",
+    ),
+    "a table that is none": (
+        "camera = 3\n",
+        "mine.toml: camera should be a table of settings, not 3",
+    ),
+    "a list that is none": (
+        "disturbances = 3\n",
+        "mine.toml: disturbances should be a list of tables, not 3",
+    ),
+    "a disturbance without kind": (
+        "[[disturbances]]\nstart = 1.0\n",
+        "mine.toml: disturbances[0] needs a kind: one of board, brightness",
+    ),
+    "a wrong choice": (
+        '[controller]\nkind = "ibvs"\ndof = ["vx", "up"]\n',
+        "mine.toml: controller.dof.1 = 'up': input should be 'vx', 'vy', 'vz', 'wx', 'wy' or 'wz'",
+    ),
+    "broken TOML": (
+        "[run]\nduration = = 3\n",
+        "mine.toml: this is not TOML: Invalid value (at line 2, column 12)",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_every_mistake_is_one_sentence_with_its_place(tmp_path, case):
+    text, message = BAD[case]
+    assert mistake(s.load, written(tmp_path, text)) == message
+
+
+def test_an_unknown_scenario_lists_what_there_is():
+    assert mistake(s.load, "revrsal") == (
+        f"there is no scenario 'revrsal'; there is {SHIPPED}, or give a .toml file"
+    )
+
+
+def test_a_missing_file_is_named():
+    assert mistake(s.load, "nowhere/x.toml") == (
+        "nowhere/x.toml: cannot read this scenario: No such file or directory"
+    )
+
+
+def test_a_file_that_is_not_text_is_named(tmp_path):
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    assert mistake(s.load, str(path)).endswith("cannot read this scenario: it is not UTF-8 text")
+
+
+@pytest.mark.parametrize(
+    ("item", "message"),
+    [
+        ("tracker.kind", "--set tracker.kind: this should be key=value, such as tracker.kind=frozen"),
+        ("run.duration.x=3", "--set run.duration.x=3: 'run.duration.x' leads through 'duration', which is not a table"),
+        ("disturbances.5.start=1", "--set disturbances.5.start=1: 'disturbances.5.start' leads through '5', which is not a table"),
+        ("run.sed=1", "occlusion.toml: run: there is no key 'sed'; did you mean 'seed'?"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_overrides(item, message):
+    assert mistake(s.load, "occlusion", [item]) == message
+
+
+def test_overrides_change_values_of_every_type():
+    changed = s.load(
+        "occlusion",
+        ["camera.width=200", "goal.x=3", "controller.matrix=mean", "disturbances.0.start=2.5",
+         'controller.dof=["vx", "vy"]', "world.visibility=true"],
+        seed=7,
+    )  # fmt: skip
+    assert (changed.camera.width, changed.goal.x, changed.controller.matrix) == (200, 3.0, "mean")
+    assert changed.disturbances[0].start == 2.5
+    assert changed.controller.dof == ("vx", "vy")
+    assert changed.world.visibility is True
+    assert changed.run.seed == 7
+
+
+def test_setting_a_kind_clears_the_rest_of_its_table():
+    assert s.load("circle").controller.feed_forward == ("xn", "yn", "theta")
+    assert s.load("circle", ["controller.kind=ibvs"]).controller.feed_forward == ("xn", "yn")
+
+
+def test_defaults_are_those_of_the_kinds():
+    plain = s.load("still")
+    assert plain.tracker == pf_ssd.Config()
+    assert plain.settings()["tracker"]["kind"] == "pf_ssd"
+    assert plain.settings()["tracker"]["lock"]["patience"] == 1.0
+    assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1}
+
+
+@pytest.mark.parametrize("name", s.shipped())
+def test_every_shipped_scenario_opens_with_its_command_and_has_bounds(name, root):
+    lines = (root / "scenes" / f"{name}.toml").read_text().splitlines()
+    assert lines[0] == f"# servobench run {name}"
+    assert lines[1].startswith("# ")
+    assert lines[1].endswith(".")
+    shipped = s.load(name)
+    check_expect(shipped)
+    assert shipped.expect["outcome"] == "CONVERGED"
+    assert len(shipped.expect) > 5
+
+
+def test_bounds_on_what_is_not_measured_are_refused():
+    assert mistake(check_expect, s.load("still", ["expect.servo_rms=1.0"])) == (
+        "still: expect: there is no key 'servo_rms'; did you mean 'servo_rms_px'?"
+    )
+    assert mistake(check_expect, s.load("still", ["expect.settle_s=soon"])) == (
+        "still: expect.settle_s = 'soon': a bound is a number"
+    )
+    assert mistake(check_expect, s.load("still", ["expect.outcome=FINE"])).startswith(
+        "still: expect.outcome = 'FINE': one of CONVERGED, TIMED_OUT"
+    )
