@@ -91,6 +91,12 @@ def view(
         Path | None, typer.Option(help="Draw the viewer into this PNG instead; no display needed.")
     ] = None,
     at: Annotated[float, typer.Option(min=0, help="Simulated time to show in the PNG [s].")] = 4.0,
+    panel: Annotated[
+        str | None,
+        typer.Option(
+            help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
+        ),
+    ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer, or draw it into a PNG."""
     from servo.recording import view as viewer
@@ -98,7 +104,7 @@ def view(
     path = recording / "run.rrd" if recording.is_dir() else recording
     viewer.check(path)
     if png is not None:
-        viewer.picture(path, png, at)
+        viewer.picture(path, png, at, panel)
         typer.echo(png)
         return
     raise typer.Exit(viewer.show(path, web=web))

@@ -21,6 +21,7 @@ from servo.scenario import Scenario
 from sim import gl
 
 FPS_FRAMES = 60
+STOPPED = "servobench: stopped; what was written is complete up to here."
 WAITING = "preparing (the first run on a machine compiles the hot loops, which takes a while)"
 
 
@@ -40,6 +41,9 @@ def run_scenario(
             for step in _with_progress(episode, scenario.name, console):
                 steps.append(step)
                 output.add(step)
+        except KeyboardInterrupt:
+            Console(stderr=True).print(STOPPED, highlight=False)
+            return 130
         finally:
             output.close()
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)

@@ -27,6 +27,11 @@ class Scaling(Enum):
     PAPER = "paper"
     """K = 1: an is 1 over the square root of the normalised area."""
 
+    @property
+    def unit(self) -> str:
+        """Unit of xn, yn and an."""
+        return "m" if self is Scaling.METRIC else "1"
+
     def factor(self, root_area: float) -> float:
         """K, for a target whose metric area has this square root [m]."""
         return root_area if self is Scaling.METRIC else 1.0

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from servo.episode import Step
 from servo.features import half_turn
 from servo.parsing import Mistake, unknown
-from servo.scenario import MeasureConfig, Scenario
+from servo.scenario import Scenario
+from servo.settings import MeasureConfig
 from sim.types import Array
 from tracking.types import Status
 
@@ -103,9 +104,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
     turned = np.degrees(_series(steps, _servo_angle))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
     tracked = _series(counted, lambda s: s.tracking_error)
-    angle = np.degrees(
-        _series(counted, lambda s: half_turn(s.estimate.state.theta - s.truth.theta))
-    )
+    angle = np.degrees(_series(counted, _tracking_angle))
     scale = 100 * _series(counted, lambda s: s.estimate.state.scale / s.true_state.scale - 1)
     late = slice(len(steps) - len(counted), None)
     values = {
@@ -168,6 +167,11 @@ def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:
 
 def _servo_angle(step: Step) -> float:
     return half_turn(step.truth.theta - step.goal_theta)
+
+
+def _tracking_angle(step: Step) -> float:
+    """Over the full turn: a tracker that takes front for back is wrong by 180 degrees."""
+    return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth.theta))))
 
 
 def _rms(values: Array) -> float:

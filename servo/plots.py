@@ -22,11 +22,11 @@ MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot must show; its outliers may leave it."""
 
 
-def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
-    """Both plots of a run as PNG files in a folder; their paths."""
+def draw(steps: Sequence[Step], title: str, unit: str, folder: Path) -> list[Path]:
+    """Both plots of a run as PNG files in a folder; their paths. The unit is that of xn, yn, an."""
     paths = [folder / MOTION, folder / ERRORS]
-    _motion_figure(steps, title).savefig(paths[0], dpi=DOTS)
-    _error_figure(steps, title).savefig(paths[1], dpi=DOTS)
+    _motion_figure(steps, title, unit).savefig(paths[0], dpi=DOTS)
+    _error_figure(steps, title, unit).savefig(paths[1], dpi=DOTS)
     return paths
 
 
@@ -42,7 +42,7 @@ def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
-def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
+def _motion_figure(steps: Sequence[Step], title: str, unit: str) -> Figure:
     """Figure 9: the target's own motion in the image, measured, estimated and true."""
     figure, axes = _figure(2, 5.4)
     time = [s.frame.time for s in steps]
@@ -62,22 +62,20 @@ def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
         )
         room = 0.1 * max(float(np.ptp(shown)), 0.02)
         ax.set_ylim(shown.min() - room, shown.max() + room)
-        ax.set_ylabel(f"d{FEATURES[i]}/dt of the target [1/s]")
+        ax.set_ylabel(f"d{FEATURES[i]}/dt of the target [{unit}/s]")
         _shade_unseen(ax, steps)
     axes[0].legend(loc="upper right", ncols=3, frameon=False)
     axes[0].set_title(f"{title}: the target's own motion")
     return figure
 
 
-def _error_figure(steps: Sequence[Step], title: str) -> Figure:
+def _error_figure(steps: Sequence[Step], title: str, unit: str) -> Figure:
     """Figure 10: the feature errors, and below them the true distance from the goal."""
     figure, axes = _figure(2, 5.4)
     time = [s.frame.time for s in steps]
     for i, name in enumerate(FEATURES):
-        error = [s.command.error[i] for s in steps]
-        axes[0].plot(
-            time, error, color=COLOURS[i], lw=1.3, label=f"{name}" + (" [rad]" if i == 3 else "")
-        )
+        error, unit_of = [s.command.error[i] for s in steps], "rad" if name == "theta" else unit
+        axes[0].plot(time, error, color=COLOURS[i], lw=1.3, label=f"{name} [{unit_of}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(loc="upper right", ncols=4, frameon=False)
     axes[0].set_title(f"{title}: errors")

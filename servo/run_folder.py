@@ -84,9 +84,8 @@ class RunFolder:
         """Write report and plots; the paths of everything written."""
         text = json.dumps(_summary(self._scenario, report, missed), indent=2, allow_nan=False)
         (self.folder / REPORT).write_text(text + "\n", encoding="utf-8")
-        drawn = plots.draw(
-            steps, f"{self._scenario.name}, seed {self._scenario.run.seed}", self.folder
-        )
+        title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
+        drawn = plots.draw(steps, title, self._scenario.features.scaling.unit, self.folder)
         recording = [self.folder / RECORDING] if self._log else []
         return [*recording, self.folder / TABLE, self.folder / REPORT, *drawn]
 

@@ -71,9 +71,13 @@ def test_a_target_that_is_gone_is_lost_not_an_exception(kind):
 @pytest.mark.parametrize("kind", TRACKERS)
 @pytest.mark.parametrize(
     "image",
-    [np.zeros((120, 160, 3), np.uint8), np.full((120, 160, 3), 255, np.uint8), np.zeros((7, 9, 3), np.uint8)],
+    [
+        np.zeros((120, 160, 3), np.uint8),
+        np.full((120, 160, 3), 255, np.uint8),
+        np.zeros((7, 9, 3), np.uint8),
+    ],
     ids=["black", "white", "tiny"],
-)  # fmt: skip
+)
 def test_trackers_survive_any_picture(kind, image):
     tracker = build("tracking.trackers", kind)
     tracker.start(next(frames()), Region(40.0, 20.0), FIRST)

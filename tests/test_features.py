@@ -18,7 +18,7 @@ def of(state, scaling, camera=CAMERA):
 def test_metric_scaling_makes_an_the_depth():
     values, m = of(State(160.0, 120.0, 0.0, 1.25), Scaling.METRIC)
     np.testing.assert_allclose(values, [0, 0, 0.8, 0], atol=1e-12)
-    assert 1 / features.facing_plane(m, ROOT_AREA).C == pytest.approx(0.8)
+    assert pytest.approx(0.8) == 1 / features.facing_plane(m, ROOT_AREA).C
 
 
 def test_paper_scaling_makes_an_one_over_the_root_of_the_area():

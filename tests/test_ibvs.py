@@ -5,7 +5,7 @@ from servo import features, moments
 from servo.controllers.hold import Config as HoldConfig
 from servo.controllers.ibvs import Config
 from servo.estimators import difference, none
-from servo.types import Plane, Sight, Task
+from servo.types import Sight, Task
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Interaction matrices against finite differences of exact polygons, and against reference vectors."""
+"""Interaction matrices against finite differences of exact polygons, and reference vectors."""
 
 import json
 
@@ -13,9 +13,17 @@ from sim.geometry import exp_se3, exp_so3
 SHAPES = {
     "rectangle": [[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]],
     "triangle": [[-0.1, -0.05], [0.12, -0.02], [-0.02, 0.09]],
-    "arrow": [[-0.1, -0.02], [0.02, -0.02], [0.02, -0.06], [0.12, 0], [0.02, 0.06], [0.02, 0.02], [-0.1, 0.02]],
+    "arrow": [
+        [-0.1, -0.02],
+        [0.02, -0.02],
+        [0.02, -0.06],
+        [0.12, 0],
+        [0.02, 0.06],
+        [0.02, 0.02],
+        [-0.1, 0.02],
+    ],
     "L": [[0, 0], [0.15, 0], [0.15, 0.04], [0.05, 0.04], [0.05, 0.12], [0, 0.12]],
-}  # fmt: skip
+}
 POSES = {
     "in front": ([0, 0, 0], [0, 0, 1.0]),
     "aside and turned": ([0, 0, 0.7], [0.2, -0.15, 0.9]),

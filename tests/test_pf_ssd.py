@@ -13,7 +13,7 @@ FIRST = State(100.0, 80.0, 0.2, 1.0)
 
 
 def paint(state, hidden=False, index=0):
-    """A two-coloured rectangle with a bright nose on a striped ground; hidden: behind a grey board."""
+    """A rectangle of three colours on a striped ground; hidden: behind a grey board."""
     rows, columns = np.mgrid[0:160, 0:240]
     image = np.empty((160, 240, 3), float)
     image[...] = 120 + 25 * np.sin(columns / 9.0)[..., None] * [1.0, 0.7, 0.4]

@@ -108,23 +108,38 @@ def test_a_file_that_is_not_text_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("item", "message"),
     [
-        ("tracker.kind", "--set tracker.kind: this should be key=value, such as tracker.kind=frozen"),
-        ("run.duration.x=3", "--set run.duration.x=3: 'run.duration.x' leads through 'duration', which is not a table"),
-        ("disturbances.5.start=1", "--set disturbances.5.start=1: 'disturbances.5.start' leads through '5', which is not a table"),
-        ("run.sed=1", "occlusion.toml: run: there is no key 'sed'; did you mean 'seed'?"),
+        ("tracker.kind", "this should be key=value, such as tracker.kind=frozen"),
+        ("run.seed.x=3", "'run.seed.x' leads through 'seed', which is not a table"),
+        (
+            "disturbances.5.start=1",
+            "'disturbances.5.start' leads through '5', which is not a table",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes_in_overrides(item, message):
-    assert mistake(s.load, "occlusion", [item]) == message
+    changes = ["run.seed=1", item]
+    assert mistake(s.load, "occlusion", changes) == f"--set {item}: {message}"
+
+
+def test_an_override_of_an_unknown_key_is_an_unknown_key():
+    assert mistake(s.load, "still", ["run.sed=1"]) == (
+        "still.toml: run: there is no key 'sed'; did you mean 'seed'?"
+    )
 
 
 def test_overrides_change_values_of_every_type():
     changed = s.load(
         "occlusion",
-        ["camera.width=200", "goal.x=3", "controller.matrix=mean", "disturbances.0.start=2.5",
-         'controller.dof=["vx", "vy"]', "world.visibility=true"],
+        [
+            "camera.width=200",
+            "goal.x=3",
+            "controller.matrix=mean",
+            "disturbances.0.start=2.5",
+            'controller.dof=["vx", "vy"]',
+            "world.visibility=true",
+        ],
         seed=7,
-    )  # fmt: skip
+    )
     assert (changed.camera.width, changed.goal.x, changed.controller.matrix) == (200, 3.0, "mean")
     assert changed.disturbances[0].start == 2.5
     assert changed.controller.dof == ("vx", "vy")

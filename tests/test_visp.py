@@ -1,4 +1,6 @@
-"""The closed loops of ViSP 3.5, step by step: kinematic camera, exact SE(3) steps, no noise, no delay."""
+"""The closed loops of ViSP 3.5, step by step: kinematic camera, exact SE(3) steps, no noise, no
+delay.
+"""
 
 import json
 
@@ -27,8 +29,10 @@ def estimator_of(run):
         return {"none": none, "raw": difference}[run["comp"]].Config().build(rng)
     kf = run["kf"]
     constants = {
-        "rho": kf["rho"], "state_variance": kf["sigma_state"], "measure_variance": kf["sigma_measure"]
-    }  # fmt: skip
+        "rho": kf["rho"],
+        "state_variance": kf["sigma_state"],
+        "measure_variance": kf["sigma_measure"],
+    }
     if run["comp"] == "kf_ca":
         constants["acceleration_variance"] = kf["sigma_state2"]
         return kalman_ca.Config(**constants).build(rng)
@@ -47,9 +51,13 @@ def test_closed_loop(runs, index):
     run = runs[index]
     dof = DOF if run["dof"] == 6 else ("vx", "vy", "vz", "wz")
     config = Config(
-        gain=run["lambda"], dof=dof, feed_forward=("xn", "yn", "an", "theta"), matrix=run["L"],
-        fastest=1e9, fastest_turn=1e9,
-    )  # fmt: skip
+        gain=run["lambda"],
+        dof=dof,
+        feed_forward=("xn", "yn", "an", "theta"),
+        matrix=run["L"],
+        fastest=1e9,
+        fastest_turn=1e9,
+    )
     controller = config.build(np.random.default_rng())
     controller.start(Task(goal(), ROOT_AREA, estimator_of(run)))
     twist, dt = np.zeros(6), 1 / run["hz"]

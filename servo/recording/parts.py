@@ -14,6 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from servo.episode import Step
+from servo.types import FEATURES
 from sim.shapes import Shape
 from sim.types import Array
 from tracking.types import State
@@ -87,7 +88,7 @@ def blueprint() -> rrb.Blueprint:
         rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
         rrb.Spatial3DView(origin="world", name="Gantry", eye_controls=eye, line_grid=False),
     )
-    motion = [plot(f"motion/{f}", f"Target motion, {f}") for f in ("xn", "yn", "an", "theta")]
+    motion = {f: plot(f"motion/{f}", f"Target motion, {f}") for f in FEATURES}
     numbers = rrb.Vertical(
         plot("error", "Distance of the true centre from goal and estimate [px]"),
         rrb.Tabs(
@@ -95,7 +96,9 @@ def blueprint() -> rrb.Blueprint:
             plot("range", "Joints within their range"),
             plot("joints", "Joints"),
         ),
-        rrb.Tabs(*motion),
+        rrb.Horizontal(
+            rrb.Tabs(motion["xn"], motion["an"]), rrb.Tabs(motion["yn"], motion["theta"])
+        ),
         rrb.Tabs(
             plot("twist/linear", "Camera velocity [m/s]"),
             plot("twist/angular", "Camera turn [rad/s]"),

@@ -45,11 +45,17 @@ def show(path: Path, *, web: bool) -> int:
     return subprocess.call(command)
 
 
-def picture(path: Path, png: Path, at: float) -> None:
-    """Draw the viewer as it would look at a simulated time [s] into a PNG, without a window.
+def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
+    """Draw the viewer as it would look at a simulated time into a PNG, without a window.
+
+    Args:
+        path: The recording.
+        png: The file to write.
+        at: Simulated time [s].
+        panel: The entity of one panel to draw alone, such as "world"; None: all of them.
 
     Raises:
-        Mistake: The viewer cannot start here, or never shows the recording.
+        Mistake: The viewer cannot start here, has no such panel, or never shows the recording.
     """
     try:
         with _quiet_viewer() as viewer:
@@ -63,7 +69,11 @@ def picture(path: Path, png: Path, at: float) -> None:
                 time.sleep(POLL)
             viewer.set_time("sim_time", duration=at, play_state="paused")
             time.sleep(DRAWN_AFTER)
-            png.write_bytes(viewer.take_screenshot())
+            views = {view.origin.strip("/"): view.view_id for view in viewer.get_state().views}
+            if panel is not None and panel.strip("/") not in views:
+                raise Mistake(f"there is no panel '{panel}'; there is {', '.join(sorted(views))}")
+            view = None if panel is None else views[panel.strip("/")]
+            png.write_bytes(viewer.take_screenshot(view_id=view))
     except (RuntimeError, OSError):
         raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, Lt
 
 from sim.types import Array, Frame
 from tracking.appearance.cells import CellModel
@@ -54,6 +54,9 @@ class Config:
     """Width of that ring, both sides together, over the target's size."""
     span: Annotated[float, Gt(0)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
+    inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
+    """Share of the region's width and height that the kernels leave out, half on each side: there the
+    background shows, whose change would be taken for the target's."""
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
     occluded: Annotated[float, Gt(0), Le(1)] = 0.6
@@ -89,8 +92,9 @@ class PfSsd:
             image, region, state, ColourBins(c.levels),
             per_side=c.cells, density=c.density, contrast=c.contrast, ring_width=c.ring,
         )  # fmt: skip
+        inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
         self._kernels = KernelModel(
-            image, region, state, per_side=c.cells, span=c.span, levels=c.levels
+            image, inner, state, per_side=c.cells, span=c.span, levels=c.levels
         )
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)

@@ -1,0 +1,92 @@
+"""The sections of a scenario that are no plugin's: run, goal, start, region, features, measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from servo.features import Scaling
+
+LONGEST = 3600.0
+MOST_LATENCY = 100
+
+
+@dataclass(frozen=True, slots=True)
+class RunConfig:
+    """The episode as a whole."""
+
+    duration: Annotated[float, Gt(0), Le(LONGEST)] = 10.0
+    """Simulated time [s]."""
+    seed: Annotated[int, Ge(0)] = 0
+    """Seed of every random stream."""
+    latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
+    """Frames until a command acts: what frame k asks for moves the camera from frame k + latency
+    on.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class GoalConfig:
+    """Where the target shall be seen."""
+
+    x: float = 0.0
+    """To the right of the image's centre [px]."""
+    y: float = 0.0
+    """Below the image's centre [px]."""
+    angle_deg: float = 0.0
+    """Direction of the target's nose, from right towards down [deg]."""
+    depth: Annotated[float, Gt(0)] = 1.0
+    """Distance of the target's reference rectangle [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class StartConfig:
+    """How the first picture differs from the goal."""
+
+    x: float = 0.0
+    """Target this far to the right of the goal [px]."""
+    y: float = 0.0
+    """Target this far below the goal [px]."""
+    angle_deg: float = 0.0
+    """Target turned by this, from right towards down [deg]."""
+    scale: Annotated[float, Gt(0)] = 1.0
+    """Target this many times as large as at the goal."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionConfig:
+    """The region given to the tracker in the first frame: the truth, unless changed here."""
+
+    x: float = 0.0
+    """Shifted to the right [px]."""
+    y: float = 0.0
+    """Shifted down [px]."""
+    angle_deg: float = 0.0
+    """Turned [deg]."""
+    width: Annotated[float, Ge(0)] = 1.0
+    """Factor on its width."""
+    height: Annotated[float, Ge(0)] = 1.0
+    """Factor on its height."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeaturesConfig:
+    """What is servoed."""
+
+    scaling: Scaling = Scaling.METRIC
+    """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
+    plane: Literal["parallel", "known"] = "parallel"
+    """The target's plane: "parallel" to the image at the depth its size tells, or "known" from the
+    poses of camera and table."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureConfig:
+    """What counts in the measures."""
+
+    after: Annotated[float, Ge(0)] = 0.0
+    """Time from which errors count [s]."""
+    above: Annotated[float, Gt(0)] = 4.0
+    """Servo error above which the camera counts as off the target [px]."""

@@ -1,0 +1,187 @@
+"""The command line as a user meets it: exit codes, one sentence for each mistake, nothing left
+behind.
+"""
+
+import subprocess
+import sys
+
+import pytest
+
+from servo import cli, commands
+
+QUICK = ["--set", "run.duration=0.2", "--set", "expect={}", "--quiet", "--no-rerun"]
+
+
+def call(monkeypatch, capfd, *arguments):
+    """Exit code, stdout and stderr of a command."""
+    monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capfd.readouterr()
+    return ended.value.code or 0, out, err
+
+
+@pytest.fixture
+def elsewhere(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+BAD = {
+    "unknown scenario": (
+        ["run", "sprial"],
+        "there is no scenario 'sprial'; there is circle, line, occlusion, reversal, reversal_5hz, "
+        "sine, still, wander, or give a .toml file",
+    ),
+    "unknown key": (
+        ["run", "still", "--set", "camera.widht=3"],
+        "still.toml: camera: there is no key 'widht'; did you mean 'width'?",
+    ),
+    "unknown kind": (
+        ["run", "still", "--set", "tracker.kind=magic"],
+        "still.toml: tracker.kind: there is no kind 'magic'; there is frozen, pf_ssd",
+    ),
+    "a rate that does not divide": (
+        ["run", "still", "--set", "camera.rate=7"],
+        "still: camera.rate = 7 Hz does not divide world.physics_rate = 480 Hz into whole steps "
+        "(68.5714 steps each)",
+    ),
+    "a region outside the image": (
+        ["run", "still", "--set", "start.x=200"],
+        "still: first frame: the region spans 321..399 x 92..148 px and leaves the image of "
+        "320 x 240 px",
+    ),
+    "a region of zero size": (
+        ["run", "still", "--set", "region.width=0"],
+        "still: first frame: the region is 0 x 34.8 px; both sides must be at least 1 px",
+    ),
+    "a start the gantry cannot reach": (
+        ["run", "still", "--set", "goal.depth=4"],
+        "still: start: the gantry cannot bring the camera where this picture is taken",
+    ),
+    "an .rrd that is none": (
+        ["view", "fake.rrd"],
+        "fake.rrd: this is not a Rerun recording (.rrd)",
+    ),
+    "an .rrd that is missing": (
+        ["view", "gone.rrd"],
+        "gone.rrd: cannot read this recording: No such file or directory",
+    ),
+    "a folder without a recording": (
+        ["view", "empty"],
+        "empty/run.rrd: cannot read this recording: No such file or directory",
+    ),
+    "a kind that does not exist": (
+        ["list", "magic"],
+        "there is no kind 'magic'; there is circle, line, reversal, sine, still, wander, frozen, "
+        "pf_ssd, difference, kalman_ca, kalman_cv, none, hold, ibvs, board, brightness",
+    ),
+    "a folder that is full": (
+        ["run", "still", "--out", "full"],
+        "full: there is something in this folder; choose another with --out",
+    ),
+    "a folder that is a file": (
+        ["run", "still", "--out", "fake.rrd"],
+        "fake.rrd: cannot write to this folder: File exists",
+    ),
+    "a folder nobody can make": (
+        ["run", "still", "--out", "/proc/servobench"],
+        "/proc/servobench: cannot write to this folder: No such file or directory",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_mistake_is_one_sentence_exit_2_and_leaves_nothing(monkeypatch, capfd, elsewhere, case):
+    (elsewhere / "fake.rrd").write_text("not a recording")
+    (elsewhere / "empty").mkdir()
+    (elsewhere / "full").mkdir()
+    (elsewhere / "full" / "notes.txt").write_text("mine")
+    before = sorted(p.name for p in elsewhere.rglob("*"))
+    arguments, message = BAD[case]
+    code, _, err = call(monkeypatch, capfd, *arguments)
+    assert (code, err) == (2, f"servobench: {message}\n")
+    assert sorted(p.name for p in elsewhere.rglob("*")) == before
+
+
+def test_a_missing_gl_library_is_named_before_anything_else(monkeypatch, capfd, elsewhere):
+    from sim import gl
+
+    monkeypatch.setattr(gl, "_library", lambda name: None)
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    for command in (["run", "still"], ["check"], ["doctor"]):
+        code, _, err = call(monkeypatch, capfd, *command)
+        assert code == 2
+        assert err == (
+            "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
+            "run 'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri'.\n"
+        )
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_runs_never_overwrite_each_other(monkeypatch, capfd, elsewhere):
+    for _ in range(2):
+        assert call(monkeypatch, capfd, "run", "still", "--seed", "4", *QUICK)[0] == 0
+    assert sorted(p.name for p in (elsewhere / "runs").iterdir()) == ["still-4", "still-4-2"]
+    names = {p.name for p in (elsewhere / "runs" / "still-4").iterdir()}
+    assert names == {"errors.png", "target_motion.png", "report.json", "steps.parquet"}
+
+
+def test_a_missed_bound_exits_1_with_the_command_that_repeats_it(monkeypatch, capfd, elsewhere):
+    change = ["--set", "run.duration=0.2", "--set", "expect.servo_rms_px=0.5"]
+    code, out, err = call(monkeypatch, capfd, "check", "still", *change, "--seed", "3")
+    assert code == 1
+    assert "missed: servo_rms_px is" in err
+    command = "servobench run still --set run.duration=0.2 --set expect.servo_rms_px=0.5 --seed 3"
+    assert f"  again: {command}\n" in err
+    assert "TIMED_OUT" in out
+
+
+def test_check_passes_where_the_bounds_are_kept(monkeypatch, capfd, elsewhere):
+    code, out, err = call(monkeypatch, capfd, "check", "still")
+    assert (code, err) == (0, "")
+    assert "8 of 8" in out
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_list_names_everything_and_shows_settings(monkeypatch, capfd):
+    _, out, _ = call(monkeypatch, capfd, "list")
+    for name in ("reversal_5hz", "wander", "pf_ssd", "kalman_cv", "ibvs", "board"):
+        assert name in out
+    _, out, _ = call(monkeypatch, capfd, "list", "kalman_cv")
+    assert "estimator.rho" in out
+    assert "0.6" in out
+
+
+def test_doctor_tells_the_renderer_and_its_speed(monkeypatch, capfd):
+    code, out, _ = call(monkeypatch, capfd, "doctor")
+    assert code == 0
+    for word in ("egl", "renderer", "frames a second", "mujoco", "rerun-sdk"):
+        assert word in out
+
+
+def test_ctrl_c_keeps_what_was_written_and_says_so(monkeypatch, capfd, elsewhere):
+    def interrupted(episode, name, console):
+        for step in episode:
+            if step.frame.index == 20:
+                raise KeyboardInterrupt
+            yield step
+
+    monkeypatch.setattr(commands, "_with_progress", interrupted)
+    code, _, err = call(monkeypatch, capfd, "run", "still", "--no-rerun", "--out", "out")
+    assert code == 130
+    assert err == "servobench: stopped; what was written is complete up to here.\n"
+    import pyarrow.parquet as pq
+
+    assert pq.read_table(elsewhere / "out" / "steps.parquet").num_rows == 20
+
+
+def test_help_works_without_heavy_imports():
+    code = (
+        "import sys, servo.cli\n"
+        "heavy = {'mujoco', 'rerun', 'numba', 'matplotlib', 'cv2', 'scipy', 'pyarrow'}\n"
+        "heavy &= set(sys.modules)\n"
+        "sys.exit(f'imported: {heavy}' if heavy else 0)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,110 @@
+"""Measures of a run whose every step is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from servo.episode import Episode
+from servo.measures import MEANINGS, Outcome, summarise, violations
+from servo.scenario import load
+from servo.settings import MeasureConfig
+from tracking.types import Status
+
+
+@pytest.fixture(scope="module")
+def steps():
+    with Episode(load("still", ["run.duration=4.0", "controller.kind=hold"])) as episode:
+        return list(episode)
+
+
+def off(step, pixels):
+    truth = replace(
+        step.truth, centre=step.goal + [pixels, 0.0], theta=step.goal_theta, size=step.goal_size
+    )
+    return replace(step, truth=truth)
+
+
+def report(steps, **config):
+    return summarise(steps, MeasureConfig(**config), 1 / 30)
+
+
+def test_servo_error_counts_from_the_time_asked_for(steps):
+    made = [off(s, 3.0 if s.frame.time < 2 else 1.0) for s in steps]
+    assert report(made, after=2.0).value("servo_rms_px") == pytest.approx(1.0)
+    assert report(made, after=0.0).value("servo_peak_px") == pytest.approx(3.0)
+    assert report(made).value("servo_rms_px") == pytest.approx(np.sqrt(5.0))
+
+
+def test_settling_ends_with_the_last_frame_that_is_off(steps):
+    made = [off(s, 5.0 if s.frame.index in (0, 1, 40) else 0.5) for s in steps]
+    assert report(made).value("settle_s") == pytest.approx(41 / 30)
+    assert report([off(s, 5.0) for s in steps]).value("settle_s") == float("inf")
+    assert report([off(s, 0.0) for s in steps]).value("settle_s") == 0.0
+
+
+def test_longest_off_is_the_longest_stretch_above_the_limit(steps):
+    made = [off(s, 6.0 if 10 <= s.frame.index < 25 or s.frame.index == 50 else 1.0) for s in steps]
+    assert report(made, above=4.0).value("longest_off_s") == pytest.approx(15 / 30)
+    assert report(made, above=7.0).value("longest_off_s") == 0.0
+
+
+def test_angle_and_scale_errors_are_in_degrees_and_percent(steps):
+    turned = [
+        replace(s, truth=replace(s.truth, theta=s.goal_theta - 0.1, size=s.goal_size * 1.05))
+        for s in steps
+    ]
+    assert report(turned).value("servo_angle_rms_deg") == pytest.approx(np.degrees(0.1))
+    assert report(turned).value("servo_scale_peak_pct") == pytest.approx(5.0)
+
+
+def test_tracking_angle_knows_front_from_back(steps):
+    backwards = [
+        replace(
+            s,
+            estimate=replace(
+                s.estimate, state=replace(s.estimate.state, theta=s.truth.theta + np.pi)
+            ),
+        )
+        for s in steps
+    ]
+    assert report(backwards).value("tracking_angle_rms_deg") == pytest.approx(180.0)
+
+
+def with_status(steps, status, frames):
+    return [
+        replace(s, estimate=replace(s.estimate, status=status)) if s.frame.index in frames else s
+        for s in steps
+    ]
+
+
+def test_unseen_and_lost_are_shares_of_all_frames(steps):
+    made = with_status(steps, Status.UNSURE, range(10, 22))
+    made = with_status(made, Status.LOST, range(22, 40))
+    assert report(made).value("unseen_pct") == pytest.approx(100 * 30 / 120)
+    assert report(made).value("lost_pct") == pytest.approx(100 * 18 / 120)
+
+
+def test_outcomes(steps):
+    near, far, out = ([off(s, pixels) for s in steps] for pixels in (5.0, 40.0, 400.0))
+    assert report(near).outcome is Outcome.CONVERGED
+    assert report(far).outcome is Outcome.TIMED_OUT
+    assert report(out).outcome is Outcome.DIVERGED
+    assert report([replace(s, limited=True) for s in far]).outcome is Outcome.LIMIT_HIT
+    assert report(with_status(near, Status.LOST, [119])).outcome is Outcome.TARGET_LOST
+
+
+def test_violations_say_what_was_found_and_expected(steps):
+    made = report([off(s, 5.0) for s in steps])
+    expect = {"servo_rms_px": 4.0, "servo_peak_px": 6.0, "settle_s": 3.0, "outcome": "TARGET_LOST"}
+    assert [str(v) for v in violations(made, expect)] == [
+        "servo_rms_px is 5, expected at most 4",
+        "settle_s is inf, expected at most 3",
+        "outcome is CONVERGED, expected TARGET_LOST",
+    ]
+
+
+def test_every_measure_is_there_and_finite_or_a_time_that_never_came(steps):
+    made = report(steps)
+    assert [m.name for m in made.measures] == list(MEANINGS)
+    assert all(np.isfinite(m.value) for m in made.measures if m.name != "settle_s")
