@@ -24,7 +24,8 @@ def coefficient_twin(labels, left, top, states, points, cells, root_reference):
     return out
 
 
-def histogram_twin(image, state, half_width, half_height, centres, span_x, span_y, levels, stride):
+def histogram_twin(image, state, half, centres, span, levels, stride):
+    (half_width, half_height), (span_x, span_y) = half, span
     x, y, theta, log_scale = state
     scale, c, s = np.exp(log_scale), np.cos(theta), np.sin(theta)
     rows = np.arange(image.shape[0])
@@ -82,7 +83,7 @@ CASES = [
     (np.array([6.0, 4.0, -2.0, -0.3]), 1),
     (np.array([83.3, 55.1, 0.7, 0.2]), 2),
 ]
-SHAPE = (25.0, 15.0, np.array([[-16.0, -10.0], [0.0, 0.0], [16.0, 10.0]]), 18.0, 11.0, 8)
+SHAPE = ((25.0, 15.0), np.array([[-16.0, -10.0], [0.0, 0.0], [16.0, 10.0]]), (18.0, 11.0), 8)
 
 
 @pytest.mark.parametrize(("state", "stride"), CASES)

@@ -111,10 +111,10 @@ def test_a_large_target_is_read_at_fewer_pixels():
     image = target_image()
     model = KernelModel(image, REGION, TRUE, pixels=500)
     _, every = hot.kernel_histograms(
-        image, TRUE.vector, 30.0, 20.0, np.zeros((1, 2)), 20.0, 40 / 3, 8, 1
+        image, TRUE.vector, (30.0, 20.0), np.zeros((1, 2)), (20.0, 40 / 3), 8, 1
     )
     _, some = hot.kernel_histograms(
-        image, TRUE.vector, 30.0, 20.0, np.zeros((1, 2)), 20.0, 40 / 3, 8, 2
+        image, TRUE.vector, (30.0, 20.0), np.zeros((1, 2)), (20.0, 40 / 3), 8, 2
     )
     assert some[0, 0] == pytest.approx(every[0, 0] / 4, rel=0.02)
     _, totals = model.histograms(image, TRUE.vector)

@@ -16,7 +16,7 @@ from sim.types import Array, Image
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-LABELS = "labels outside the window count as no colour"
+    Weight = tuple[float, float, float, float, float]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -32,8 +32,7 @@ def bhattacharyya_of_cells(
     """Bhattacharyya coefficient of each cell of each state (N, K) with its reference histogram.
 
     Args:
-        labels: Bin of each pixel in a window of the image (h, w); negative: not counted as any
-            colour.
+        labels: Bin of each pixel in a window of the image (h, w); negative: no colour of any bin.
         left, top: Where the window lies in the image [px].
         states: (N, 4).
         points: Template points at which the image is read (P, 2) [px].
@@ -73,14 +72,84 @@ def bhattacharyya_of_cells(
 
 
 @numba.njit(cache=True, nogil=True)
+def _share_between_bins(
+    image: Image, i: int, j: int, levels: int, bins: NDArray[Any], shares: Array
+) -> None:
+    """Write the eight bins (8,) that a pixel is shared between, and its trilinear shares (8,)."""
+    for corner in range(8):
+        bins[corner], shares[corner] = 0, 1.0
+    for channel in range(3):
+        # Bin centres lie at (b + 0.5) * 256 / levels; colours beyond the last one stay in it.
+        level = (image[i, j, channel] + 0.5) * levels / 256.0 - 0.5
+        level = min(max(level, 0.0), levels - 1.0)
+        low = min(int(level), levels - 2)
+        part = level - low
+        for corner in range(8):
+            up = (corner >> channel) & 1
+            bins[corner] = bins[corner] * levels + low + up
+            shares[corner] *= part if up else 1.0 - part
+
+
+@numba.njit(cache=True, nogil=True)
+def _cover(
+    rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
+) -> Weight:
+    """How much of a pixel at r the template covers, and d cover / d(x, y, theta, ln scale).
+
+    With a hard rim the objective would have a step, and a false minimum, wherever a pixel's centre
+    crosses it.
+    """
+    in_x, in_y = scale * (half_width - abs(rx)) + 0.5, scale * (half_height - abs(ry)) + 0.5
+    if in_x <= 0.0 or in_y <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    cover_x, cover_y = min(in_x, 1.0), min(in_y, 1.0)
+    slope_x = np.sign(rx) * cover_y if in_x < 1.0 else 0.0
+    slope_y = np.sign(ry) * cover_x if in_y < 1.0 else 0.0
+    d_x, d_y = slope_x * c - slope_y * s, slope_x * s + slope_y * c
+    d_theta = scale * (slope_y * rx - slope_x * ry)
+    d_scale = scale * (abs(slope_x) * half_width + abs(slope_y) * half_height)
+    return cover_x * cover_y, d_x, d_y, d_theta, d_scale
+
+
+@numba.njit(cache=True, nogil=True)
+def _weigh(
+    rx: float,
+    ry: float,
+    cover: Weight,
+    value: float,
+    gx: float,
+    gy: float,
+    scale: float,
+    c: float,
+    s: float,
+) -> Weight:
+    """k and dk/d(x, y, theta, ln scale) of a pixel at r with kernel value k and gradient dk/dr."""
+    return (
+        value * cover[0],
+        value * cover[1] - cover[0] * (gx * c - gy * s) / scale,
+        value * cover[2] - cover[0] * (gx * s + gy * c) / scale,
+        value * cover[3] + cover[0] * (gx * ry - gy * rx),
+        value * cover[4] - cover[0] * (gx * rx + gy * ry),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _add(row: Array, share: float, weight: Weight) -> None:
+    """Add a share of a weight to a row (5,)."""
+    row[0] += share * weight[0]
+    row[1] += share * weight[1]
+    row[2] += share * weight[2]
+    row[3] += share * weight[3]
+    row[4] += share * weight[4]
+
+
+@numba.njit(cache=True, nogil=True)
 def kernel_histograms(
     image: Image,
     state: Array,
-    half_width: float,
-    half_height: float,
+    half: tuple[float, float],
     centres: Array,
-    span_x: float,
-    span_y: float,
+    span: tuple[float, float],
     levels: int,
     stride: int,
 ) -> tuple[Array, Array]:
@@ -89,9 +158,9 @@ def kernel_histograms(
     Args:
         image: RGB (H, W, 3).
         state: (4,).
-        half_width, half_height: The template; a pixel outside it is not seen by any kernel [px].
+        half: Half width and height of the template; no kernel sees a pixel outside it [px].
         centres: Kernel centres in the template (K, 2) [px].
-        span_x, span_y: Half axes of the kernels' elliptic support [px].
+        span: Half axes of the kernels' elliptic support [px].
         levels: Bins per colour channel; each pixel is shared trilinearly between its neighbours.
         stride: Every stride-th pixel and line is read.
 
@@ -99,77 +168,34 @@ def kernel_histograms(
         sums (K, B, 5): for each kernel and bin the sum of k and of dk/d(x, y, theta, ln scale).
         totals (K, 5): the same over all bins.
     """
-    height, width = image.shape[:2]
-    n_kernels = len(centres)
-    sums = np.zeros((n_kernels, levels**3, 5))
-    totals = np.zeros((n_kernels, 5))
+    sums, totals = np.zeros((len(centres), levels**3, 5)), np.zeros((len(centres), 5))
     scale = np.exp(state[3])
     c, s = np.cos(state[2]), np.sin(state[2])
-    reach_x = scale * (abs(c) * half_width + abs(s) * half_height) + 1.0
-    reach_y = scale * (abs(s) * half_width + abs(c) * half_height) + 1.0
-    first_i, last_i = max(0, int(state[1] - reach_y)), min(height, int(state[1] + reach_y) + 1)
-    first_j, last_j = max(0, int(state[0] - reach_x)), min(width, int(state[0] + reach_x) + 1)
-    bins = np.empty(8, np.int64)
-    shares = np.empty(8)
-    low = np.empty(3, np.int64)
-    part = np.empty(3)
+    reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + 1.0
+    reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + 1.0
+    first_i, last_i = max(0, int(state[1] - reach_y)), min(len(image), int(state[1] + reach_y) + 1)
+    first_j = max(0, int(state[0] - reach_x))
+    last_j = min(image.shape[1], int(state[0] + reach_x) + 1)
+    bins, shares = np.empty(8, np.int64), np.empty(8)
     for i in range(first_i, last_i, stride):
         for j in range(first_j, last_j, stride):
             dx, dy = j + 0.5 - state[0], i + 0.5 - state[1]
             rx, ry = (c * dx + s * dy) / scale, (-s * dx + c * dy) / scale
-            # A pixel counts by how much of it the template covers. With a hard rim the objective
-            # would have a step, and a false minimum, wherever a pixel's centre crosses it.
-            in_x, in_y = scale * (half_width - abs(rx)) + 0.5, scale * (half_height - abs(ry)) + 0.5
-            if in_x <= 0.0 or in_y <= 0.0:
+            cover = _cover(rx, ry, half[0], half[1], scale, c, s)
+            if cover[0] == 0.0:
                 continue
-            cover_x, cover_y = min(in_x, 1.0), min(in_y, 1.0)
-            slope_x = np.sign(rx) * cover_y if in_x < 1.0 else 0.0
-            slope_y = np.sign(ry) * cover_x if in_y < 1.0 else 0.0
-            cover = cover_x * cover_y
-            m_x = slope_x * c - slope_y * s
-            m_y = slope_x * s + slope_y * c
-            m_theta = scale * (slope_y * rx - slope_x * ry)
-            m_scale = scale * (abs(slope_x) * half_width + abs(slope_y) * half_height)
-            for channel in range(3):
-                # Bin centres lie at (b + 0.5) * 256 / levels; colours beyond the last one stay in
-                # it.
-                level = (image[i, j, channel] + 0.5) * levels / 256.0 - 0.5
-                level = min(max(level, 0.0), levels - 1.0)
-                low[channel] = min(int(level), levels - 2)
-                part[channel] = level - low[channel]
-            for corner in range(8):
-                label, share = 0, 1.0
-                for channel in range(3):
-                    up = (corner >> channel) & 1
-                    label = label * levels + low[channel] + up
-                    share *= part[channel] if up else 1.0 - part[channel]
-                bins[corner] = label
-                shares[corner] = share
-            for k in range(n_kernels):
-                ax, ay = (rx - centres[k, 0]) / span_x, (ry - centres[k, 1]) / span_y
+            _share_between_bins(image, i, j, levels, bins, shares)
+            for k in range(len(centres)):
+                ax, ay = (rx - centres[k, 0]) / span[0], (ry - centres[k, 1]) / span[1]
                 value = 1.0 - ax * ax - ay * ay
                 if value <= 0.0:
                     continue
-                gx, gy = -2.0 * ax / span_x, -2.0 * ay / span_y
-                d_x = value * m_x - cover * (gx * c - gy * s) / scale
-                d_y = value * m_y - cover * (gx * s + gy * c) / scale
-                d_theta = value * m_theta + cover * (gx * ry - gy * rx)
-                d_scale = value * m_scale - cover * (gx * rx + gy * ry)
-                value *= cover
+                gx, gy = -2.0 * ax / span[0], -2.0 * ay / span[1]
+                weight = _weigh(rx, ry, cover, value, gx, gy, scale, c, s)
+                _add(totals[k], 1.0, weight)
                 for corner in range(8):
-                    share = shares[corner]
-                    if share > 0.0:
-                        row = sums[k, bins[corner]]
-                        row[0] += share * value
-                        row[1] += share * d_x
-                        row[2] += share * d_y
-                        row[3] += share * d_theta
-                        row[4] += share * d_scale
-                totals[k, 0] += value
-                totals[k, 1] += d_x
-                totals[k, 2] += d_y
-                totals[k, 3] += d_theta
-                totals[k, 4] += d_scale
+                    if shares[corner] > 0.0:
+                        _add(sums[k, bins[corner]], shares[corner], weight)
     return sums, totals
 
 

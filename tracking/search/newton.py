@@ -107,7 +107,7 @@ class KernelModel:
         area = self._area * float(np.exp(2 * x[3]))
         stride = max(1, int(np.sqrt(area / self._pixels)))
         return hot.kernel_histograms(
-            image, x, *self._half, self._centres, *self._span, self._levels, stride
+            image, x, self._half, self._centres, self._span, self._levels, stride
         )
 
     def linearise(self, image: Image, x: Array) -> Linearisation:
