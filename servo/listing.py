@@ -48,19 +48,19 @@ def show_kind(kind: str) -> None:
         table = Table(box=None, pad_edge=False)
         for title in ("setting", "default", "meaning"):
             table.add_column(title)
-        _add_settings(table, section, config)
+        _add_settings(table, section, config())
         console.print(table)
 
 
-def _add_settings(table: Table, prefix: str, config: type[Any]) -> None:
-    docs = plugins.field_docs(config)
-    for f in dataclasses.fields(config):
-        factory = f.default_factory
-        if factory is not dataclasses.MISSING and dataclasses.is_dataclass(factory):
-            _add_settings(table, f"{prefix}.{f.name}", factory)  # type: ignore[arg-type]
+def _add_settings(table: Table, prefix: str, settings: Any) -> None:
+    docs = plugins.field_docs(type(settings))
+    for f in dataclasses.fields(settings):
+        value = getattr(settings, f.name)
+        if dataclasses.is_dataclass(value):
+            _add_settings(table, f"{prefix}.{f.name}", value)
         else:
-            default = getattr(f.default, "value", f.default)
-            table.add_row(f"{prefix}.{f.name}", escape(str(default)), escape(docs[f.name]))
+            shown = escape(str(getattr(value, "value", value)))
+            table.add_row(f"{prefix}.{f.name}", shown, escape(docs[f.name]))
 
 
 def _sentence(name: str) -> str:

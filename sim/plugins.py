@@ -12,6 +12,7 @@ import dataclasses
 import importlib
 import importlib.util
 import inspect
+import itertools
 import pkgutil
 from pathlib import Path
 from typing import Any, cast
@@ -49,13 +50,13 @@ def summary(folder: str, kind: str) -> str:
 
 def field_docs(config: type[Any]) -> dict[str, str]:
     """The docstring under each field of a dataclass, by field name."""
-    body = cast(ast.ClassDef, ast.parse(inspect.getsource(config)).body[0])
     docs: dict[str, str] = {}
-    for node, after in zip(body.body, body.body[1:], strict=False):
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            match after:
-                case ast.Expr(ast.Constant(str() as text)):
-                    docs[node.target.id] = " ".join(text.split())
+    for base in reversed(config.__mro__[:-1]):
+        body = cast(ast.ClassDef, ast.parse(inspect.getsource(base)).body[0]).body
+        for node, after in itertools.pairwise(body):
+            match node, after:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str() as text)):
+                    docs[name] = " ".join(text.split())
                 case _:
                     pass
     return {f.name: docs.get(f.name, "") for f in dataclasses.fields(config)}

@@ -8,7 +8,9 @@ import sys
 import pytest
 
 from servo import cli, commands
+from sim import plugins
 
+TRACKERS = ", ".join(plugins.kinds("tracking.trackers"))
 QUICK = ["--set", "run.duration=0.2", "--set", "expect={}", "--quiet", "--no-rerun"]
 
 
@@ -39,7 +41,7 @@ BAD = {
     ),
     "unknown kind": (
         ["run", "still", "--set", "tracker.kind=magic"],
-        "still.toml: tracker.kind: there is no kind 'magic'; there is frozen, pf_ssd",
+        f"still.toml: tracker.kind: there is no kind 'magic'; there is {TRACKERS}",
     ),
     "a rate that does not divide": (
         ["run", "still", "--set", "camera.rate=7"],
@@ -73,8 +75,8 @@ BAD = {
     ),
     "a kind that does not exist": (
         ["list", "magic"],
-        "there is no kind 'magic'; there is circle, line, reversal, sine, still, wander, frozen, "
-        "pf_ssd, difference, kalman_ca, kalman_cv, none, hold, ibvs, board, brightness",
+        "there is no kind 'magic'; there is circle, line, reversal, sine, still, wander, "
+        f"{TRACKERS}, difference, kalman_ca, kalman_cv, none, hold, ibvs, board, brightness",
     ),
     "a folder that is full": (
         ["run", "still", "--out", "full"],

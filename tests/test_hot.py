@@ -3,24 +3,27 @@
 import numpy as np
 import pytest
 
-from tracking import hot
+from tracking.hot import kernels as hot
+from tracking.hot import sampled
 
 RNG = np.random.default_rng(5)
 
 
-def coefficient_twin(labels, left, top, states, points, cells, root_reference):
-    out = np.zeros((len(states), len(root_reference)))
+def coefficient_twin(window, states, points, parts, weights, root_q):
+    labels, left, top = window
+    out = np.zeros((len(states), len(root_q)))
     for n, (x, y, theta, log_scale) in enumerate(states):
         c, s = np.exp(log_scale) * np.cos(theta), np.exp(log_scale) * np.sin(theta)
         u = x - left + c * points[:, 0] - s * points[:, 1]
         v = y - top + s * points[:, 0] + c * points[:, 1]
         inside = (u >= 0) & (v >= 0) & (u < labels.shape[1]) & (v < labels.shape[0])
-        for k in range(len(root_reference)):
-            seen = labels[
-                v[inside & (cells == k)].astype(int), u[inside & (cells == k)].astype(int)
-            ]
-            histogram = np.bincount(seen[seen >= 0], minlength=root_reference.shape[1])
-            out[n, k] = np.sum(root_reference[k] * np.sqrt(histogram / np.sum(cells == k)))
+        for k in range(len(root_q)):
+            of_part = inside & (parts == k)
+            seen = labels[v[of_part].astype(int), u[of_part].astype(int)]
+            histogram = np.bincount(
+                seen[seen >= 0], weights[of_part][seen >= 0], minlength=root_q.shape[1]
+            )
+            out[n, k] = np.sum(root_q[k] * np.sqrt(histogram))
     return out
 
 
@@ -58,7 +61,7 @@ def histogram_twin(image, state, half, centres, span, levels, stride):
     return sums
 
 
-def test_coefficients_agree_with_numpy():
+def sampled_case():
     labels = RNG.integers(-1, 16, (40, 50)).astype(np.int16)
     states = np.column_stack(
         [
@@ -68,13 +71,32 @@ def test_coefficients_agree_with_numpy():
             RNG.normal(0, 0.3, 20),
         ]
     )
-    points = RNG.uniform(-12, 12, (90, 2))
-    cells = RNG.integers(0, 3, 90)
-    root = np.sqrt(RNG.dirichlet(np.ones(16), 3))
-    args = (labels, 7, 5, states, points, cells, root)
-    np.testing.assert_allclose(
-        hot.bhattacharyya_of_cells(*args), coefficient_twin(*args), rtol=0, atol=1e-13
+    points, parts = RNG.uniform(-12, 12, (90, 2)), RNG.integers(0, 3, 90)
+    return (
+        (labels, 7, 5),
+        states,
+        points,
+        parts,
+        RNG.random(90),
+        np.sqrt(RNG.dirichlet(np.ones(16), 3)),
     )
+
+
+def test_coefficients_agree_with_numpy():
+    case = sampled_case()
+    np.testing.assert_allclose(
+        sampled.coefficients(*case), coefficient_twin(*case), rtol=0, atol=1e-13
+    )
+
+
+def test_mean_shift_reports_the_coefficients_of_where_it_ends():
+    window, states, points, _, weights, root = sampled_case()
+    ends, rho, _ = sampled.mean_shift(window, states, points, weights, root[:1], 15, 0.1)
+    parts = np.zeros(len(points), np.int64)
+    again = coefficient_twin(window, ends, points, parts, weights, root[:1])[:, 0]
+    before = coefficient_twin(window, states, points, parts, weights, root[:1])[:, 0]
+    np.testing.assert_allclose(rho, again, atol=1e-12)
+    assert np.all(rho >= before - 1e-12)
 
 
 CASES = [

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking import hot
+from tracking.hot import kernels as hot
 from tracking.search.newton import FLOOR, UNITS, KernelModel
 from tracking.types import Region, State
 

@@ -3,6 +3,7 @@ import pytest
 from servo import scenario as s
 from servo.measures import check_expect
 from servo.parsing import Mistake
+from sim import plugins
 from tracking.trackers import pf_ssd
 
 
@@ -18,6 +19,7 @@ def written(tmp_path, text):
     return str(path)
 
 
+TRACKERS = ", ".join(plugins.kinds("tracking.trackers"))
 SHIPPED = "circle, line, occlusion, reversal, reversal_5hz, sine, still, wander"
 
 BAD = {
@@ -56,7 +58,7 @@ BAD = {
     ),
     "unknown kind": (
         '[tracker]\nkind = "csrt"\n',
-        "mine.toml: tracker.kind: there is no kind 'csrt'; there is frozen, pf_ssd",
+        f"mine.toml: tracker.kind: there is no kind 'csrt'; there is {TRACKERS}",
     ),
     "a table that is none": (
         "camera = 3\n",

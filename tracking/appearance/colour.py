@@ -5,32 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.types import Array, Image
-
-Labels = NDArray[np.int16]
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """A rectangle of whole pixels inside an image."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
-
-    @staticmethod
-    def around(states: Array, radius: float, image: Image) -> Window:
-        """The part of the image within a radius (at scale 1) of any of the states (N, 4)."""
-        reach = radius * np.exp(states[:, 3])
-        height, width = image.shape[:2]
-        left = np.clip(np.floor(np.min(states[:, 0] - reach)), 0, width)
-        right = np.clip(np.ceil(np.max(states[:, 0] + reach)), 0, width)
-        top = np.clip(np.floor(np.min(states[:, 1] - reach)), 0, height)
-        bottom = np.clip(np.ceil(np.max(states[:, 1] + reach)), 0, height)
-        return Window(int(left), int(top), int(right), int(bottom))
+from sim.types import Image
+from tracking.appearance.bins import Labels, Window
 
 
 @dataclass(frozen=True, slots=True)

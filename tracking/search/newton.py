@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.types import Array, Image
-from tracking import hot
+from tracking.hot import kernels as hot
 from tracking.types import Region, State
 
 FLOOR = 1e-3

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.types import Array
 from tracking.search import sampling
-from tracking.types import Region, State
+from tracking.types import Estimate, Region, State, Status
 
 
 class ParticleFilter:
@@ -63,6 +63,22 @@ class ParticleFilter:
         """Samples and weights as (N, 5): x, y, theta, scale, weight."""
         scale = np.exp(self.samples[:, 3:])
         return np.hstack([self.samples[:, :3], scale, self.weights[:, None]])
+
+    def best(self) -> State:
+        """The sample with the largest weight."""
+        return State.of(self.samples[int(np.argmax(self.weights))])
+
+    def estimate(self, state: State, distance: float, status: Status, evaluations: int) -> Estimate:
+        """What a filter that found this state says about the frame."""
+        return Estimate(
+            state=state,
+            covariance=self.covariance(),
+            distance=distance,
+            status=status,
+            ess=self.ess(),
+            evaluations=evaluations,
+            particles=self.cloud(),
+        )
 
     def resample(self) -> None:
         """Draw the samples anew, as often as their weights say."""

@@ -18,8 +18,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.types import Array, Frame
-from tracking.appearance.cells import CellModel
 from tracking.appearance.colour import ColourBins
+from tracking.appearance.sampled import cell_model
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
@@ -88,7 +88,7 @@ class PfSsd:
         check_region(frame, region, state)
         c, image = self._config, frame.image
         self._size = float(np.sqrt(region.area(state)))
-        self._cells = CellModel(
+        self._cells = cell_model(
             image, region, state, ColourBins(c.levels),
             per_side=c.cells, density=c.density, contrast=c.contrast, ring_width=c.ring,
         )  # fmt: skip
@@ -112,15 +112,8 @@ class PfSsd:
         descended = self._descend(frame, proposed)
         self._status = self._lock.judge(descended.distance, frame.time)
         state = descended.state if self._status is Status.LOCKED else proposed
-        estimate = Estimate(
-            state=state,
-            covariance=self._filter.covariance(),
-            distance=descended.distance,
-            status=self._status,
-            ess=self._filter.ess(),
-            evaluations=len(self._filter.samples) + descended.evaluations,
-            particles=self._filter.cloud(),
-        )
+        evaluations = len(self._filter.samples) + descended.evaluations
+        estimate = self._filter.estimate(state, descended.distance, self._status, evaluations)
         self._filter.resample()
         self._learn_motion(state, proposed)
         return estimate

@@ -1,4 +1,4 @@
-"""The compiled loops, and nothing else: each has a plain NumPy twin in tests/test_hot.py.
+"""Compiled: whole pixels under Epanechnikov kernels, as the SSD descent needs them.
 
 A state is (x, y, theta, ln scale); f_x takes an image point l to the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
@@ -17,58 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Weight = tuple[float, float, float, float, float]
-
-
-@numba.njit(cache=True, nogil=True)
-def bhattacharyya_of_cells(
-    labels: NDArray[Any],
-    left: int,
-    top: int,
-    states: Array,
-    points: Array,
-    cells: NDArray[Any],
-    root_reference: Array,
-) -> Array:
-    """Bhattacharyya coefficient of each cell of each state (N, K) with its reference histogram.
-
-    Args:
-        labels: Bin of each pixel in a window of the image (h, w); negative: no colour of any bin.
-        left, top: Where the window lies in the image [px].
-        states: (N, 4).
-        points: Template points at which the image is read (P, 2) [px].
-        cells: Cell of each point (P,), 0..K-1.
-        root_reference: Square roots of the reference histograms (K, B).
-    """
-    h, w = labels.shape
-    n_states, n_points = len(states), len(points)
-    n_cells, n_bins = root_reference.shape
-    counts = np.zeros((n_cells, n_bins), np.int64)
-    touched = np.empty(n_points, np.int64)
-    rho = np.zeros((n_states, n_cells))
-    in_cell = np.zeros(n_cells)
-    for p in range(n_points):
-        in_cell[cells[p]] += 1.0
-    for n in range(n_states):
-        scale = np.exp(states[n, 3])
-        c, s = scale * np.cos(states[n, 2]), scale * np.sin(states[n, 2])
-        x0, y0 = states[n, 0] - left, states[n, 1] - top
-        for p in range(n_points):
-            touched[p] = -1
-            u = x0 + c * points[p, 0] - s * points[p, 1]
-            v = y0 + s * points[p, 0] + c * points[p, 1]
-            if 0.0 <= u < w and 0.0 <= v < h:
-                label = labels[int(v), int(u)]
-                if label >= 0:
-                    touched[p] = label
-                    counts[cells[p], label] += 1
-        for p in range(n_points):
-            label = touched[p]
-            if label >= 0:
-                k = cells[p]
-                if counts[k, label] > 0:
-                    rho[n, k] += root_reference[k, label] * np.sqrt(counts[k, label] / in_cell[k])
-                    counts[k, label] = 0
-    return rho
 
 
 @numba.njit(cache=True, nogil=True)

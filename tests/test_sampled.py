@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.cells import CellModel, grid, histograms, ring
-from tracking.appearance.colour import ColourBins, Window
+from tracking.appearance.bins import Window
+from tracking.appearance.colour import ColourBins
+from tracking.appearance.sampled import cell_model, disc, disc_model, grid, histograms, ring
 from tracking.types import Region, State
 
 REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)
@@ -10,7 +11,7 @@ REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)
 
 def model(image, **changes):
     settings = {"per_side": 3, "density": 5, "contrast": 0.0, "ring_width": 0.4} | changes
-    return CellModel(image, REGION, TRUE, ColourBins(), **settings)
+    return cell_model(image, REGION, TRUE, ColourBins(), **settings)
 
 
 def test_bins_are_the_leading_bits_of_red_green_blue():
@@ -56,7 +57,7 @@ def test_distance_is_least_at_the_true_state(smooth_image):
         (0, 0, 0, -0.15),
     ]
     states = TRUE.vector + np.array(away)
-    distances, _ = cells.distances(smooth_image, states)
+    distances = cells.distances(smooth_image, states)
     assert distances.argmin() == 0
     assert distances[0] < 0.3  # 25 points a cell against 400 in the reference: not 0
 
@@ -66,12 +67,12 @@ def test_distance_is_the_root_mean_over_the_parts(smooth_image):
     reference = histograms(smooth_image, ColourBins(), grid(REGION, 3, 20), TRUE)
     seen = histograms(smooth_image, ColourBins(), grid(REGION, 3, 5), state)
     rho = np.sqrt(reference * seen).sum(axis=1)
-    distances, _ = cells.distances(smooth_image, state.vector[None])
+    distances = cells.distances(smooth_image, state.vector[None])
     assert distances[0] == pytest.approx(np.sqrt(1 - rho.mean()), rel=1e-12)
 
 
 def test_what_lies_off_the_image_does_not_look_like_the_target(smooth_image):
-    distances, _ = model(smooth_image).distances(smooth_image, np.array([[-80.0, -80.0, 0.0, 0.0]]))
+    distances = model(smooth_image).distances(smooth_image, np.array([[-80.0, -80.0, 0.0, 0.0]]))
     assert distances[0] == 1.0
 
 
@@ -81,7 +82,7 @@ def test_contrast_makes_a_shrunken_box_worse():
     region, true = Region(60.0, 40.0), State(80.0, 60.0)
     small = np.array([true.vector, true.vector + [0, 0, 0, -0.2]])
     energies = [
-        CellModel(
+        cell_model(
             image, region, true, ColourBins(), per_side=3, density=5, contrast=c, ring_width=0.4
         ).energy(image, small)
         for c in (0.0, 0.5)
@@ -91,7 +92,44 @@ def test_contrast_makes_a_shrunken_box_worse():
     assert energies[1][1] - energies[1][0] > 0.2
 
 
-def test_every_state_counts_as_an_evaluation(smooth_image):
-    cells = model(smooth_image)
-    cells.distances(smooth_image, np.tile(TRUE.vector, (7, 1)))
-    assert cells.evaluations == 7
+def test_disc_has_an_epanechnikov_kernel_that_sums_to_one():
+    layout = disc(REGION, 30)
+    r2 = (layout.points[:, 0] / 21) ** 2 + (layout.points[:, 1] / 12) ** 2
+    assert layout.weights.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(layout.weights / layout.weights.max(), (1 - r2) / (1 - r2).max())
+
+
+def test_mean_shift_climbs_to_the_target_and_never_down(smooth_image):
+    model = disc_model(smooth_image, REGION, TRUE, ColourBins(), density=24)
+    starts = TRUE.vector + np.array([(4, 0, 0, 0), (-3, 3, 0, 0), (0, -4, 0, 0)])
+    ends, distances, evaluations = model.climb(
+        smooth_image, starts, most=30, tolerance=0.05, reach=20.0
+    )
+    assert np.all(distances <= model.distances(smooth_image, starts))
+    # The likeness of hard bins is flat to about a pixel around its mode.
+    np.testing.assert_allclose(ends[:, :2], [[80, 60]] * 3, atol=1.5)
+    np.testing.assert_array_equal(ends[:, 2:], starts[:, 2:])
+    assert 3 * 2 <= evaluations <= 3 * 30
+
+
+def test_one_mean_shift_step_is_the_weighted_mean(smooth_image):
+    layout, state = disc(REGION, 24), State(83.0, 61.0, 0.3, 1.0)
+    q = histograms(smooth_image, ColourBins(), disc(REGION, 96), TRUE)[0]
+    p = histograms(smooth_image, ColourBins(), layout, state)[0]
+    c, s = np.cos(0.3), np.sin(0.3)
+    at = layout.points @ np.array([[c, s], [-s, c]]) + (83.0, 61.0)
+    labels = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
+    seen = labels[at[:, 1].astype(int), at[:, 0].astype(int)]
+    w = np.sqrt(q[seen] / p[seen])
+    model = disc_model(smooth_image, REGION, TRUE, ColourBins(), density=24)
+    ends, _, _ = model.climb(smooth_image, state.vector[None], most=2, tolerance=0.0, reach=20.0)
+    np.testing.assert_allclose(ends[0, :2], w @ at / w.sum(), atol=1e-9)
+
+
+def test_weighting_target_and_candidate_alike_leaves_the_step_as_it_is():
+    """Background weights on both histograms cancel in sqrt(q/p) (Ning, Zhang, Zhang, Wu 2012)."""
+    rng = np.random.default_rng(0)
+    q, p, v = rng.dirichlet(np.ones(20)), rng.dirichlet(np.ones(20)), rng.random(20)
+    plain = np.sqrt(q / p)
+    weighted = np.sqrt((v * q / (v * q).sum()) / (v * p / (v * p).sum()))
+    np.testing.assert_allclose(weighted / plain, (weighted / plain)[0])

@@ -1,0 +1,160 @@
+"""Compiled: histograms at a fixed set of template points that every state carries along.
+
+A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
+the image; the pixel there has the label of its bin, or a negative one if it counts as no bin.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+
+from sim.types import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Window = tuple[NDArray[Any], int, int]
+    """Labels (h, w) of a part of the image, and its left and top [px]."""
+
+
+@numba.njit(cache=True, nogil=True)
+def _read(
+    window: Window,
+    state: Array,
+    points: Array,
+    parts: NDArray[Any],
+    weights: Array,
+    histogram: Array,
+    seen: NDArray[Any],
+) -> None:
+    """Add the points' weights to the histogram (K, B); write the label each point sees (P,)."""
+    labels, left, top = window
+    h, w = labels.shape
+    scale = np.exp(state[3])
+    c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
+    x0, y0 = state[0] - left, state[1] - top
+    for p in range(len(points)):
+        seen[p] = -1
+        u = x0 + c * points[p, 0] - s * points[p, 1]
+        v = y0 + s * points[p, 0] + c * points[p, 1]
+        if 0.0 <= u < w and 0.0 <= v < h:
+            label = labels[int(v), int(u)]
+            if label >= 0:
+                seen[p] = label
+                histogram[parts[p], label] += weights[p]
+
+
+@numba.njit(cache=True, nogil=True)
+def coefficients(
+    window: Window, states: Array, points: Array, parts: NDArray[Any], weights: Array, root_q: Array
+) -> Array:
+    """Bhattacharyya coefficient of each part of each state (N, K) with its reference histogram.
+
+    Args:
+        window: Labels, left, top.
+        states: (N, 4).
+        points: Template points (P, 2) [px].
+        parts: Part of each point (P,), 0..K-1.
+        weights: Kernel weight of each point (P,), summing to 1 over a part.
+        root_q: Square roots of the reference histograms (K, B).
+    """
+    rho = np.zeros((len(states), len(root_q)))
+    histogram, seen = np.zeros(root_q.shape), np.empty(len(points), np.int64)
+    for n in range(len(states)):
+        _read(window, states[n], points, parts, weights, histogram, seen)
+        for p in range(len(points)):
+            if seen[p] >= 0:
+                mass = histogram[parts[p], seen[p]]
+                if (
+                    mass > 0.0
+                ):  # the first of the points that share this bin counts it, and clears it
+                    rho[n, parts[p]] += root_q[parts[p], seen[p]] * np.sqrt(mass)
+                    histogram[parts[p], seen[p]] = 0.0
+    return rho
+
+
+@numba.njit(cache=True, nogil=True)
+def _mean_shift_step(
+    window: Window,
+    state: Array,
+    points: Array,
+    parts: NDArray[Any],
+    weights: Array,
+    root_q: Array,
+    histogram: Array,
+    seen: NDArray[Any],
+) -> tuple[float, float, float]:
+    """Coefficient at a state, and the mean-shift vector in the image [px]."""
+    _read(window, state, points, parts, weights, histogram, seen)
+    mass = shift_x = shift_y = rho = 0.0
+    for p in range(len(points)):
+        if seen[p] >= 0:
+            found = histogram[0, seen[p]]
+            pull = root_q[0, seen[p]] / np.sqrt(found)
+            mass += pull
+            shift_x += pull * points[p, 0]
+            shift_y += pull * points[p, 1]
+            rho += root_q[0, seen[p]] * weights[p] / np.sqrt(found)
+    for p in range(len(points)):
+        if seen[p] >= 0:
+            histogram[0, seen[p]] = 0.0
+    if mass == 0.0:
+        return 0.0, 0.0, 0.0
+    scale = np.exp(state[3])
+    c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
+    shift_x, shift_y = shift_x / mass, shift_y / mass
+    return rho, c * shift_x - s * shift_y, s * shift_x + c * shift_y
+
+
+@numba.njit(cache=True, nogil=True)
+def mean_shift(
+    window: Window,
+    states: Array,
+    points: Array,
+    weights: Array,
+    root_q: Array,
+    most: int,
+    tolerance: float,
+) -> tuple[Array, Array, int]:
+    """Move each state (N, 4) to the nearest mode of the likeness to one reference histogram.
+
+    Args:
+        window: Labels, left, top.
+        states: Where to begin.
+        points: Template points under an Epanechnikov kernel (P, 2) [px].
+        weights: Their kernel weights (P,), summing to 1.
+        root_q: Square roots of the reference histogram (1, B).
+        most: Largest number of histograms read for a state.
+        tolerance: A shorter shift ends the search [px].
+
+    Returns:
+        states (N, 4), their coefficients (N,), and how many histograms were read.
+    """
+    found, rho, evaluations = states.copy(), np.zeros(len(states)), 0
+    parts = np.zeros(len(points), np.int64)
+    histogram, seen = np.zeros(root_q.shape), np.empty(len(points), np.int64)
+    for n in range(len(states)):
+        here = found[n]
+        rho[n], dx, dy = _mean_shift_step(
+            window, here, points, parts, weights, root_q, histogram, seen
+        )
+        evaluations += 1
+        left = most - 1
+        while left > 0 and dx * dx + dy * dy > tolerance * tolerance:
+            there = here.copy()
+            there[0] += dx
+            there[1] += dy
+            better, next_x, next_y = _mean_shift_step(
+                window, there, points, parts, weights, root_q, histogram, seen
+            )
+            evaluations += 1
+            left -= 1
+            if better < rho[n]:  # the safeguard: half the step (Comaniciu, Ramesh, Meer 2003)
+                dx, dy = dx / 2, dy / 2
+                continue
+            here[0], here[1] = there[0], there[1]
+            rho[n], dx, dy = better, next_x, next_y
+    return found, rho, evaluations

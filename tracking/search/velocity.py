@@ -1,0 +1,29 @@
+"""Constant velocity: how the target moved from frame to frame, remembered."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.types import Array
+from tracking.types import State
+
+
+class Velocity:
+    """An exponential mean of the state's change per frame."""
+
+    def __init__(self, state: State, memory: float) -> None:
+        """Begin at rest.
+
+        Args:
+            state: Where the target is.
+            memory: Share of the old velocity that the new one keeps; 1: always at rest.
+        """
+        self._last, self._memory = state.vector, memory
+        self.value = np.zeros(4)
+
+    def learn(self, state: State, *, seen: bool) -> None:
+        """Take the next state; the velocity of a target that is not seen stays."""
+        if seen:
+            moved: Array = state.vector - self._last
+            self.value = self._memory * self.value + (1 - self._memory) * moved
+        self._last = state.vector

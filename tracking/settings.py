@@ -1,0 +1,54 @@
+"""Settings that several trackers share; a tracker's own `Config` adds to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from tracking.lock import LockConfig
+
+
+@dataclass(frozen=True, slots=True)
+class DiscSettings:
+    """One histogram of the target under an Epanechnikov kernel."""
+
+    levels: Annotated[int, Ge(2), Le(32)] = 8
+    """Colour bins a channel: a power of two."""
+    density: Annotated[int, Ge(2), Le(256)] = 16
+    """Points along the kernel's diameter at which the image is read."""
+    lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.5, cap=0.7))
+    """When the target counts as hidden or lost; a hard-binned distance is never near 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftSettings(DiscSettings):
+    """Mean shift on one histogram."""
+
+    steps: Annotated[int, Ge(1), Le(1000)] = 20
+    """Most histograms read in one climb."""
+    tolerance: Annotated[float, Gt(0)] = 0.2
+    """A shorter shift ends the climb [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloudSettings(DiscSettings):
+    """A particle filter on one histogram."""
+
+    particles: Annotated[int, Ge(1), Le(100_000)] = 200
+    """Number of particles."""
+    gamma: Annotated[float, Gt(0)] = 50.0
+    """Sharpness of the likelihood exp(-gamma d^2)."""
+    noise: Annotated[float, Ge(0)] = 0.15
+    """Spread of position per frame, over the target's size."""
+    turn_noise: Annotated[float, Ge(0)] = 0.0
+    """Spread of theta per frame [rad]; 0: the tracker does not turn."""
+    scale_noise: Annotated[float, Ge(0)] = 0.0
+    """Spread of ln scale per frame; 0: the tracker keeps its size."""
+    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
+    estimate: Literal["mean", "best"] = "mean"
+    """The weighted mean of the particles, or the best of them."""
+    widen_when_lost: Annotated[float, Ge(1)] = 3.0
+    """Factor on the spread while the target is LOST."""

@@ -1,0 +1,75 @@
+"""What the references made of OpenCV's trackers share: boxes, hue histograms, and a distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from sim.types import Array, Image
+from tracking.lock import LockConfig
+from tracking.types import Region, State
+
+Box = tuple[int, int, int, int]
+"""x, y, width, height of a box without rotation [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class HueSettings:
+    """A hue histogram, as in OpenCV's own examples."""
+
+    bins: Annotated[int, Ge(2), Le(180)] = 16
+    """Number of hue bins."""
+    least_saturation: Annotated[int, Ge(0), Le(255)] = 60
+    """Greyer pixels do not count."""
+    least_value: Annotated[int, Ge(0), Le(255)] = 32
+    """Darker pixels do not count."""
+    steps: Annotated[int, Ge(1), Le(1000)] = 10
+    """Most iterations of mean shift."""
+    lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.4, cap=0.7))
+    """When the target counts as hidden or lost."""
+
+
+def box_of(region: Region, state: State, image: Image) -> Box:
+    """The upright box of a region, inside the image and at least one pixel large."""
+    corners = region.corners(state)
+    height, width = image.shape[:2]
+    low = np.clip(np.floor(corners.min(axis=0)), 0, (width - 1, height - 1)).astype(int)
+    high = np.clip(np.ceil(corners.max(axis=0)), low + 1, (width, height)).astype(int)
+    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
+
+
+class HueModel:
+    """Hue histogram of a box, its back-projection, and the distance of another box."""
+
+    def __init__(self, image: Image, box: Box, settings: HueSettings) -> None:
+        self._settings = settings
+        self._reference = self._histogram(image, box)
+
+    def back_projection(self, image: Image) -> NDArray[np.uint8]:
+        """How likely each pixel is the target's (H, W), 0..255."""
+        hsv, mask = self._hsv(image)
+        scaled = self._reference / max(float(self._reference.max()), 1e-12) * 255
+        histogram = scaled.astype(np.float32)
+        likely = cv2.calcBackProject([hsv], [0], histogram, [0, 180], 1)
+        return cv2.bitwise_and(likely, mask).astype(np.uint8)
+
+    def distance(self, image: Image, box: Box) -> float:
+        """Bhattacharyya distance, 0..1."""
+        rho = float(np.sqrt(self._reference * self._histogram(image, box)).sum())
+        return float(np.sqrt(max(1.0 - rho, 0.0)))
+
+    def _histogram(self, image: Image, box: Box) -> Array:
+        x, y, width, height = box
+        hsv, mask = self._hsv(image[y : y + height, x : x + width])
+        counts = cv2.calcHist([hsv], [0], mask, [self._settings.bins], [0, 180]).ravel()
+        return counts.astype(np.float64) / max(float(counts.sum()), 1.0)
+
+    def _hsv(self, image: Image) -> tuple[Image, NDArray[np.uint8]]:
+        hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV).astype(np.uint8)
+        low = np.array([0, self._settings.least_saturation, self._settings.least_value])
+        return hsv, cv2.inRange(hsv, low, np.array([180, 255, 255])).astype(np.uint8)

@@ -1,0 +1,102 @@
+"""Annealed particle filter on one colour histogram (Deutscher, Blake, Reid 2000)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from sim.types import Array, Frame
+from tracking.appearance.colour import ColourBins
+from tracking.appearance.sampled import disc_model
+from tracking.lock import Lock
+from tracking.search.annealing import Annealing, Schedule, anneal
+from tracking.search.particles import ParticleFilter
+from tracking.search.velocity import Velocity
+from tracking.settings import CloudSettings
+from tracking.types import Estimate, Region, State, Status, check_region
+
+CLIMB_TOLERANCE = 0.5
+"""A particle whose shift is shorter has arrived [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config(CloudSettings):
+    """Particles, histogram, and layers."""
+
+    particles: Annotated[int, Ge(1), Le(100_000)] = 100
+    """Number of particles."""
+    noise: Annotated[float, Ge(0)] = 0.3
+    """Spread of position in the first layer, over the target's size."""
+    velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
+    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
+    layers: Annotated[int, Ge(1), Le(50)] = 5
+    """Number of annealing layers."""
+    schedule: Schedule = Schedule.SURVIVAL
+    """"survival": exponents by the survival rate; "fixed": a geometric series."""
+    survival: Annotated[float, Gt(0), Lt(1)] = 0.5
+    """Share of the particles that survives a layer."""
+    ratio: Annotated[float, Gt(1)] = 2.0
+    """Fixed schedule: each exponent over the one of the layer before."""
+    cooling: Annotated[float, Gt(0), Le(1)] = 0.5
+    """Noise of a layer over the layer before."""
+    climb: Annotated[int, Ge(0), Le(100)] = 0
+    """Mean-shift histograms for each particle in each layer; 0: none (that is `kams`)."""
+
+    def build(self, rng: np.random.Generator) -> Annealed:
+        """The tracker; its samples are drawn from the generator."""
+        return Annealed(self, rng)
+
+
+@final
+class Annealed:
+    """Layers of diffusion, measurement and selection, each sharper than the one before."""
+
+    def __init__(self, config: Config, rng: np.random.Generator) -> None:
+        self._config, self._rng = config, rng
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histogram and put all particles on the target."""
+        check_region(frame, region, state)
+        c = self._config
+        self._model = disc_model(
+            frame.image, region, state, ColourBins(c.levels), density=c.density
+        )
+        self._reach = float(np.sqrt(region.area(state)))
+        noise = (c.noise, c.turn_noise, c.scale_noise)
+        self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
+        self._velocity = Velocity(state, c.velocity_memory)
+        self._lock, self._status = Lock(c.lock), Status.LOCKED
+
+    def update(self, frame: Frame) -> Estimate:
+        """Anneal, estimate, resample."""
+        c = self._config
+        self._evaluations = 0
+
+        def likelihood(cloud: ParticleFilter) -> Array:
+            return -c.gamma * self._measure(frame, cloud) ** 2
+
+        widen = c.widen_when_lost if self._status is Status.LOST else 1.0
+        layers = Annealing(c.layers, c.schedule, c.survival, c.ratio, c.cooling)
+        anneal(self._cloud, self._velocity.value, likelihood, layers, widen)
+        state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
+        distance = float(self._model.distances(frame.image, state.vector[None])[0])
+        self._status = self._lock.judge(distance, frame.time)
+        found = self._cloud.estimate(state, distance, self._status, self._evaluations + 1)
+        self._velocity.learn(state, seen=self._status is Status.LOCKED)
+        self._cloud.resample()
+        return found
+
+    def _measure(self, frame: Frame, cloud: ParticleFilter) -> Array:
+        """Distances (N,) of the particles, which climb to the nearest modes first if they may."""
+        c = self._config
+        if c.climb == 0:
+            self._evaluations += len(cloud.samples)
+            return self._model.distances(frame.image, cloud.samples)
+        cloud.samples, distances, evaluations = self._model.climb(
+            frame.image, cloud.samples, most=c.climb, tolerance=CLIMB_TOLERANCE, reach=self._reach
+        )
+        self._evaluations += evaluations
+        return distances

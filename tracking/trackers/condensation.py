@@ -1,0 +1,64 @@
+"""Condensation: a particle filter on one colour histogram (Isard and Blake 1998; Perez et al.
+2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from sim.types import Frame, Image
+from tracking.appearance.colour import ColourBins
+from tracking.appearance.sampled import SampledModel, disc_model
+from tracking.lock import Lock
+from tracking.search.particles import ParticleFilter
+from tracking.search.velocity import Velocity
+from tracking.settings import CloudSettings
+from tracking.types import Estimate, Region, State, Status, check_region
+
+
+@dataclass(frozen=True, slots=True)
+class Config(CloudSettings):
+    """Particles and histogram."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """How the target looks: one histogram under an Epanechnikov kernel."""
+        return disc_model(image, region, state, ColourBins(self.levels), density=self.density)
+
+    def build(self, rng: np.random.Generator) -> Condensation:
+        """The tracker; its samples are drawn from the generator."""
+        return Condensation(self, rng)
+
+
+@final
+class Condensation:
+    """Select, predict, measure."""
+
+    def __init__(self, config: Config, rng: np.random.Generator) -> None:
+        self._config, self._rng = config, rng
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histogram and put all particles on the target."""
+        check_region(frame, region, state)
+        c = self._config
+        self._model = c.model(frame.image, region, state)
+        noise = (c.noise, c.turn_noise, c.scale_noise)
+        self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
+        self._velocity = Velocity(state, c.velocity_memory)
+        self._lock, self._status = Lock(c.lock), Status.LOCKED
+
+    def update(self, frame: Frame) -> Estimate:
+        """Predict, weigh, estimate, resample."""
+        c, image = self._config, frame.image
+        widen = c.widen_when_lost if self._status is Status.LOST else 1.0
+        self._cloud.predict(self._velocity.value, widen)
+        self._cloud.weigh(-c.gamma * self._model.energy(image, self._cloud.samples))
+        state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
+        distance = float(self._model.distances(image, state.vector[None])[0])
+        self._status = self._lock.judge(distance, frame.time)
+        found = self._cloud.estimate(state, distance, self._status, c.particles + 1)
+        self._velocity.learn(state, seen=self._status is Status.LOCKED)
+        self._cloud.resample()
+        return found

@@ -1,0 +1,63 @@
+"""OpenCV's TrackerMIL (Babenko, Yang, Belongie 2009): a reference, not ours.
+
+It has no confidence of its own; distance and status come from a hue histogram of its box.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from dataclasses import dataclass
+from typing import Any, final
+
+import cv2
+import numpy as np
+
+from sim.types import Frame
+from tracking.lock import Lock
+from tracking.trackers._opencv import HueModel, HueSettings, box_of
+from tracking.types import Estimate, Region, State, check_region
+
+SEED_BITS = 31
+
+
+@dataclass(frozen=True, slots=True)
+class Config(HueSettings):
+    """The histogram that judges; MIL itself keeps OpenCV's settings."""
+
+    def build(self, rng: np.random.Generator) -> CvMil:
+        """The tracker; OpenCV's own random state is seeded from the generator."""
+        return CvMil(self, int(rng.integers(1 << SEED_BITS)))
+
+
+@final
+class CvMil:
+    """A box of fixed size, found by an online boosted classifier."""
+
+    def __init__(self, config: Config, seed: int) -> None:
+        self._config, self._seed = config, seed
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Train the first classifier."""
+        check_region(frame, region, state)
+        cv2.setRNGSeed(self._seed)
+        # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.
+        ctypes.CDLL(None if os.name == "posix" else "msvcrt").srand(self._seed)
+        self._region, self._state, self._lock = region, state, Lock(self._config.lock)
+        box = box_of(region, state, frame.image)
+        self._model = HueModel(frame.image, box, self._config)
+        self._size = frame.image.shape
+        self._mil: Any = cv2.TrackerMIL.create()
+        self._mil.init(np.ascontiguousarray(frame.image), box)
+
+    def update(self, frame: Frame) -> Estimate:
+        """Classify around the last box; a picture of another size cannot be compared."""
+        if frame.image.shape == self._size:
+            found, (x, y, width, height) = self._mil.update(np.ascontiguousarray(frame.image))
+            if found:
+                theta, scale = self._state.theta, self._state.scale
+                self._state = State(x + width / 2, y + height / 2, theta, scale)
+        here = box_of(self._region, self._state, frame.image)
+        distance = self._model.distance(frame.image, here)
+        status = self._lock.judge(distance, frame.time)
+        return Estimate(self._state, np.zeros((4, 4)), distance, status)

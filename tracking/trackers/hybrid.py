@@ -1,0 +1,31 @@
+"""Hybrid of Condensation and mean shift: every particle climbs (Maggio and Cavallaro 2005)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from tracking.trackers import annealed
+
+
+@dataclass(frozen=True, slots=True)
+class Config(annealed.Config):
+    """One layer with unsharpened weights, constant velocity, and a short climb of each particle."""
+
+    particles: Annotated[int, Ge(1), Le(100_000)] = 100
+    """Number of particles."""
+    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
+    layers: Annotated[int, Ge(1), Le(50)] = 1
+    """Number of annealing layers: one is no annealing."""
+    schedule: annealed.Schedule = annealed.Schedule.FIXED
+    """"fixed" with one layer weighs with the likelihood as it is."""
+    climb: Annotated[int, Ge(1), Le(100)] = 6
+    """Mean-shift histograms for each particle."""
+
+    def build(self, rng: np.random.Generator) -> annealed.Annealed:
+        """The tracker; its samples are drawn from the generator."""
+        return annealed.Annealed(self, rng)

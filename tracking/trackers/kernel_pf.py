@@ -1,0 +1,28 @@
+"""Single-kernel particle filter of the second paper (Teuliere, Marchand, Eck).
+
+One histogram, four dimensions: orientation is hardly observable, which is why the paper has nine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from tracking.trackers import condensation, mk_pf
+
+
+@dataclass(frozen=True, slots=True)
+class Config(mk_pf.Config):
+    """The multiple-kernel filter's settings with one cell."""
+
+    density: Annotated[int, Ge(1), Le(64)] = 15
+    """Points along each side of the template at which a particle reads the image."""
+    cells: Annotated[int, Ge(1), Le(8)] = 1
+    """Cells along each side: one kernel."""
+
+    def build(self, rng: np.random.Generator) -> condensation.Condensation:
+        """The tracker; its samples are drawn from the generator."""
+        return condensation.Condensation(self, rng)

@@ -1,0 +1,50 @@
+"""Multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV): a histogram a cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from sim.types import Image
+from tracking.appearance.colour import ColourBins
+from tracking.appearance.sampled import SampledModel, cell_model
+from tracking.trackers import condensation
+from tracking.types import Region, State
+
+
+@dataclass(frozen=True, slots=True)
+class Config(condensation.Config):
+    """The particle filter's settings, in four dimensions, and the cells."""
+
+    particles: Annotated[int, Ge(1), Le(100_000)] = 500
+    """Number of particles."""
+    gamma: Annotated[float, Gt(0)] = 20.0
+    """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
+    noise: Annotated[float, Ge(0)] = 0.08
+    """Spread of position per frame, over the target's size."""
+    turn_noise: Annotated[float, Ge(0)] = 0.04
+    """Spread of theta per frame [rad]."""
+    scale_noise: Annotated[float, Ge(0)] = 0.02
+    """Spread of ln scale per frame."""
+    density: Annotated[int, Ge(1), Le(64)] = 5
+    """Points along each side of a cell at which a particle reads the image."""
+    cells: Annotated[int, Ge(1), Le(8)] = 3
+    """Cells along each side: 3 is the paper's nine kernels."""
+    contrast: Annotated[float, Ge(0)] = 0.5
+    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
+    ring: Annotated[float, Gt(0)] = 0.4
+    """Width of that ring, both sides together, over the target's size."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """How the target looks: a histogram for each cell."""
+        return cell_model(
+            image, region, state, ColourBins(self.levels), per_side=self.cells,
+            density=self.density, contrast=self.contrast, ring_width=self.ring,
+        )  # fmt: skip
+
+    def build(self, rng: np.random.Generator) -> condensation.Condensation:
+        """The tracker; its samples are drawn from the generator."""
+        return condensation.Condensation(self, rng)

@@ -1,0 +1,72 @@
+"""Multiple kernels, deterministic: Newton's descent from the last state.
+
+Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from sim.types import Frame
+from tracking.lock import Lock, LockConfig
+from tracking.search.newton import KernelModel
+from tracking.search.velocity import Velocity
+from tracking.types import Estimate, Region, State, Status, check_region
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Kernels and descent."""
+
+    cells: Annotated[int, Ge(1), Le(8)] = 3
+    """Kernels along each side: 3 is the paper's nine."""
+    levels: Annotated[int, Ge(2), Le(32)] = 8
+    """Colour bins a channel: a power of two."""
+    span: Annotated[float, Gt(0)] = 1.5
+    """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
+    inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
+    """Share of the region's width and height that the kernels leave out, half on each side."""
+    steps: Annotated[int, Ge(1), Le(100)] = 12
+    """Most histogram evaluations of one descent."""
+    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
+    lock: LockConfig = field(default_factory=LockConfig)
+    """When the target counts as hidden or lost."""
+
+    def build(self, rng: np.random.Generator) -> MkSsd:
+        """The tracker; draws nothing."""
+        return MkSsd(self)
+
+
+@final
+class MkSsd:
+    """One descent a frame; a hidden target is waited for where it was seen last."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histograms."""
+        check_region(frame, region, state)
+        c = self._config
+        inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
+        self._kernels = KernelModel(
+            frame.image, inner, state, per_side=c.cells, span=c.span, levels=c.levels
+        )
+        self._state, self._lock = state, Lock(c.lock)
+        self._velocity = Velocity(state, c.velocity_memory)
+
+    def update(self, frame: Frame) -> Estimate:
+        """Predict, descend, and stay if the descent ended on something else."""
+        begin = State.of(self._state.vector + self._velocity.value * self._lock.locked)
+        ended = self._kernels.refine(frame.image, begin, most=self._config.steps)
+        status = self._lock.judge(ended.distance, frame.time)
+        if status is Status.LOCKED:
+            self._state = ended.state
+        self._velocity.learn(self._state, seen=status is Status.LOCKED)
+        nothing = np.zeros((4, 4))
+        return Estimate(self._state, nothing, ended.distance, status, evaluations=ended.evaluations)

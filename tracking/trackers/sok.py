@@ -1,0 +1,27 @@
+"""Structured octal kernel (Naeem, Mills, Pridmore 2006): mean shift that looks around when unsure.
+
+Where 1 - d falls below T, eight more climbs begin on a ring at twice the target's radius, so that
+the nine kernels cover nine times its area; the best of nine is the target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from tracking.trackers import mean_shift
+
+
+@dataclass(frozen=True, slots=True)
+class Config(mean_shift.Config):
+    """Mean shift's settings, with the confidence below which it looks around."""
+
+    confidence: Annotated[float, Ge(0), Le(1)] = 0.8
+    """T: below this 1 - d, eight more climbs begin around the target."""
+
+    def build(self, rng: np.random.Generator) -> mean_shift.MeanShift:
+        """The tracker; draws nothing."""
+        return mean_shift.MeanShift(self)

@@ -1,0 +1,36 @@
+"""Mean shift on the joint colour and texture histogram (Ning, Zhang, Zhang, Wu 2009)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.types import Image
+from tracking.appearance.bins import Window
+from tracking.appearance.sampled import SampledModel, disc_model
+from tracking.appearance.texture import THRESHOLD, texture_or_colour
+from tracking.trackers import mean_shift
+from tracking.types import Region, State
+
+
+@dataclass(frozen=True, slots=True)
+class Config(mean_shift.Config):
+    """Mean shift's settings, and the texture's threshold."""
+
+    density: Annotated[int, Ge(2), Le(256)] = 24
+    """Points along the kernel's diameter at which the image is read."""
+    threshold: Annotated[float, Ge(-255), Le(255)] = THRESHOLD
+    """How much brighter a neighbour must be for its bit to be 1 [grey levels]."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """How the target looks: one joint histogram; of colour alone if the target is smooth."""
+        inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
+        bins = texture_or_colour(image, inside, self.levels, self.threshold)
+        return disc_model(image, region, state, bins, density=self.density, contrast=self.contrast)
+
+    def build(self, rng: np.random.Generator) -> mean_shift.MeanShift:
+        """The tracker; draws nothing."""
+        return mean_shift.MeanShift(self)
