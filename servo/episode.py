@@ -161,7 +161,9 @@ class Episode:
             self.tracker.start(first, self.region, given)
         except ValueError as error:
             raise Mistake(f"{scenario.name}: first frame: {error}") from None
-        self._first = first, truth, Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED)
+        # The tracker has not said yet what it follows: angle and size wait for its first word.
+        told = Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED, follows=(False, False))
+        self._first = first, truth, told
         self.controller = scenario.controller.build(stream(scenario.run.seed, "controller"))
         estimator = scenario.estimator.build(stream(scenario.run.seed, "estimator"))
         goal = self._goal_moments()
@@ -213,7 +215,8 @@ class Episode:
         if estimate.status is not Status.LOCKED:
             return None
         m = features.moments_of_state(estimate.state, self.region, self.world.camera)
-        return Sight(m, self._plane(m, truth))
+        angle, size = estimate.follows
+        return Sight(m, self._plane(m, truth), known=(True, True, size, angle))
 
     def _plane(self, m: Moments, truth: Truth) -> Plane:
         """The target's plane; from the truth only what a calibrated robot over its table knows."""

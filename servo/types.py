@@ -88,6 +88,8 @@ class Sight:
     moments: Moments
     plane: Plane
     """Where it lies, as far as is known."""
+    known: tuple[bool, bool, bool, bool] = (True, True, True, True)
+    """Which of the features are seen at all; the others are left as they are."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,3 +134,14 @@ def closed_loop(gain, delay, steps=400):
 def test_one_frame_of_delay_is_stable_below_lambda_t_of_one_and_not_above():
     assert closed_loop(gain=0.9 * 30, delay=1) < 1e-6
     assert closed_loop(gain=1.1 * 30, delay=1) > 1e-3
+
+
+def test_features_that_are_not_known_are_left_as_they_are():
+    from dataclasses import replace
+
+    seen = replace(sight(0.05, 0.02, 0.3, 1.2), known=(True, True, False, False))
+    twist = started(Config()).command(seen, np.zeros(6), DT).twist
+    np.testing.assert_array_equal(twist[2:], 0.0)
+    assert twist[0] > 0.05
+    whole = started(Config()).command(sight(0.05, 0.02, 0.3, 1.2), np.zeros(6), DT).twist
+    assert np.all(np.abs(whole[[2, 5]]) > 0.1)

@@ -90,3 +90,16 @@ def test_a_region_that_is_a_little_off_is_what_the_tracker_gets(change):
         next(iter(run(load("still", [*changes, "run.duration=0.1"])))) for changes in ([], [change])
     )
     assert shifted.estimate.state != exact.estimate.state or shifted.region != exact.region
+
+
+@pytest.mark.parametrize("kind", ["mean_shift", "kams", "condensation", "mk_ssd"])
+def test_other_trackers_close_the_loop_with_what_they_follow(kind):
+    """The centre converges; so do angle and size if the tracker follows them, else they hold."""
+    changes = [f"tracker.kind={kind}", "run.duration=4.0", "measure.after=3.0"]
+    steps = list(run(load("still", changes)))
+    assert steps[-1].servo_error < 4.0
+    angle, size = steps[-1].estimate.follows
+    turned = np.degrees(abs(steps[-1].truth.theta - steps[-1].goal_theta))
+    grown = abs(steps[-1].truth.size / steps[-1].goal_size - 1)
+    assert turned < 2.0 if angle else turned == pytest.approx(20.0, abs=0.5)
+    assert grown < 0.03 if size else grown == pytest.approx(0.2, abs=0.01)

@@ -85,6 +85,8 @@ class Estimate:
     """Bhattacharyya distance between the target as it looks here and as it first looked, 0..1."""
     status: Status
     """How sure the tracker is."""
+    follows: tuple[bool, bool] = (True, True)
+    """Whether the tracker follows angle, and size; what it does not follow stays as it began."""
     ess: float = float("nan")
     """Effective sample size, for trackers with particles."""
     evaluations: int = 0

@@ -70,6 +70,7 @@ class Ibvs:
         self._goal = features.of_moments(task.goal.moments, task.scale)
         self._goal_matrix = self._matrix(task.goal)
         self._measured = Difference()
+        self._known = task.goal.known
         self._seen, self._matrix_seen, self._unseen = self._goal, self._goal_matrix, 0.0
 
     def command(self, seen: Sight | None, twist_measured: Array, dt: float) -> Command:
@@ -79,6 +80,7 @@ class Ibvs:
         estimator = self._task.estimator
         if seen is not None:
             self._unseen = 0.0
+            self._known = seen.known
             self._seen, self._matrix_seen = (
                 features.of_moments(seen.moments, self._task.scale),
                 self._matrix(seen),
@@ -111,15 +113,22 @@ class Ibvs:
         return interaction(sight.moments, sight.plane, self._task.scale)
 
     def _inverse(self) -> Array:
-        """L+ (6, 4) over the degrees of freedom that may move."""
+        """L+ (6, 4) over the known features and the degrees of freedom that may move.
+
+        A feature that is not known takes the degree of freedom that is its own with it: the depth
+        or the turn of the camera then holds.
+        """
         choices = {
             "current": self._matrix_seen,
             "desired": self._goal_matrix,
             "mean": (self._matrix_seen + self._goal_matrix) / 2,
         }
-        L = choices[self._config.matrix]
+        rows, moves = np.array(self._known), self._moves.copy()
+        moves[DOF.index("vz")] &= rows[FEATURES.index("an")]
+        moves[DOF.index("wz")] &= rows[FEATURES.index("theta")]
+        L = choices[self._config.matrix][np.ix_(rows, moves)]
         inverse = np.zeros((6, 4))
-        inverse[self._moves] = np.linalg.pinv(L[:, self._moves], rcond=RANK_TOLERANCE)
+        inverse[np.ix_(moves, rows)] = np.linalg.pinv(L, rcond=RANK_TOLERANCE)
         return inverse
 
     def _limited(self, twist: Array) -> tuple[Array, bool]:

@@ -75,6 +75,7 @@ class ParticleFilter:
             covariance=self.covariance(),
             distance=distance,
             status=status,
+            follows=(bool(self._noise[2] > 0), bool(self._noise[3] > 0)),
             ess=self.ess(),
             evaluations=evaluations,
             particles=self.cloud(),

@@ -59,4 +59,4 @@ class Camshift:
         here = box_of(self._region, self._state, frame.image)
         distance = self._model.distance(frame.image, here)
         status = self._lock.judge(distance, frame.time)
-        return Estimate(self._state, np.zeros((4, 4)), distance, status)
+        return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, True))

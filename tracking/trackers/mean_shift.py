@@ -77,8 +77,10 @@ class MeanShift:
         self._state = State.of(best)
         status = self._lock.judge(distance, frame.time)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
-        nothing = np.zeros((4, 4))
-        return Estimate(self._state, nothing, distance, status, evaluations=evaluations)
+        return Estimate(
+            self._state, np.zeros((4, 4)), distance, status,
+            follows=(False, c.scale), evaluations=evaluations,
+        )  # fmt: skip
 
     def _climb(self, frame: Frame, states: Array) -> tuple[Array, Array, int]:
         c = self._config
