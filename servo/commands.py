@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -42,7 +43,7 @@ def run_scenario(
                 steps.append(step)
                 output.add(step)
         except KeyboardInterrupt:
-            Console(stderr=True).print(STOPPED, highlight=False)
+            _plain(Console(stderr=True), STOPPED)
             return 130
         finally:
             output.close()
@@ -51,7 +52,7 @@ def run_scenario(
     paths = output.finish(steps, report, missed)
     _print_report(console, scenario, report, steps)
     for path in paths:
-        console.print(f"  {path}", highlight=False, soft_wrap=True)
+        _plain(console, f"  {path}")
     _print_missed(Console(stderr=True), missed, _command(name, changes, scenario.run.seed))
     return 1 if missed else 0
 
@@ -71,7 +72,7 @@ def check_scenarios(
     with _progress(console) as progress:
         task = progress.add_task("", total=len(runs), note="")
         for name, scenario in runs:
-            progress.update(task, description=f"{scenario.name}, seed {scenario.run.seed}")
+            progress.update(task, description=f"{escape(scenario.name)}, seed {scenario.run.seed}")
             began = time.perf_counter()
             with Episode(scenario) as episode:
                 report = summarise(list(episode), scenario.measure, episode.world.period)
@@ -130,7 +131,7 @@ def _progress(console: Console) -> Progress:
 
 def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
     with _progress(console) as progress:
-        task = progress.add_task(name, total=episode.frames, note="")
+        task = progress.add_task(escape(name), total=episode.frames, note="")
         for step in episode:
             note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
             progress.update(task, advance=1, note=note)
@@ -141,7 +142,7 @@ def _print_report(
     console: Console, scenario: Scenario, report: Report, steps: Sequence[Step]
 ) -> None:
     outcome = f"{report.outcome.name}. {report.outcome.value}"
-    console.print(f"[bold]{scenario.name}[/], seed {scenario.run.seed}: {outcome}")
+    console.print(f"[bold]{escape(scenario.name)}[/], seed {scenario.run.seed}: {outcome}")
     table = Table(box=None, pad_edge=False)
     for title in ("measure", "value", "bound"):
         table.add_column(title, justify="left" if title == "measure" else "right")
@@ -171,7 +172,7 @@ def _check_row(
     value = report.value
     kept = f"{len(scenario.expect) - len(missed)} of {len(scenario.expect)}"
     return [
-        scenario.name, str(scenario.run.seed), report.outcome.name,
+        escape(scenario.name), str(scenario.run.seed), report.outcome.name,
         f"{value('servo_rms_px'):.2f} px", f"{value('servo_peak_px'):.1f} px",
         f"{value('tracking_rms_px'):.2f} px",
         f"[red]{kept}[/]" if missed else f"[green]{kept}[/]", f"{seconds:.1f} s",
@@ -192,6 +193,11 @@ def _command(name: str, changes: list[str], seed: int) -> str:
 
 def _print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
     for violation in missed:
-        console.print(f"missed: {violation}", highlight=False, soft_wrap=True)
+        _plain(console, f"missed: {violation}")
     if missed:
-        console.print(f"  again: {command}", highlight=False, soft_wrap=True)
+        _plain(console, f"  again: {command}")
+
+
+def _plain(console: Console, text: str) -> None:
+    """Print paths and commands as they are: no colours, no line breaks, no markup."""
+    console.print(text, highlight=False, soft_wrap=True, markup=False)

@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from servo import features
+from servo.interaction import oriented
 from servo.parsing import Mistake
 from servo.scenario import Scenario
 from servo.types import Command, Moments, Plane, Sight, Task
@@ -125,18 +126,21 @@ class Episode:
         self.goal = np.array([camera.cx + s.goal.x, camera.cy + s.goal.y])
         self.goal_theta = radians(s.goal.angle_deg)
         self.goal_size = camera.fx / s.goal.depth
-        self._place_camera()
-        self._begin()
+        try:
+            self._place_camera()
+            self._begin()
+        except BaseException:
+            self.close()  # nobody else can
+            raise
 
-    def close(self) -> None:
-        """Give the world back."""
+    def close(self, *_: object) -> None:
+        """Give the world back; also as a context manager."""
         self.world.close()
 
     def __enter__(self) -> Episode:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    __exit__ = close
 
     def _place_camera(self) -> None:
         start, name = self.scenario.start, self.scenario.name
@@ -216,7 +220,7 @@ class Episode:
             return None
         m = features.moments_of_state(estimate.state, self.region, self.world.camera)
         angle, size = estimate.follows
-        return Sight(m, self._plane(m, truth), known=(True, True, size, angle))
+        return Sight(m, self._plane(m, truth), known=(True, True, size, angle and oriented(m)))
 
     def _plane(self, m: Moments, truth: Truth) -> Plane:
         """The target's plane; from the truth only what a calibrated robot over its table knows."""

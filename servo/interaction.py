@@ -20,6 +20,8 @@ import numpy as np
 from servo.types import Moments, Plane
 from sim.types import Array
 
+LEAST_ELONGATION = 1.1
+"""Long over short axis from which an orientation is servoed on: below, its row of L explodes."""
 ROUND = 1e-9
 """Below this difference of the principal moments, over their sum, a shape has no orientation."""
 
@@ -86,8 +88,18 @@ def row_theta(m: Moments, plane: Plane) -> Array:
     return np.array([vx, vy, B * wx - A * wy, wx, wy, -1.0])
 
 
+def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
+    """Whether the shape's long axis is more than this many times its short one."""
+    spread = float(np.hypot(m.mu20 - m.mu02, 2 * m.mu11))
+    total = m.mu20 + m.mu02
+    return bool(total + spread > elongation**2 * (total - spread))
+
+
 def interaction(m: Moments, plane: Plane, scale: float) -> Array:
-    """The matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a)."""
+    """The matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a).
+
+    The row of theta is zero for a round shape.
+    """
     an = scale / float(np.sqrt(m.area))
-    rows = [row_xn(m, plane, an), row_yn(m, plane, an), row_an(m, plane, an), row_theta(m, plane)]
-    return np.stack(rows)
+    theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else np.zeros(6)
+    return np.stack([row_xn(m, plane, an), row_yn(m, plane, an), row_an(m, plane, an), theta])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -28,11 +29,11 @@ CONVERGED_PX = 10.0
 class Outcome(Enum):
     """How a run ended; each member carries its sentence."""
 
-    CONVERGED = "The camera holds the target at the goal."
+    CONVERGED = "The camera holds the target's centre at the goal."
     TIMED_OUT = "The run ended before the camera was at the goal."
     TARGET_LOST = "The tracker lost the target."
     LIMIT_HIT = "A joint at its limit keeps the camera from the goal."
-    DIVERGED = "The target is out of the picture while the tracker believes it sees it."
+    DIVERGED = "The target has left the picture, and the tracker has not called it lost."
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,14 +140,14 @@ def check_expect(scenario: Scenario) -> None:
     for name, bound in scenario.expect.items():
         place = f"{scenario.name}: expect"
         if name == "outcome":
-            if bound not in Outcome.__members__:
+            if not isinstance(bound, str) or bound not in Outcome.__members__:
                 raise Mistake(
                     f"{place}.outcome = {bound!r}: one of {', '.join(Outcome.__members__)}"
                 )
         elif name not in MEANINGS:
             raise Mistake(f"{place}: {unknown(name, (*MEANINGS, 'outcome'))}")
-        elif isinstance(bound, bool) or not isinstance(bound, int | float):
-            raise Mistake(f"{place}.{name} = {bound!r}: a bound is a number")
+        elif isinstance(bound, bool | str) or not math.isfinite(bound):
+            raise Mistake(f"{place}.{name} = {bound!r}: a bound is a finite number")
 
 
 def violations(report: Report, expect: dict[str, float | str]) -> list[Violation]:

@@ -23,6 +23,8 @@ class Mistake(ValueError):
 def unknown(key: str, known: Iterable[str]) -> str:
     """The sentence for a key that does not exist."""
     names = list(known)
+    if not names:
+        return f"there is no key '{key}'; this kind has no settings"
     near = difflib.get_close_matches(key, names, n=1)
     hint = f"did you mean '{near[0]}'?" if near else f"there is {', '.join(names)}"
     return f"there is no key '{key}'; {hint}"

@@ -41,9 +41,9 @@ def prepare(asked: Path | None, scenario: Scenario) -> Path:
             folder, again = base.with_name(f"{base.name}-{again}"), again + 1
     else:
         folder = asked
+    try:
         if folder.is_dir() and any(folder.iterdir()):
             raise Mistake(f"{folder}: there is something in this folder; choose another with --out")
-    try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / RECORDING
         probe.touch()

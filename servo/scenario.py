@@ -74,6 +74,9 @@ class Scenario:
             f.name for f in dataclasses.fields(self) if f.name not in ("name", "table", "expect")
         ]
         plain = {name: _plain(getattr(self, name)) for name in names}
+        for name in LISTS:
+            given = self.table.get(name, [])
+            plain[name] = [{"kind": g["kind"]} | p for g, p in zip(given, plain[name], strict=True)]
         for name, (_, default) in PLUGINS.items():
             plain[name] = {"kind": self.table.get(name, {}).get("kind", default)} | plain[name]
         return plain
@@ -129,39 +132,50 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     for key, folder in LISTS.items():
         values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
     expect = table.get("expect", {})
+    if not isinstance(expect, dict):
+        raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
     return Scenario(name=name, table=table, expect=expect, **values)
 
 
 def override(table: Table, item: str) -> None:
-    """Apply one "a.b=value" to a table; setting a `kind` clears the rest of its table first.
+    """Apply one "a.b=value" to a table; another `kind` clears its table first.
 
     Raises:
         Mistake: It has not that form, or the path leads through something that is no table.
     """
     path, equals, text = item.partition("=")
-    keys = path.strip().split(".")
+    keys = [key.strip() for key in path.split(".")]
     if not equals or not all(keys):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
     at: Any = table
     for key in keys[:-1]:
         try:
-            at = at[int(key)] if isinstance(at, list) else at.setdefault(key, {})
+            at = at[_index(key)] if isinstance(at, list) else at.setdefault(key, {})
         except (ValueError, IndexError):
             at = None
         if not isinstance(at, dict | list):
             raise Mistake(f"--set {item}: '{path}' leads through '{key}', which is not a table")
     if not isinstance(at, dict):
         raise Mistake(f"--set {item}: '{path}' is not a key of a table")
-    if keys[-1] == "kind":
+    value = _value(text.strip())
+    _, default = PLUGINS.get(keys[0], ("", None))
+    if keys[-1] == "kind" and at.get("kind", default) != value:
         at.clear()
-    at[keys[-1]] = _value(text.strip())
+    at[keys[-1]] = value
+
+
+def _index(key: str) -> int:
+    if not key.isdecimal():
+        raise ValueError(key)
+    return int(key)
 
 
 def _value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        parsed = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
+    return parsed["value"] if len(parsed) == 1 else text
 
 
 def _read(name: str) -> tuple[str, str]:
@@ -172,7 +186,7 @@ def _read(name: str) -> tuple[str, str]:
             raise Mistake(f"there is no scenario '{name}'; there is {there}, or give a .toml file")
         path = Path(str(resources.files("scenes") / f"{name}.toml"))
     try:
-        return path.read_text(encoding="utf-8"), path.name
+        return path.read_text(encoding="utf-8-sig"), path.name
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise Mistake(f"{name}: cannot read this scenario: {reason}") from None

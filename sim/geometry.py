@@ -1,4 +1,4 @@
-"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoint.
+"""Rotations SO(3) and rigid motions SE(3): exponentials and logarithms.
 
 A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving
 frame.
@@ -57,12 +57,6 @@ def log_se3(pose: Pose) -> Array:
     w = log_so3(pose.rotation)
     v = np.linalg.solve(_left_jacobian(w), pose.translation)
     return np.concatenate([v, w]).astype(np.float64)
-
-
-def adjoint(T_a_b: Pose) -> Array:
-    """The matrix (6, 6) that takes a twist of frame b to the same motion's twist of frame a."""
-    R, zero = T_a_b.rotation, np.zeros((3, 3))
-    return np.block([[R, skew(T_a_b.translation) @ R], [zero, R]])
 
 
 def tilt(rotation: Array) -> float:

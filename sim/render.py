@@ -35,7 +35,7 @@ class CameraConfig:
     """Image width [px]."""
     height: Annotated[int, Ge(16), Le(1920)] = 240
     """Image height [px]."""
-    rate: Annotated[float, Gt(0)] = 30.0
+    rate: Annotated[float, Ge(0.5), Le(1000)] = 30.0
     """Frames a second [Hz]; the physics rate must be a whole multiple of it."""
     fovy_deg: Annotated[float, Gt(1), Lt(170)] = 45.0
     """Vertical field of view [deg]."""

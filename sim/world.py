@@ -51,7 +51,7 @@ class WorldConfig:
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]."""
     drive_rate: Annotated[float, Gt(0)] = 120.0
-    """How often the drives recompute joint rates from the camera twist they hold [Hz]."""
+    """How often the drives recompute joint rates from the twist [Hz]; once a frame at least."""
     visibility: bool = False
     """Measure the visible fraction of the target in each frame (two more renderings a frame)."""
 
@@ -71,15 +71,17 @@ def steps_between(physics_rate: float, rate: float, name: str) -> int:
     return round(steps)
 
 
-def build_model(physics_rate: float, fovy_deg: float) -> mujoco.MjModel:
-    """The gantry's scene with the car in it, compiled."""
+def build_model(physics_rate: float, camera: CameraConfig) -> mujoco.MjModel:
+    """The gantry's scene with the car in it, compiled for a camera."""
     scenes = resources.files("scenes")
     with resources.as_file(scenes) as folder:
         spec = mujoco.MjSpec.from_file(str(folder / "gantry.xml"))
         car = mujoco.MjSpec.from_file(str(folder / "car.xml"))
         spec.attach(car, prefix="target/", frame=spec.worldbody.add_frame())
         spec.option.timestep = 1.0 / physics_rate
-        spec.camera(EYE).fovy = fovy_deg
+        spec.camera(EYE).fovy = camera.fovy_deg
+        spec.visual.global_.offwidth = camera.width * camera.supersample
+        spec.visual.global_.offheight = camera.height * camera.supersample
         return spec.compile()
 
 
@@ -99,7 +101,7 @@ class World:
             config.physics_rate, config.drive_rate, "world.drive_rate"
         )
         self.period = 1.0 / camera.rate
-        self.model = build_model(config.physics_rate, camera.fovy_deg)
+        self.model = build_model(config.physics_rate, camera)
         self.data = mujoco.MjData(self.model)
         self.robot = Robot(self.model)
         self.camera = pinhole(self.model, EYE, camera.width, camera.height)

@@ -55,7 +55,7 @@ BAD = {
     ),
     "a region of zero size": (
         ["run", "still", "--set", "region.width=0"],
-        "still: first frame: the region is 0 x 34.8 px; both sides must be at least 1 px",
+        "still: first frame: the region is 0 x 34.8 px; both sides must be at least 4 px",
     ),
     "a start the gantry cannot reach": (
         ["run", "still", "--set", "goal.depth=4"],

@@ -88,7 +88,7 @@ def test_trackers_survive_any_picture(kind, image):
 
 @pytest.mark.parametrize("kind", TRACKERS)
 def test_trackers_refuse_an_empty_region(kind):
-    with pytest.raises(ValueError, match="both sides must be at least 1 px"):
+    with pytest.raises(ValueError, match="both sides must be at least 4 px"):
         build("tracking.trackers", kind).start(next(frames()), Region(0.0, 20.0), FIRST)
 
 

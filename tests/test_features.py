@@ -61,3 +61,19 @@ def test_moments_do_not_depend_on_the_sense_of_the_polygon():
 )
 def test_angles_wrap_to_half_a_turn(angle, wrapped):
     assert features.half_turn(angle) == pytest.approx(wrapped)
+
+
+def test_the_plane_of_a_tilted_target_holds_its_points():
+    from sim.geometry import exp_se3
+
+    T_world_camera = exp_se3(np.array([0.1, -0.2, -1.1, 0.3, -0.2, 0.4]))
+    T_camera_target = T_world_camera.inverse() @ exp_se3(np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.7]))
+    plane = features.plane_of(T_camera_target, 0.04)
+    flat = np.array([[0.1, 0.05, 0.04], [-0.1, 0.05, 0.04], [0.02, -0.3, 0.04]])
+    for X, Y, Z in T_camera_target.apply(flat):
+        assert pytest.approx(1 / Z) == plane.A * X / Z + plane.B * Y / Z + plane.C
+
+
+def test_error_wraps_its_angle_and_nothing_else():
+    e = features.error_of(np.array([3.0, -3.0, 5.0, 1.5]), np.array([0.0, 0.0, 0.0, -1.5]))
+    np.testing.assert_allclose(e, [3.0, -3.0, 5.0, 3.0 - np.pi])

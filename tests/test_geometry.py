@@ -40,13 +40,6 @@ def test_exp_has_the_twist_as_its_derivative():
     np.testing.assert_allclose(moved, xi[:3] + np.cross(xi[3:], point), atol=1e-9)
 
 
-def test_adjoint_carries_a_twist_between_frames():
-    T = g.exp_se3(TWISTS[3])
-    xi = TWISTS[2]
-    direct = T @ g.exp_se3(xi) @ T.inverse()
-    np.testing.assert_allclose(g.log_se3(direct), g.adjoint(T) @ xi, atol=1e-12)
-
-
 def test_tilt_is_the_angle_from_straight_down():
     level = np.diag([1.0, -1.0, -1.0])
     assert g.tilt(level) == 0.0

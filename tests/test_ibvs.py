@@ -145,3 +145,10 @@ def test_features_that_are_not_known_are_left_as_they_are():
     assert twist[0] > 0.05
     whole = started(Config()).command(sight(0.05, 0.02, 0.3, 1.2), np.zeros(6), DT).twist
     assert np.all(np.abs(whole[[2, 5]]) > 0.1)
+
+
+def test_a_fast_turn_is_shortened_too():
+    seen = sight(0.0, 0.0, 1.0)
+    command = started(Config(gain=1.0, fastest_turn=0.2)).command(seen, np.zeros(6), DT)
+    assert command.saturated
+    assert abs(command.twist[5]) == pytest.approx(0.2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from servo import features, moments
-from servo.interaction import interaction
+from servo.interaction import interaction, oriented, row_theta
 from servo.types import Plane
 from sim.geometry import exp_se3, exp_so3
 
@@ -95,7 +95,15 @@ def test_parallel_rows_are_the_papers():
 def test_a_square_has_no_orientation_to_servo_on():
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.1
     with pytest.raises(ValueError, match="equal principal moments has no orientation"):
-        interaction(moments.of_polygon(square), Plane.parallel(1.0), 1.0)
+        row_theta(moments.of_polygon(square), Plane.parallel(1.0))
+    L = interaction(moments.of_polygon(square), Plane.parallel(1.0), 1.0)
+    np.testing.assert_array_equal(L[3], np.zeros(6))
+
+
+@pytest.mark.parametrize(("ratio", "has"), [(1.0, False), (1.05, False), (1.15, True), (2.0, True)])
+def test_a_shape_has_an_orientation_from_one_tenth_longer_than_wide(ratio, has):
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [0.1 * ratio, 0.1]
+    assert oriented(moments.of_polygon(corners)) is has
 
 
 def test_reference_vectors(servo_data):

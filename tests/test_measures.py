@@ -85,6 +85,13 @@ def test_unseen_and_lost_are_shares_of_all_frames(steps):
     assert report(made).value("lost_pct") == pytest.approx(100 * 18 / 120)
 
 
+def test_a_limit_of_joints_or_of_speed_saturates(steps):
+    joint = [replace(s, limited=s.frame.index < 12) for s in steps]
+    speed = [replace(s, command=replace(s.command, saturated=s.frame.index < 30)) for s in steps]
+    assert report(joint).value("saturated_pct") == pytest.approx(10.0)
+    assert report(speed).value("saturated_pct") == pytest.approx(25.0)
+
+
 def test_outcomes(steps):
     near, far, out = ([off(s, pixels) for s in steps] for pixels in (5.0, 40.0, 400.0))
     assert report(near).outcome is Outcome.CONVERGED

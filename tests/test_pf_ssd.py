@@ -1,5 +1,6 @@
 """The combined tracker on painted frames, where the truth is exact."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -89,3 +90,55 @@ def test_reports_its_work_and_its_cloud():
     assert 51 <= estimate.evaluations <= 50 + Config().steps
     assert 1 <= estimate.ess <= 50
     assert np.all(np.linalg.eigvalsh(estimate.covariance) >= -1e-12)
+
+
+def hidden_drive(config):
+    """A target that drives at 3 px a frame and is hidden from frame 15 on; the last estimates."""
+    frames = [paint(State(60 + 3 * k, 80, 0.2), k >= 15, k) for k in range(21)]
+    tracker = config.build(np.random.default_rng(0))
+    tracker.start(frames[0], REGION, State(60, 80, 0.2))
+    return [tracker.update(frame) for frame in frames[1:]]
+
+
+def test_a_hidden_target_is_expected_to_drive_on():
+    on, stays = (hidden_drive(Config(velocity_memory=m))[-1].state.x for m in (0.5, 1.0))
+    assert on == pytest.approx(60 + 3 * 20, abs=8)
+    assert stays < on - 8
+
+
+def test_a_descent_is_trusted_only_near_the_filter():
+    jump = [paint(State(100, 80, 0.2), index=0), paint(State(112, 80, 0.2), index=1)]
+    bold, timid = (track(Config(trust=t, noise=0.01), jump)[0] for t in (1.0, 0.1))
+    assert bold.state.x == pytest.approx(112, abs=1)
+    assert timid.state.x < 105
+    assert timid.distance == 1.0
+
+
+def test_a_lost_target_is_looked_for_more_widely():
+    frames = [paint(FIRST, k >= 10, k) for k in range(60)]
+    wide, narrow = (
+        np.std(track(Config(widen_when_lost=w), frames)[-1].particles[:, 0]) for w in (4.0, 1.0)
+    )
+    assert wide > 1.5 * narrow
+
+
+def test_the_cloud_moves_with_the_descent():
+    frames = [paint(path(3 * k), index=k) for k in range(12)]
+    estimate = track(Config(gamma=1e-3), frames)[-1]  # a filter that hardly looks
+    truth = path(33)
+    assert np.hypot(estimate.particles[:, 0].mean() - truth.x, estimate.state.y - truth.y) < 4.0
+
+
+def test_kernels_leave_the_regions_rim_out():
+    """A rim of background that changes its colour pulls at the descent, unless it is left out."""
+
+    def with_rim(colour, k):
+        image = paint(FIRST, index=k).image.copy()
+        box = np.round(Region(64.0, 34.0).corners(FIRST)).astype(int)
+        cv2.polylines(image, [box.reshape(-1, 1, 2)], True, colour, 3)
+        return Frame(image, k / 30, k)
+
+    frames = [with_rim((200, 200, 200), 0), *(with_rim((10, 90, 10), k) for k in range(1, 6))]
+    inside, rim = (abs(np.log(track(Config(inset=i), frames)[-1].state.scale)) for i in (0.15, 0.0))
+    assert inside < 0.02
+    assert inside < rim

@@ -39,7 +39,7 @@ def test_iou_of_rotated_rectangles(other, iou):
 def test_an_empty_region_is_refused():
     with pytest.raises(ValueError) as refused:
         check_region(FRAME, Region(0.0, 20.0), State(100.0, 50.0))
-    assert str(refused.value) == "the region is 0 x 20 px; both sides must be at least 1 px"
+    assert str(refused.value) == "the region is 0 x 20 px; both sides must be at least 4 px"
 
 
 def test_a_region_that_leaves_the_image_is_refused():

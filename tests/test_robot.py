@@ -3,14 +3,14 @@ import numpy as np
 import pytest
 
 from sim.geometry import log_se3
-from sim.render import camera_pose
+from sim.render import CameraConfig, camera_pose
 from sim.robot import EYE, Robot
 from sim.world import build_model
 
 
 @pytest.fixture
 def robot():
-    model = build_model(480.0, 45.0)
+    model = build_model(480.0, CameraConfig())
     data = mujoco.MjData(model)
     return Robot(model), model, data
 

@@ -149,9 +149,12 @@ def test_overrides_change_values_of_every_type():
     assert changed.run.seed == 7
 
 
-def test_setting_a_kind_clears_the_rest_of_its_table():
+def test_setting_another_kind_clears_the_rest_of_its_table():
     assert s.load("circle").controller.feed_forward == ("xn", "yn", "theta")
-    assert s.load("circle", ["controller.kind=ibvs"]).controller.feed_forward == ("xn", "yn")
+    kept = s.load("circle", ["controller.kind=ibvs"]).controller
+    assert kept.feed_forward == ("xn", "yn", "theta")
+    back = s.load("circle", ["controller.kind=hold", "controller.kind=ibvs"]).controller
+    assert back.feed_forward == ("xn", "yn")
 
 
 def test_defaults_are_those_of_the_kinds():
@@ -179,7 +182,7 @@ def test_bounds_on_what_is_not_measured_are_refused():
         "still: expect: there is no key 'servo_rms'; did you mean 'servo_rms_px'?"
     )
     assert mistake(check_expect, s.load("still", ["expect.settle_s=soon"])) == (
-        "still: expect.settle_s = 'soon': a bound is a number"
+        "still: expect.settle_s = 'soon': a bound is a finite number"
     )
     assert mistake(check_expect, s.load("still", ["expect.outcome=FINE"])).startswith(
         "still: expect.outcome = 'FINE': one of CONVERGED, TIMED_OUT"

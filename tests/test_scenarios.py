@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from servo.episode import Episode, run
+from servo.episode import Episode, run, stream
 from servo.measures import summarise, violations
 from servo.run_folder import RunFolder
 from servo.scenario import load, shipped
@@ -103,3 +103,17 @@ def test_other_trackers_close_the_loop_with_what_they_follow(kind):
     grown = abs(steps[-1].truth.size / steps[-1].goal_size - 1)
     assert turned < 2.0 if angle else turned == pytest.approx(20.0, abs=0.5)
     assert grown < 0.03 if size else grown == pytest.approx(0.2, abs=0.01)
+
+
+def test_parts_draw_from_streams_of_their_own():
+    a, b, again = (stream(4, name).random(3) for name in ("tracker", "sensor", "tracker"))
+    assert not np.array_equal(a, b)
+    np.testing.assert_array_equal(a, again)
+    assert not np.array_equal(a, stream(5, "tracker").random(3))
+
+
+def test_a_square_region_is_followed_without_its_angle():
+    steps = list(run(load("still", ["region.width=0.5", "run.duration=3.0", "start.angle_deg=10"])))
+    assert steps[-1].servo_error < 30.0
+    assert all(np.isfinite(s.command.twist).all() for s in steps)
+    assert abs(steps[-1].command.twist[5]) == 0.0

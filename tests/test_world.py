@@ -211,3 +211,27 @@ def test_a_rate_that_does_not_divide_is_refused_with_both_numbers():
         "(68.5714 steps each)"
     )
     assert steps_between(480.0, 30.0, "camera.rate") == 16
+
+
+def test_a_blur_holds_the_targets_own_motion():
+    """Sub-frames show the car where it was then: the blur is as long as its drive."""
+    drive = line.Config(x=0.0, speed=1.2).build(np.random.default_rng())
+    made = make(CameraConfig(exposure=1.0, subframes=8), drive)
+    see(made)
+    made.step(np.zeros(6))
+    sharp = make(CameraConfig(), drive)
+    see(sharp)
+    sharp.step(np.zeros(6))
+    # The car ends 11.6 px to the right: behind its tail the blur still shows it, the sharp one wood.
+    behind = np.s_[110:130, 134:141, 0]
+    red = [world.look().image[behind].astype(float).mean() for world in (made, sharp)]
+    assert red[0] < red[1] - 20
+    made.close()
+    sharp.close()
+
+
+def test_a_large_image_is_supersampled_whole():
+    made = make(CameraConfig(width=1280, height=960, supersample=3))
+    image = see(made, 640.0, 480.0)[0].image
+    assert image[::40, ::40].max(axis=2).min() > 20  # no part of a table is black
+    made.close()

@@ -46,8 +46,10 @@ class Lock:
 
     @property
     def threshold(self) -> float:
-        """The largest distance that is believed: median + 3 sigma of the good frames, between floor
-        and cap.
+        """The largest distance that is believed, between floor and cap.
+
+        The median of the good frames plus `sigmas` robust standard deviations; the cap while there
+        are only a few.
         """
         c = self._config
         if len(self._good) < FEW:

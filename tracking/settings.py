@@ -38,17 +38,17 @@ class CloudSettings(DiscSettings):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 200
     """Number of particles."""
-    gamma: Annotated[float, Gt(0)] = 50.0
+    gamma: Annotated[float, Gt(0), Le(1e6)] = 50.0
     """Sharpness of the likelihood exp(-gamma d^2)."""
-    noise: Annotated[float, Ge(0)] = 0.15
+    noise: Annotated[float, Ge(0), Le(10)] = 0.15
     """Spread of position per frame, over the target's size."""
-    turn_noise: Annotated[float, Ge(0)] = 0.0
+    turn_noise: Annotated[float, Ge(0), Le(4)] = 0.0
     """Spread of theta per frame [rad]; 0: the tracker does not turn."""
-    scale_noise: Annotated[float, Ge(0)] = 0.0
+    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
     """Spread of ln scale per frame; 0: the tracker keeps its size."""
     velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
     """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
     estimate: Literal["mean", "best"] = "mean"
     """The weighted mean of the particles, or the best of them."""
-    widen_when_lost: Annotated[float, Ge(1)] = 3.0
+    widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""

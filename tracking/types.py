@@ -11,6 +11,9 @@ import numpy as np
 
 from sim.types import Array, Frame
 
+LARGEST_LOG = 5.0
+"""A target's ln scale stays within this: a hundred and fifty times larger or smaller is no size."""
+
 
 @dataclass(frozen=True, slots=True)
 class State:
@@ -34,7 +37,7 @@ class State:
     def of(vector: Array) -> State:
         """The state of a vector (x, y, theta, ln scale)."""
         x, y, theta, log_scale = vector.tolist()
-        return State(x, y, theta, float(np.exp(log_scale)))
+        return State(x, y, theta, float(np.exp(np.clip(log_scale, -LARGEST_LOG, LARGEST_LOG))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +110,10 @@ class Tracker(Protocol):
         ...
 
 
+SMALLEST_SIDE = 4.0
+"""A region with a shorter side [px] holds too little to be recognised by."""
+
+
 def check_region(frame: Frame, region: Region, state: State) -> None:
     """Refuse a region that is no region.
 
@@ -114,15 +121,16 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
         ValueError: The rectangle is empty or not inside the image.
     """
     sides = (region.width * state.scale, region.height * state.scale)
-    if min(sides) < 1:
+    if min(sides) < SMALLEST_SIDE:
         raise ValueError(
-            f"the region is {sides[0]:.3g} x {sides[1]:.3g} px; both sides must be at least 1 px"
+            f"the region is {sides[0]:.3g} x {sides[1]:.3g} px; "
+            f"both sides must be at least {SMALLEST_SIDE:g} px"
         )
     height, width = frame.image.shape[:2]
     corners = region.corners(state)
     if np.any(corners < 0) or np.any(corners > (width, height)):
-        (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
+        (left, top), (right, bottom) = corners.min(axis=0).round(), corners.max(axis=0).round()
         raise ValueError(
-            f"the region spans {left:.0f}..{right:.0f} x {top:.0f}..{bottom:.0f} px and leaves the "
+            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px and leaves the "
             f"image of {width} x {height} px"
         )

@@ -88,9 +88,8 @@ class Ibvs:
             error = features.error_of(self._seen, self._goal)
             own = self._matrix_seen @ twist_measured
             measurable = self._measured.ready
-            measured = self._measured.update(error, own, dt) if measurable else np.full(4, np.nan)
-            if not measurable:
-                self._measured.update(error, own, dt)
+            difference = self._measured.update(error, own, dt)
+            measured = difference if measurable else np.full(4, np.nan)
             moving = estimator.update(error, own, dt)
             wanted = -self._config.gain * error - self._fed * moving
         else:

@@ -17,6 +17,7 @@ from servo.parsing import Mistake
 MAGIC = (b"RRF2", b"RRIO")
 """How Rerun's files begin."""
 VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 LOADED_WITHIN, POLL = 30.0, 0.25
 DRAWN_AFTER = 3.0
 """Time for a first drawing of a scene on a machine without a GPU [s]."""
@@ -38,10 +39,16 @@ def check(path: Path) -> None:
 
 
 def show(path: Path, *, web: bool) -> int:
-    """Open the viewer and wait until it is closed; its exit code."""
-    command = [sys.executable, "-m", "rerun", str(path)]
+    """Open the viewer and wait until it is closed; its exit code.
+
+    Raises:
+        Mistake: There is no display for a window.
+    """
+    if not web and sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+        raise Mistake("there is no display here: use --web, or --png FILE for a picture")
+    command = [sys.executable, "-m", "rerun", str(path), "--bind", "127.0.0.1"]
     if web:
-        command += ["--web-viewer", "--bind", "127.0.0.1"]
+        command.append("--web-viewer")
     return subprocess.call(command)
 
 
@@ -57,6 +64,8 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     Raises:
         Mistake: The viewer cannot start here, has no such panel, or never shows the recording.
     """
+    if not png.absolute().parent.is_dir():
+        raise Mistake(f"{png}: there is no such folder to write to")
     try:
         with _quiet_viewer() as viewer:
             viewer.open(str(path.resolve()))
@@ -73,9 +82,10 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             if panel is not None and panel.strip("/") not in views:
                 raise Mistake(f"there is no panel '{panel}'; there is {', '.join(sorted(views))}")
             view = None if panel is None else views[panel.strip("/")]
-            png.write_bytes(viewer.take_screenshot(view_id=view))
+            drawn = viewer.take_screenshot(view_id=view)
     except (RuntimeError, OSError):
         raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
+    png.write_bytes(drawn)
 
 
 def _quiet_viewer() -> ViewerClient:

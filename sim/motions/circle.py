@@ -7,7 +7,7 @@ from math import cos, pi, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt, Le
 
 from sim.types import Pose
 
@@ -16,13 +16,13 @@ from sim.types import Pose
 class Config:
     """The circle."""
 
-    x: float = 0.0
+    x: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Centre [m]."""
-    y: float = 0.0
+    y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Centre [m]."""
-    radius: Annotated[float, Gt(0)] = 0.15
+    radius: Annotated[float, Gt(0), Le(5)] = 0.15
     """Radius [m]."""
-    frequency: float = 0.15
+    frequency: Annotated[float, Ge(-100), Le(100)] = 0.15
     """Rounds a second [Hz]; negative drives clockwise as seen from above."""
 
     def build(self, rng: np.random.Generator) -> Circle:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import final
+from typing import Annotated, final
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from sim.types import Pose
 
@@ -15,13 +16,13 @@ from sim.types import Pose
 class Config:
     """Where it starts and how fast it goes."""
 
-    x: float = -0.5
+    x: Annotated[float, Ge(-5), Le(5)] = -0.5
     """Start [m]."""
-    y: float = 0.0
+    y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Start [m]."""
     heading_deg: float = 0.0
     """Direction of the drive, from world x towards y [deg]."""
-    speed: float = 0.1
+    speed: Annotated[float, Ge(-5), Le(5)] = 0.1
     """Speed [m/s]."""
 
     def build(self, rng: np.random.Generator) -> Line:

@@ -9,7 +9,7 @@ from math import cos, radians, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt, Le
 
 from sim.types import Pose
 
@@ -18,15 +18,15 @@ from sim.types import Pose
 class Config:
     """The line and the speed."""
 
-    x: float = 0.0
+    x: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Middle of the line [m]."""
-    y: float = 0.0
+    y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Middle of the line [m]."""
     heading_deg: float = -90.0
     """Direction of the nose and of the first drive, from world x towards y [deg]."""
-    speed: float = 0.1
+    speed: Annotated[float, Ge(-5), Le(5)] = 0.1
     """Speed [m/s]."""
-    length: Annotated[float, Gt(0)] = 0.5
+    length: Annotated[float, Gt(0), Le(5)] = 0.5
     """Length of the line [m]; the drive starts in its middle."""
 
     def build(self, rng: np.random.Generator) -> Reversal:

@@ -7,7 +7,7 @@ from math import cos, pi, radians, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt, Le
 
 from sim.types import Pose
 
@@ -16,15 +16,15 @@ from sim.types import Pose
 class Config:
     """The line and the swing."""
 
-    x: float = 0.0
+    x: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Middle [m]."""
-    y: float = 0.0
+    y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Middle [m]."""
     heading_deg: float = 0.0
     """Direction of the nose and of the swing, from world x towards y [deg]."""
-    amplitude: float = 0.15
+    amplitude: Annotated[float, Ge(-5), Le(5)] = 0.15
     """Amplitude [m]."""
-    frequency: Annotated[float, Gt(0)] = 0.2
+    frequency: Annotated[float, Gt(0), Le(100)] = 0.2
     """Frequency [Hz]."""
 
     def build(self, rng: np.random.Generator) -> Sine:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import radians
-from typing import final
+from typing import Annotated, final
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from sim.types import Pose
 
@@ -15,9 +16,9 @@ from sim.types import Pose
 class Config:
     """Where it stands."""
 
-    x: float = 0.0
+    x: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Position on the table [m]."""
-    y: float = 0.0
+    y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Position on the table [m]."""
     heading_deg: float = 0.0
     """Direction of the nose, from world x towards y [deg]."""

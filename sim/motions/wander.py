@@ -21,15 +21,15 @@ HARMONICS = (2, 3)
 class Config:
     """How large the loop is and how far from a circle."""
 
-    x: float = 0.0
+    x: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Centre [m]."""
-    y: float = 0.0
+    y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Centre [m]."""
-    radius: Annotated[float, Gt(0)] = 0.18
+    radius: Annotated[float, Gt(0), Le(5)] = 0.18
     """Mean radius [m]."""
     unevenness: Annotated[float, Ge(0), Le(0.5)] = 0.3
     """Sum of the amplitudes of the radius's waves, times their order squared, over the radius."""
-    period: Annotated[float, Gt(0)] = 9.0
+    period: Annotated[float, Ge(0.01), Le(1e6)] = 9.0
     """Time of one round [s]."""
 
     def build(self, rng: np.random.Generator) -> Wander:

@@ -30,6 +30,8 @@ from tracking.hot import sampled as hot
 from tracking.types import Region, State
 
 TINY = 1e-12
+LEAST_RING = 8
+"""Points along each side of a ring: with fewer, none might lie outside the template."""
 REFERENCE_DENSITY = 4
 """The reference is read this much more densely a side, so that it does not depend on the pixel
 grid.
@@ -198,7 +200,7 @@ def cell_model(
 ) -> SampledModel:
     """The template in per_side^2 cells, with a ring around it."""
     layout, dense = (grid(region, per_side, d) for d in (density, REFERENCE_DENSITY * density))
-    around = ring(region, ring_width, per_side * density)
+    around = ring(region, ring_width, max(per_side * density, LEAST_RING))
     return SampledModel(image, state, bins, layout, dense, around=around, contrast=contrast)
 
 
@@ -214,7 +216,7 @@ def disc_model(
 ) -> SampledModel:
     """The template under one Epanechnikov kernel, with a ring around it."""
     layout, dense = (disc(region, d) for d in (density, REFERENCE_DENSITY * density))
-    around = ring(region, ring_width, density)
+    around = ring(region, ring_width, max(density, LEAST_RING))
     return SampledModel(image, state, bins, layout, dense, around=around, contrast=contrast)
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from sim.types import Array, Image
 from tracking.hot import kernels as hot
-from tracking.types import Region, State
+from tracking.types import LARGEST_LOG, Region, State
 
 FLOOR = 1e-3
 """Added to every bin under the root, whose derivative has no bound at an empty one."""
@@ -143,6 +143,8 @@ class KernelModel:
             H[np.diag_indices(4)] += damping * np.trace(H) / 4 + np.finfo(float).tiny
             step = -UNITS * np.linalg.solve(H, UNITS * here.gradient)
             if float(np.max(np.abs(step / UNITS))) < tolerance:
+                break
+            if abs(x[3] + step[3]) > LARGEST_LOG:
                 break
             there = self.linearise(image, x + step)
             evaluations += 1

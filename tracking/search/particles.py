@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.types import Array
 from tracking.search import sampling
-from tracking.types import Estimate, Region, State, Status
+from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
 class ParticleFilter:
@@ -42,6 +42,7 @@ class ParticleFilter:
         """Move every sample by the velocity (4,) per frame, and spread them."""
         spread = widen * self._noise * self._rng.standard_normal(self.samples.shape)
         self.samples = self.samples + velocity + spread
+        self.samples[:, 3] = self.samples[:, 3].clip(-LARGEST_LOG, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
         """Weigh the samples by a log-likelihood (N,), on top of the weights they have."""

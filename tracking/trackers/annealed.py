@@ -28,7 +28,7 @@ class Config(CloudSettings):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
     """Number of particles."""
-    noise: Annotated[float, Ge(0)] = 0.3
+    noise: Annotated[float, Ge(0), Le(10)] = 0.3
     """Spread of position in the first layer, over the target's size."""
     velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
     """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""

@@ -21,11 +21,11 @@ class Config(annealed.Config):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 40
     """Number of particles."""
-    gamma: Annotated[float, Gt(0)] = 100.0
+    gamma: Annotated[float, Gt(0), Le(1e6)] = 100.0
     """Sharpness of the likelihood exp(-gamma d^2); the paper's 1 - d loses the target three times
     as often.
     """
-    noise: Annotated[float, Ge(0)] = 0.8
+    noise: Annotated[float, Ge(0), Le(10)] = 0.8
     """Spread of position in the first layer, over the target's size."""
     estimate: Literal["mean", "best"] = "best"
     """The weighted mean of the particles, or the best of them."""

@@ -31,7 +31,7 @@ class Config(ShiftSettings):
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
     scale: bool = False
     """Also follow the target's size, by trying 10 % more and less."""
-    contrast: Annotated[float, Ge(0)] = 0.5
+    contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight of the surrounding ring's likeness to the target where sizes are compared."""
     confidence: Annotated[float, Ge(0), Le(1)] = 0.0
     """Below this 1 - d, eight more climbs begin around the target (that is `sok`); 0: never."""

@@ -21,21 +21,21 @@ class Config(condensation.Config):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 500
     """Number of particles."""
-    gamma: Annotated[float, Gt(0)] = 20.0
+    gamma: Annotated[float, Gt(0), Le(1e6)] = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
-    noise: Annotated[float, Ge(0)] = 0.08
+    noise: Annotated[float, Ge(0), Le(10)] = 0.08
     """Spread of position per frame, over the target's size."""
-    turn_noise: Annotated[float, Ge(0)] = 0.04
+    turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
-    scale_noise: Annotated[float, Ge(0)] = 0.02
+    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
     """Spread of ln scale per frame."""
     density: Annotated[int, Ge(1), Le(64)] = 5
     """Points along each side of a cell at which a particle reads the image."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Cells along each side: 3 is the paper's nine kernels."""
-    contrast: Annotated[float, Ge(0)] = 0.5
+    contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
-    ring: Annotated[float, Gt(0)] = 0.4
+    ring: Annotated[float, Ge(0.25), Le(4)] = 0.4
     """Width of that ring, both sides together, over the target's size."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:

@@ -32,13 +32,13 @@ class Config:
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 75
     """Number of particles."""
-    gamma: Annotated[float, Gt(0)] = 20.0
+    gamma: Annotated[float, Gt(0), Le(1e6)] = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
-    noise: Annotated[float, Ge(0)] = 0.08
+    noise: Annotated[float, Ge(0), Le(10)] = 0.08
     """Spread of position per frame, over the target's size."""
-    turn_noise: Annotated[float, Ge(0)] = 0.04
+    turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
-    scale_noise: Annotated[float, Ge(0)] = 0.02
+    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
     """Spread of ln scale per frame."""
     velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
     """Share of the old velocity that the new one keeps."""
@@ -48,9 +48,9 @@ class Config:
     """Colour bins a channel: a power of two."""
     density: Annotated[int, Ge(1), Le(64)] = 5
     """Points along each side of a cell at which a particle reads the image."""
-    contrast: Annotated[float, Ge(0)] = 0.5
+    contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
-    ring: Annotated[float, Gt(0)] = 0.4
+    ring: Annotated[float, Ge(0.25), Le(4)] = 0.4
     """Width of that ring, both sides together, over the target's size."""
     span: Annotated[float, Gt(0)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
@@ -68,7 +68,7 @@ class Config:
     """
     lock: LockConfig = field(default_factory=LockConfig)
     """When the target counts as hidden or lost."""
-    widen_when_lost: Annotated[float, Ge(1)] = 3.0
+    widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""
 
     def build(self, rng: np.random.Generator) -> PfSsd:

@@ -20,7 +20,7 @@ from tracking.types import Region, State
 class Config(condensation.Config):
     """The particle filter's settings, and the texture's threshold."""
 
-    scale_noise: Annotated[float, Ge(0)] = 0.03
+    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.03
     """Spread of ln scale per frame; 0: the tracker keeps its size."""
     density: Annotated[int, Ge(2), Le(256)] = 24
     """Points along the kernel's diameter at which the image is read."""
