@@ -17,7 +17,7 @@ from servo import commands
 from servo.scenario import load, parse
 from servo.steps_table import STREAM, columns
 
-SHORT = ["run.duration=2.0", "disturbances.0.start=1.0"]
+SHORT = ["run.duration=2.0", "disturbances.0.start=1.0", "goal.angle_deg=30.0"]
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_the_recording_shows_what_the_steps_say(folder):
     assert red > blue + 30  # a wooden table is brown, in BGR order
     position = found["/world/eye", "Transform3D:translation"][0]
     matrix = np.array(found["/world/eye", "Transform3D:mat3x3"][0]).reshape(3, 3).T
-    # The camera looks down, its x axis turned from world x by the wrist.
+    # The camera looks down, its x axis turned from world x by the wrist: by 30 degrees.
     yaw = row["joint_yaw_rad"]
     np.testing.assert_allclose(matrix[:, 0], [np.cos(yaw), np.sin(yaw), 0.0], atol=2e-3)
     np.testing.assert_allclose(matrix[:, 2], [0.0, 0.0, -1.0], atol=2e-3)
@@ -172,8 +172,9 @@ def test_the_recording_shows_what_the_steps_say(folder):
 def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):
     table = pq.read_table(folder / "steps.parquet").to_pydict()
     assert table["acting_vx_m_s"][1:] == table["command_vx_m_s"][:-1]
-    # The car drives at 0.1 m/s to the right of a camera that is level: xn is in metres.
-    np.testing.assert_allclose(table["motion_true_xn"][5:], 0.1, atol=2e-3)
+    # The car drives at 0.1 m/s along its nose, which the goal has at 30 degrees; xn is in metres.
+    np.testing.assert_allclose(table["motion_true_xn"][5:], 0.1 * np.cos(np.pi / 6), atol=2e-3)
+    np.testing.assert_allclose(table["motion_true_yn"][5:], 0.1 * np.sin(np.pi / 6), atol=2e-3)
 
 
 # Rerun warns that a cut file has no footer, which is what this test is about.

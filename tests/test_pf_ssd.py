@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from sim.types import Frame
+from tracking.lock import LockConfig
 from tracking.trackers.frozen import Config as FrozenConfig
 from tracking.trackers.pf_ssd import Config
 from tracking.types import Region, State, Status
@@ -142,3 +143,13 @@ def test_kernels_leave_the_regions_rim_out():
     inside, rim = (abs(np.log(track(Config(inset=i), frames)[-1].state.scale)) for i in (0.15, 0.0))
     assert inside < 0.02
     assert inside < rim
+
+
+def test_what_is_not_believed_is_not_the_estimate():
+    """Never LOCKED, the estimate is the filter's mean, wherever the descent ended."""
+    frames = [paint(path(k), index=k) for k in range(16)]
+    never = LockConfig(floor=0.0, cap=1e-9)
+    for estimate in track(Config(lock=never), frames):
+        mean = estimate.particles[:, 4] @ estimate.particles[:, :2]
+        np.testing.assert_allclose((estimate.state.x, estimate.state.y), mean, atol=1e-9)
+        assert estimate.status is not Status.LOCKED

@@ -222,7 +222,7 @@ def test_a_blur_holds_the_targets_own_motion():
     sharp = make(CameraConfig(), drive)
     see(sharp)
     sharp.step(np.zeros(6))
-    # The car ends 11.6 px to the right: behind its tail the blur still shows it, the sharp one wood.
+    # The car ends 11.6 px to the right; behind its tail the blur still shows it, and else wood.
     behind = np.s_[110:130, 134:141, 0]
     red = [world.look().image[behind].astype(float).mean() for world in (made, sharp)]
     assert red[0] < red[1] - 20
