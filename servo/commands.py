@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
+from statistics import median
 
 from rich.console import Console
 from rich.markup import escape
@@ -23,7 +24,8 @@ from sim import gl
 
 FPS_FRAMES = 60
 STOPPED = "servobench: stopped; what was written is complete up to here."
-WAITING = "preparing (the first run on a machine compiles the hot loops, which takes a while)"
+COMPILING = "(the first run on a machine compiles the hot loops)"
+WAITING = f"preparing {COMPILING}"
 
 
 def run_scenario(
@@ -38,10 +40,13 @@ def run_scenario(
     with episode:
         output = RunFolder(prepare(out, scenario), episode, rerun=rerun)
         steps: list[Step] = []
+        writing: list[float] = []
         try:
             for step in _with_progress(episode, scenario.name, console):
                 steps.append(step)
+                began = time.perf_counter()
                 output.add(step)
+                writing.append(time.perf_counter() - began)
         except KeyboardInterrupt:
             _plain(Console(stderr=True), STOPPED)
             return 130
@@ -50,7 +55,8 @@ def run_scenario(
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     missed = violations(report, scenario.expect)
     paths = output.finish(steps, report, missed)
-    _print_report(console, scenario, report, steps)
+    _print_report(console, scenario, report)
+    console.print(_stage_line(steps, writing))
     for path in paths:
         _plain(console, f"  {path}")
     _print_missed(Console(stderr=True), missed, _command(name, changes, scenario.run.seed))
@@ -131,16 +137,14 @@ def _progress(console: Console) -> Progress:
 
 def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
     with _progress(console) as progress:
-        task = progress.add_task(escape(name), total=episode.frames, note="")
+        task = progress.add_task(escape(name), total=episode.frames, note=COMPILING)
         for step in episode:
             note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
             progress.update(task, advance=1, note=note)
             yield step
 
 
-def _print_report(
-    console: Console, scenario: Scenario, report: Report, steps: Sequence[Step]
-) -> None:
+def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
     outcome = f"{report.outcome.name}. {report.outcome.value}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {scenario.run.seed}: {outcome}")
     table = Table(box=None, pad_edge=False)
@@ -152,18 +156,17 @@ def _print_report(
         shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
         table.add_row(m.name, f"{m.value:.3g}", shown, m.meaning)
     console.print(table)
-    console.print(_stage_line(steps))
 
 
-def _stage_line(steps: Sequence[Step]) -> str:
-    def median(stage: str) -> float:
-        values = sorted(getattr(s.seconds, stage) for s in steps)
-        return 1e3 * values[len(values) // 2]
-
-    stages = "  ".join(
-        f"{stage} {median(stage):.2f}" for stage in ("render", "track", "control", "physics")
+def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
+    stages = ("render", "track", "control", "physics")
+    each = {stage: median(getattr(s.seconds, stage) for s in steps) for stage in stages}
+    total = median(s.seconds.total for s in steps)
+    parts = "  ".join(f"{stage} {1e3 * seconds:.2f}" for stage, seconds in each.items())
+    return (
+        f"A step took {1e3 * total:.1f} ms: {parts}; "
+        f"writing it took {1e3 * median(writing):.1f} ms (medians)"
     )
-    return f"A step took {median('total'):.1f} ms: {stages} (medians, ms; writing not included)"
 
 
 def _check_row(
