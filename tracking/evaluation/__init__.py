@@ -1,0 +1,1 @@
+"""Comparing trackers honestly."""
