@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from servo.estimators import difference, kalman_cv
+from servo.estimators import difference, kalman_ca, kalman_cv
 from servo.estimators.difference import Difference
 
 RNG = np.random.default_rng(0)
@@ -68,3 +68,25 @@ def test_kalman_is_smoother_than_the_difference_and_follows_a_constant():
     found = [estimator.update(np.full(4, e), np.zeros(4), 1 / 30)[0] for e in errors][50:]
     assert np.mean(found) == pytest.approx(0.1, abs=0.01)
     assert np.std(found) < 0.6 * 0.05
+
+
+def test_kalman_with_acceleration_agrees_with_the_textbook_written_out():
+    z, own, errors = measurements()
+    rho, sQ, sA, sR, T = 0.4, 2e-4, 3e-4, 1e-3, 1 / 30
+    estimator = kalman_ca.Config(
+        rho=rho, state_variance=sQ, acceleration_variance=sA, measure_variance=sR
+    ).build(RNG)
+    estimator.update(errors[0], own[0], T)
+    s = sQ / (1 - rho**2)
+    F = np.array([[1, 1, T], [0, rho, 0], [0, 0, 1]])
+    H, Q = np.array([[1.0, 0.0, 0.0]]), np.diag([0, sQ, sA])
+    P = np.array(
+        [[sR, 0, sR / T], [0, s, -rho * s / T], [sR / T, -rho * s / T, (2 * sR + s) / T**2]]
+    )
+    x = np.vstack([z[1], np.zeros((2, 4))])
+    np.testing.assert_allclose(estimator.update(errors[1], own[1], T), z[1], atol=1e-12)
+    for k in range(2, 40):
+        x, P = F @ x, F @ P @ F.T + Q
+        K = P @ H.T / (H @ P @ H.T + sR)
+        x, P = x + K @ (z[k] - H @ x), (np.eye(3) - K @ H) @ P
+        np.testing.assert_allclose(estimator.update(errors[k], own[k], T), x[0], atol=1e-8)

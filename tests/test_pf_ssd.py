@@ -82,6 +82,7 @@ def test_beats_doing_nothing():
     truth = path(29)
     assert REGION.iou(ours, truth) > 0.9
     assert REGION.iou(nothing, truth) < 0.3
+    assert track(FrozenConfig(), frames)[-1].status is Status.UNSURE  # nobody looked
 
 
 def test_reports_its_work_and_its_cloud():

@@ -56,7 +56,8 @@ class Config:
     """Half axis of an Epanechnikov kernel, in cells."""
     inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
     """Share of the region's width and height that the kernels leave out, half on each side: there
-    the background shows, whose change would be taken for the target's."""
+    the background shows, whose change would be taken for the target's. From 0.06 on what is left of
+    our car no longer holds its angle against parallax."""
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
     occluded: Annotated[float, Gt(0), Le(1)] = 0.6
