@@ -159,6 +159,9 @@ def test_the_recording_shows_what_the_steps_say(folder):
     yaw = row["joint_yaw_rad"]
     np.testing.assert_allclose(matrix[:, 0], [np.cos(yaw), np.sin(yaw), 0.0], atol=2e-3)
     np.testing.assert_allclose(matrix[:, 2], [0.0, 0.0, -1.0], atol=2e-3)
+    wrist = np.array(found["/world/yaw_link", "Transform3D:mat3x3"][0]).reshape(3, 3).T
+    np.testing.assert_allclose(wrist[:, 0], [np.cos(yaw), np.sin(yaw), 0.0], atol=2e-3)
+    np.testing.assert_allclose(wrist[:, 1], [-np.sin(yaw), np.cos(yaw), 0.0], atol=2e-3)
     np.testing.assert_allclose(position[:2], [row["joint_x_m"], row["joint_y_m"]], atol=2e-3)
     for name, (x, y) in {
         "goal": (row["goal_x_px"], row["goal_y_px"]),
