@@ -140,9 +140,8 @@ class RerunLog:
             self._send_poses(f"world/{name}", index, poses[:, i, :, 3], poses[:, i, :, :3])
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
-        # Rerun takes 3x3 matrices column by column.
         columns = rr.Transform3D.columns(
-            translation=np.asarray(t), mat3x3=np.asarray(R).transpose(0, 2, 1).reshape(-1, 9)
+            translation=np.asarray(t), mat3x3=np.asarray(R).reshape(-1, 9)
         )
         self._rec.send_columns(path, index, columns)
 
