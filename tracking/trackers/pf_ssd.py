@@ -17,12 +17,13 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from sim.types import Array, Frame
+from sim.types import Frame
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.sampled import cell_model
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
+from tracking.search.velocity import Velocity
 from tracking.types import Estimate, Region, State, Status, check_region
 
 
@@ -100,13 +101,13 @@ class PfSsd:
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._lock, self._status = Lock(c.lock), Status.LOCKED
-        self._last, self._velocity = state, np.zeros(4)
+        self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
         c, image = self._config, frame.image
         self._filter.predict(
-            self._velocity, c.widen_when_lost if self._status is Status.LOST else 1.0
+            self._velocity.value, c.widen_when_lost if self._status is Status.LOST else 1.0
         )
         self._filter.weigh(-c.gamma * self._cells.energy(image, self._filter.samples))
         proposed = self._filter.mean()
@@ -116,7 +117,11 @@ class PfSsd:
         evaluations = len(self._filter.samples) + descended.evaluations
         estimate = self._filter.estimate(state, descended.distance, self._status, evaluations)
         self._filter.resample()
-        self._learn_motion(state, proposed)
+        # While the target is hidden the velocity stays; the mean moves by it and by chance.
+        seen = self._status is Status.LOCKED
+        if seen:
+            self._filter.shift(state.vector - proposed.vector)
+        self._velocity.learn(state, seen=seen)
         return estimate
 
     def _descend(self, frame: Frame, proposed: State) -> Refined:
@@ -127,13 +132,3 @@ class PfSsd:
         if float(np.hypot(moved[0], moved[1])) <= c.trust * self._size:
             return refined
         return Refined(proposed, 1.0, refined.evaluations)
-
-    def _learn_motion(self, state: State, proposed: State) -> None:
-        # While the target is hidden the velocity stays: the filter's mean then moves by it and by
-        # chance.
-        if self._status is Status.LOCKED:
-            keep = self._config.velocity_memory
-            moved: Array = state.vector - self._last.vector
-            self._velocity = keep * self._velocity + (1 - keep) * moved
-            self._filter.shift(state.vector - proposed.vector)
-        self._last = state
