@@ -1,4 +1,4 @@
-"""The command line: run, check, list, view, doctor. Heavy imports happen inside the commands."""
+"""The command line. Heavy imports happen inside the commands."""
 
 from __future__ import annotations
 
@@ -67,6 +67,52 @@ def check(
     raise typer.Exit(
         check_scenarios(scenarios or [], changes or [], range(seed, seed + seeds), quiet=quiet)
     )
+
+
+@app.command()
+def track(
+    source: Annotated[
+        str, typer.Argument(help="A folder of images (also OTB, VOT), a video, or camera:0.")
+    ],
+    region: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,W,H[,DEG]",
+            help="The target in the first picture: top left corner, size [px], rotation about its "
+            "centre (default: the truth's first line).",
+        ),
+    ] = None,
+    tracker: Annotated[str, typer.Option(help="Which tracker (servobench list).")] = "annealed",
+    changes: SET = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the tracker's draws.")] = 0,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="Truth to compare with: OTB, VOT, CSV (default: what lies beside it)."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write (default: runs/SOURCE-TRACKER-SEED).")
+    ] = None,
+    video: Annotated[bool, typer.Option("--video", help="Also write an annotated MP4.")] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Also write a Rerun recording.")] = False,
+    rate: Annotated[
+        float, typer.Option(min=0.001, help="Pictures a second of a folder of images.")
+    ] = 30.0,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Stop after this many pictures.")
+    ] = None,
+    quiet: QUIET = False,
+) -> None:
+    """Follow a target through any pictures; write track.csv and report.json."""
+    from servo.track import Request, run
+
+    raise typer.Exit(
+        run(
+            Request(
+                source, region, tracker, changes or [], seed, truth, out, video, rerun, rate,
+                frames, quiet,
+            )
+        )
+    )  # fmt: skip
 
 
 @app.command("list")

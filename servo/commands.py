@@ -12,7 +12,6 @@ from statistics import median
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from servo import scenario as scenarios
@@ -20,12 +19,10 @@ from servo.episode import Episode, Step
 from servo.measures import Report, Violation, check_expect, summarise, violations
 from servo.run_folder import VERSIONED, RunFolder, prepare
 from servo.scenario import Scenario
+from servo.terminal import COMPILING, STOPPED, WAITING, plain, progress_bar
 from sim import gl
 
 FPS_FRAMES = 60
-STOPPED = "servobench: stopped; what was written is complete up to here."
-COMPILING = "(the first run on a machine compiles the hot loops)"
-WAITING = f"preparing {COMPILING}"
 
 
 def run_scenario(
@@ -38,7 +35,9 @@ def run_scenario(
     with console.status(WAITING):
         episode = Episode(scenario)
     with episode:
-        output = RunFolder(prepare(out, scenario), episode, rerun=rerun)
+        output = RunFolder(
+            prepare(out, f"{scenario.name}-{scenario.run.seed}"), episode, rerun=rerun
+        )
         steps: list[Step] = []
         writing: list[float] = []
         try:
@@ -48,7 +47,7 @@ def run_scenario(
                 output.add(step)
                 writing.append(time.perf_counter() - began)
         except KeyboardInterrupt:
-            _plain(Console(stderr=True), STOPPED)
+            plain(Console(stderr=True), STOPPED)
             return 130
         finally:
             output.close()
@@ -58,7 +57,7 @@ def run_scenario(
     _print_report(console, scenario, report)
     console.print(_stage_line(steps, writing))
     for path in paths:
-        _plain(console, f"  {path}")
+        plain(console, f"  {path}")
     _print_missed(Console(stderr=True), missed, _command(name, changes, scenario.run.seed))
     return 1 if missed else 0
 
@@ -75,7 +74,7 @@ def check_scenarios(
         words = title in ("scenario", "outcome", "bounds")
         table.add_column(title, justify="left" if words else "right", no_wrap=True)
     failures: list[tuple[list[Violation], str]] = []
-    with _progress(console) as progress:
+    with progress_bar(console) as progress:
         task = progress.add_task("", total=len(runs), note="")
         for name, scenario in runs:
             progress.update(task, description=f"{escape(scenario.name)}, seed {scenario.run.seed}")
@@ -125,18 +124,8 @@ def _load(name: str, changes: list[str], seed: int | None) -> Scenario:
     return scenario
 
 
-def _progress(console: Console) -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, TextColumn("{task.fields[note]}"), console=console, transient=True)
-
-
 def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
-    with _progress(console) as progress:
+    with progress_bar(console) as progress:
         task = progress.add_task(escape(name), total=episode.frames, note=COMPILING)
         for step in episode:
             note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
@@ -196,11 +185,6 @@ def _command(name: str, changes: list[str], seed: int) -> str:
 
 def _print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
     for violation in missed:
-        _plain(console, f"missed: {violation}")
+        plain(console, f"missed: {violation}")
     if missed:
-        _plain(console, f"  again: {command}")
-
-
-def _plain(console: Console, text: str) -> None:
-    """Print paths and commands as they are: no colours, no line breaks, no markup."""
-    console.print(text, highlight=False, soft_wrap=True, markup=False)
+        plain(console, f"  again: {command}")

@@ -58,8 +58,10 @@ def fill(config: type[Any], table: Any, place: str) -> Any:
 def fill_plugin(folder: str, table: Any, place: str, default: str | None = None) -> Any:
     """The `Config` of the kind that a table names, filled from the rest of the table.
 
+    A `preset` gives the settings that the table leaves open.
+
     Raises:
-        Mistake: As for `fill`, or the kind is unknown.
+        Mistake: As for `fill`, or the kind or preset is unknown.
     """
     if not isinstance(table, dict):
         raise Mistake(f"{place} should be a table with a kind, not {table!r}")
@@ -70,7 +72,13 @@ def fill_plugin(folder: str, table: Any, place: str, default: str | None = None)
         config = plugins.config_of(folder, str(kind))
     except plugins.UnknownKind as error:
         raise Mistake(f"{place}.kind: {error}") from None
-    return fill(config, {k: v for k, v in table.items() if k != "kind"}, place)
+    try:
+        name = table.get("preset")
+        begin = {} if name is None else plugins.preset(folder, str(kind), str(name))
+    except plugins.UnknownKind as error:
+        raise Mistake(f"{place}.preset: {error}") from None
+    given = {k: v for k, v in table.items() if k not in ("kind", "preset")}
+    return fill(config, begin | given, place)
 
 
 def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:

@@ -28,14 +28,14 @@ VERSIONED = (
 )
 
 
-def prepare(asked: Path | None, scenario: Scenario) -> Path:
-    """The empty folder a run will write to: the one asked for, or the next free runs/NAME-SEED.
+def prepare(asked: Path | None, name: str) -> Path:
+    """The empty folder a run will write to: the one asked for, or the next free runs/NAME.
 
     Raises:
         Mistake: It holds something already, or cannot be written.
     """
     if asked is None:
-        base = Path("runs") / f"{scenario.name}-{scenario.run.seed}"
+        base = Path("runs") / name
         folder, again = base, 2
         while folder.exists():
             folder, again = base.with_name(f"{base.name}-{again}"), again + 1
@@ -95,7 +95,7 @@ def _summary(scenario: Scenario, report: Report, missed: Sequence[Violation]) ->
         "scenario": scenario.name,
         "seed": scenario.run.seed,
         "outcome": report.outcome.name,
-        "measures": {m.name: _number(m.value) for m in report.measures},
+        "measures": {m.name: number(m.value) for m in report.measures},
         "units": {m.name: m.unit for m in report.measures},
         "expect": scenario.expect,
         "missed": [str(v) for v in missed],
@@ -104,6 +104,6 @@ def _summary(scenario: Scenario, report: Report, missed: Sequence[Violation]) ->
     }
 
 
-def _number(value: float) -> float | None:
+def number(value: float) -> float | None:
     """JSON has no infinity: a time that never came is null."""
     return value if math.isfinite(value) else None

@@ -39,6 +39,25 @@ def config_of(folder: str, kind: str) -> type[Any]:
     return importlib.import_module(f"{folder}.{kind}").Config
 
 
+def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
+    """The settings that a kind has under a name, such as the "paper" it comes from.
+
+    Raises:
+        UnknownKind: There is no such kind, or it has no such preset.
+    """
+    config_of(folder, kind)
+    known: dict[str, dict[str, Any]] = presets(folder, kind)
+    if name not in known:
+        there = f"there is {', '.join(known)}" if known else f"'{kind}' has none"
+        raise UnknownKind(f"there is no preset '{name}'; {there}")
+    return known[name]
+
+
+def presets(folder: str, kind: str) -> dict[str, dict[str, Any]]:
+    """All presets of a kind by name: the `PRESETS` of its file."""
+    return getattr(importlib.import_module(f"{folder}.{kind}"), "PRESETS", {})
+
+
 def summary(folder: str, kind: str) -> str:
     """The first sentence of the kind's file, read without importing what it needs."""
     spec = importlib.util.find_spec(f"{folder}.{kind}")

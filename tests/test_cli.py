@@ -50,8 +50,8 @@ BAD = {
     ),
     "a region outside the image": (
         ["run", "still", "--set", "start.x=200"],
-        "still: first frame: the region spans 321..399 x 92..148 px and leaves the image of "
-        "320 x 240 px",
+        "still: first frame: the region spans 321..399 x 92..148 px, most of it outside the image "
+        "of 320 x 240 px",
     ),
     "a region of zero size": (
         ["run", "still", "--set", "region.width=0"],

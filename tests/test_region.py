@@ -42,9 +42,13 @@ def test_an_empty_region_is_refused():
     assert str(refused.value) == "the region is 0 x 20 px; both sides must be at least 4 px"
 
 
-def test_a_region_that_leaves_the_image_is_refused():
+def test_a_region_mostly_outside_the_image_is_refused():
     with pytest.raises(ValueError) as refused:
-        check_region(FRAME, Region(40.0, 20.0), State(190.0, 50.0))
+        check_region(FRAME, Region(40.0, 20.0), State(201.0, 50.0))
     assert str(refused.value) == (
-        "the region spans 170..210 x 40..60 px and leaves the image of 200 x 100 px"
+        "the region spans 181..221 x 40..60 px, most of it outside the image of 200 x 100 px"
     )
+
+
+def test_a_region_that_only_juts_out_is_accepted():
+    assert check_region(FRAME, Region(40.0, 20.0), State(199.0, 50.0)) is None

@@ -14,18 +14,22 @@ from tracking.types import Tracker
 
 __all__ = ["create"]
 
+FOLDER = "tracking.trackers"
 
-def create(kind: str, seed: int = 0, **settings: Any) -> Tracker:
+
+def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any) -> Tracker:
     """A tracker by its kind, such as "pf_ssd", with any of its settings.
 
     Args:
         kind: A file of tracking/trackers.
         seed: Of the tracker's random draws.
+        preset: "paper" for the settings of the paper it comes from; None for the best ones known.
         **settings: Fields of its `Config`; `servobench list KIND` prints them.
 
     Raises:
-        UnknownKind: There is no such kind; the message lists what there is.
+        UnknownKind: There is no such kind or preset; the message lists what there is.
         TypeError: There is no such setting.
     """
-    config = plugins.config_of("tracking.trackers", kind)(**settings)
+    begin = {} if preset is None else plugins.preset(FOLDER, kind, preset)
+    config = plugins.config_of(FOLDER, kind)(**begin | settings)
     return config.build(np.random.default_rng(seed))

@@ -3,23 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from sim.types import Array, Image
+from tracking.appearance.colour import ColourBins
+from tracking.appearance.reference import Learning
+from tracking.appearance.sampled import SampledModel, disc_model
 from tracking.lock import LockConfig
+from tracking.types import Region, State
+
+PLAIN: dict[str, Any] = {"contrast": 0.0, "discriminate": False, "update": 0.0}
+"""What no paper has: part of their presets."""
+LEAST = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class DiscSettings:
+class DiscSettings(Learning):
     """One histogram of the target under an Epanechnikov kernel."""
 
+    contrast: Annotated[float, Ge(0), Le(100)] = 0.25
+    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
+    discriminate: bool = True
+    """Weigh the reference's bins by how well they tell the target from its surroundings."""
+    update: Annotated[float, Ge(0), Le(1)] = 0.05
+    """Share of the target's looks that is new in each picture where it was found; 0: the first
+    picture decides."""
     levels: Annotated[int, Ge(2), Le(32)] = 8
     """Colour bins a channel: a power of two."""
     density: Annotated[int, Ge(2), Le(256)] = 16
     """Points along the kernel's diameter at which the image is read."""
-    lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.5, cap=0.7))
+    lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.5, cap=0.75))
     """When the target counts as hidden or lost; a hard-binned distance is never near 0."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """How the target looks: one histogram under an Epanechnikov kernel."""
+        return disc_model(image, region, state, ColourBins(self.levels), self, density=self.density)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +61,8 @@ class CloudSettings(DiscSettings):
     """Number of particles."""
     gamma: Annotated[float, Gt(0), Le(1e6)] = 50.0
     """Sharpness of the likelihood exp(-gamma d^2)."""
+    likelihood: Literal["exponential", "linear"] = "exponential"
+    """exp(-gamma d^2), or 1 - d as Naeem, Pridmore and Mills have it (equation 8)."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.15
     """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.0
@@ -52,3 +75,9 @@ class CloudSettings(DiscSettings):
     """The weighted mean of the particles, or the best of them."""
     widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""
+
+    def log_likelihood(self, energy: Array) -> Array:
+        """Logarithm (N,) of the likelihood of states with this energy (N,), d^2 and more."""
+        if self.likelihood == "linear":
+            return np.log(np.maximum(1 - np.sqrt(energy), LEAST))
+        return -self.gamma * energy

@@ -114,11 +114,15 @@ SMALLEST_SIDE = 4.0
 """A region with a shorter side [px] holds too little to be recognised by."""
 
 
+LEAST_INSIDE = 0.5
+"""At least this share of a region lies inside the first image."""
+
+
 def check_region(frame: Frame, region: Region, state: State) -> None:
     """Refuse a region that is no region.
 
     Raises:
-        ValueError: The rectangle is empty or not inside the image.
+        ValueError: The rectangle is empty, or most of it is outside the image.
     """
     sides = (region.width * state.scale, region.height * state.scale)
     if min(sides) < SMALLEST_SIDE:
@@ -128,9 +132,11 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
         )
     height, width = frame.image.shape[:2]
     corners = region.corners(state)
-    if np.any(corners < 0) or np.any(corners > (width, height)):
+    image = np.array([[0, 0], [width, 0], [width, height], [0, height]])
+    shared, _ = cv2.intersectConvexConvex(corners.astype(np.float32), image.astype(np.float32))
+    if float(shared) < LEAST_INSIDE * region.area(state):
         (left, top), (right, bottom) = corners.min(axis=0).round(), corners.max(axis=0).round()
         raise ValueError(
-            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px and leaves the "
-            f"image of {width} x {height} px"
+            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px, most of it "
+            f"outside the image of {width} x {height} px"
         )

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Any, final
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.types import Array, Frame
-from tracking.appearance.colour import ColourBins
-from tracking.appearance.sampled import disc_model
 from tracking.lock import Lock
 from tracking.search.annealing import Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import CloudSettings
+from tracking.trackers import condensation
 from tracking.types import Estimate, Region, State, Status, check_region
 
 CLIMB_TOLERANCE = 0.5
 """A particle whose shift is shorter has arrived [px]."""
+
+
+LAYERS: dict[str, Any] = condensation.FILTER | {"schedule": "fixed", "layers": 5}
+"""The first paper's annealing: M = 4, so five layers."""
+PRESETS = {"paper": LAYERS | condensation.SAME}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +36,8 @@ class Config(CloudSettings):
     """Spread of position in the first layer, over the target's size."""
     velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
     """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
+    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.015
+    """Spread of ln scale per frame; 0: the tracker keeps its size."""
     layers: Annotated[int, Ge(1), Le(50)] = 5
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL
@@ -61,9 +67,7 @@ class Annealed:
         """Learn the histogram and put all particles on the target."""
         check_region(frame, region, state)
         c = self._config
-        self._model = disc_model(
-            frame.image, region, state, ColourBins(c.levels), density=c.density
-        )
+        self._model = c.model(frame.image, region, state)
         self._reach = float(np.sqrt(region.area(state)))
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
@@ -76,10 +80,13 @@ class Annealed:
         self._evaluations = 0
 
         def likelihood(cloud: ParticleFilter) -> Array:
-            return -c.gamma * self._measure(frame, cloud) ** 2
+            if c.climb > 0:
+                self._climb(frame, cloud)
+            self._evaluations += len(cloud.samples)
+            return c.log_likelihood(self._model.energy(frame.image, cloud.samples))
 
         widen = c.widen_when_lost if self._status is Status.LOST else 1.0
-        layers = Annealing(c.layers, c.schedule, c.survival, c.ratio, c.cooling)
+        layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
         anneal(self._cloud, self._velocity.value, likelihood, layers, widen)
         state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
         distance = float(self._model.distances(frame.image, state.vector[None])[0])
@@ -87,16 +94,17 @@ class Annealed:
         found = self._cloud.estimate(state, distance, self._status, self._evaluations + 1)
         self._velocity.learn(state, seen=self._status is Status.LOCKED)
         self._cloud.resample()
+        if self._status is Status.LOCKED:
+            self._model.learn(frame.image, state)
         return found
 
-    def _measure(self, frame: Frame, cloud: ParticleFilter) -> Array:
-        """Distances (N,) of the particles, which climb to the nearest modes first if they may."""
-        c = self._config
-        if c.climb == 0:
-            self._evaluations += len(cloud.samples)
-            return self._model.distances(frame.image, cloud.samples)
-        cloud.samples, distances, evaluations = self._model.climb(
-            frame.image, cloud.samples, most=c.climb, tolerance=CLIMB_TOLERANCE, reach=self._reach
+    def _climb(self, frame: Frame, cloud: ParticleFilter) -> None:
+        """Move all particles to the nearest modes."""
+        cloud.samples, _, evaluations = self._model.climb(
+            frame.image,
+            cloud.samples,
+            most=self._config.climb,
+            tolerance=CLIMB_TOLERANCE,
+            reach=self._reach,
         )
         self._evaluations += evaluations
-        return distances

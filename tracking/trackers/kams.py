@@ -14,6 +14,8 @@ from annotated_types import Ge, Gt, Le
 
 from tracking.trackers import annealed
 
+PRESETS = {"paper": annealed.LAYERS | {"estimate": "mean"}}
+
 
 @dataclass(frozen=True, slots=True)
 class Config(annealed.Config):
@@ -25,8 +27,13 @@ class Config(annealed.Config):
     """Sharpness of the likelihood exp(-gamma d^2); the paper's 1 - d loses the target three times
     as often.
     """
-    noise: Annotated[float, Ge(0), Le(10)] = 0.8
+    noise: Annotated[float, Ge(0), Le(10)] = 1.2
     """Spread of position in the first layer, over the target's size."""
+    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Spread of ln scale per frame; 0: the tracker keeps its size."""
+    contrast: Annotated[float, Ge(0), Le(100)] = 0.0
+    """Weight eta of the surrounding ring's likeness to the target. With a fixed size it only draws
+    particles to places that stand out."""
     estimate: Literal["mean", "best"] = "best"
     """The weighted mean of the particles, or the best of them."""
     climb: Annotated[int, Ge(1), Le(100)] = 6

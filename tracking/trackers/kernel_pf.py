@@ -13,6 +13,8 @@ from annotated_types import Ge, Le
 
 from tracking.trackers import condensation, mk_pf
 
+PRESETS = mk_pf.PRESETS
+
 
 @dataclass(frozen=True, slots=True)
 class Config(mk_pf.Config):

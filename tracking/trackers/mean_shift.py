@@ -8,12 +8,10 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Array, Frame, Image
-from tracking.appearance.colour import ColourBins
-from tracking.appearance.sampled import SampledModel, disc_model
+from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.search.velocity import Velocity
-from tracking.settings import ShiftSettings
+from tracking.settings import PLAIN, ShiftSettings
 from tracking.types import Estimate, Region, State, Status, check_region
 
 SCALE_STEP = 0.1
@@ -21,6 +19,9 @@ SCALE_STEP = 0.1
 SCALE_TRUST = 0.1
 """Share of the best size that the next one takes over: Bhattacharyya prefers to shrink."""
 NEIGHBOURS = np.exp(1j * np.arange(8) * np.pi / 4)
+
+
+PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +32,8 @@ class Config(ShiftSettings):
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
     scale: bool = False
     """Also follow the target's size, by trying 10 % more and less."""
-    contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    """Weight of the surrounding ring's likeness to the target where sizes are compared."""
     confidence: Annotated[float, Ge(0), Le(1)] = 0.0
     """Below this 1 - d, eight more climbs begin around the target (that is `sok`); 0: never."""
-
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """How the target looks: one histogram under an Epanechnikov kernel."""
-        bins = ColourBins(self.levels)
-        return disc_model(image, region, state, bins, density=self.density, contrast=self.contrast)
 
     def build(self, rng: np.random.Generator) -> MeanShift:
         """The tracker; draws nothing."""
@@ -77,6 +71,8 @@ class MeanShift:
         self._state = State.of(best)
         status = self._lock.judge(distance, frame.time)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
+        if status is Status.LOCKED:
+            self._model.learn(frame.image, self._state)
         return Estimate(
             self._state, np.zeros((4, 4)), distance, status,
             follows=(False, c.scale), evaluations=evaluations,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -11,8 +11,11 @@ from annotated_types import Ge, Gt, Le
 from sim.types import Image
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.sampled import SampledModel, cell_model
+from tracking.settings import PLAIN
 from tracking.trackers import condensation
 from tracking.types import Region, State
+
+PRESETS: dict[str, dict[str, Any]] = {"paper": PLAIN}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +38,16 @@ class Config(condensation.Config):
     """Cells along each side: 3 is the paper's nine kernels."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
-    ring: Annotated[float, Ge(0.25), Le(4)] = 0.4
-    """Width of that ring, both sides together, over the target's size."""
+    discriminate: bool = False
+    """Weigh the reference's bins by how well they tell the target from its surroundings."""
+    update: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Share of the target's looks that is new in each picture where it was found."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """How the target looks: a histogram for each cell."""
         return cell_model(
-            image, region, state, ColourBins(self.levels), per_side=self.cells,
-            density=self.density, contrast=self.contrast, ring_width=self.ring,
+            image, region, state, ColourBins(self.levels), self,
+            per_side=self.cells, density=self.density,
         )  # fmt: skip
 
     def build(self, rng: np.random.Generator) -> condensation.Condensation:

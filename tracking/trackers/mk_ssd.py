@@ -17,6 +17,8 @@ from tracking.search.newton import KernelModel
 from tracking.search.velocity import Velocity
 from tracking.types import Estimate, Region, State, Status, check_region
 
+PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
+
 
 @dataclass(frozen=True, slots=True)
 class Config:

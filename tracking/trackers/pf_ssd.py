@@ -19,16 +19,20 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from sim.types import Frame
 from tracking.appearance.colour import ColourBins
+from tracking.appearance.reference import Learning
 from tracking.appearance.sampled import cell_model
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
+from tracking.settings import PLAIN
 from tracking.types import Estimate, Region, State, Status, check_region
+
+PRESETS = {"paper": PLAIN | {"inset": 0.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class Config(Learning):
     """Settings; the defaults hold for the 60 x 30 px car at 5 to 30 Hz."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 75
@@ -51,8 +55,6 @@ class Config:
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
-    ring: Annotated[float, Ge(0.25), Le(4)] = 0.4
-    """Width of that ring, both sides together, over the target's size."""
     span: Annotated[float, Gt(0)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
     inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
@@ -91,8 +93,8 @@ class PfSsd:
         c, image = self._config, frame.image
         self._size = float(np.sqrt(region.area(state)))
         self._cells = cell_model(
-            image, region, state, ColourBins(c.levels),
-            per_side=c.cells, density=c.density, contrast=c.contrast, ring_width=c.ring,
+            image, region, state, ColourBins(c.levels), c,
+            per_side=c.cells, density=c.density,
         )  # fmt: skip
         inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
         self._kernels = KernelModel(
@@ -121,6 +123,7 @@ class PfSsd:
         seen = self._status is Status.LOCKED
         if seen:
             self._filter.shift(state.vector - proposed.vector)
+            self._cells.learn(image, state)
         self._velocity.learn(state, seen=seen)
         return estimate
 

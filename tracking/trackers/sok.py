@@ -12,7 +12,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
+from tracking.settings import PLAIN
 from tracking.trackers import mean_shift
+
+PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)

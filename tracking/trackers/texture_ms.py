@@ -12,8 +12,11 @@ from sim.types import Image
 from tracking.appearance.bins import Window
 from tracking.appearance.sampled import SampledModel, disc_model
 from tracking.appearance.texture import THRESHOLD, texture_or_colour
+from tracking.settings import PLAIN
 from tracking.trackers import mean_shift
 from tracking.types import Region, State
+
+PRESETS = {"paper": PLAIN | {"steps": 15, "tolerance": 0.1}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +32,7 @@ class Config(mean_shift.Config):
         """How the target looks: one joint histogram; of colour alone if the target is smooth."""
         inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
         bins = texture_or_colour(image, inside, self.levels, self.threshold)
-        return disc_model(image, region, state, bins, density=self.density, contrast=self.contrast)
+        return disc_model(image, region, state, bins, self, density=self.density)
 
     def build(self, rng: np.random.Generator) -> mean_shift.MeanShift:
         """The tracker; draws nothing."""

@@ -12,8 +12,11 @@ from sim.types import Image
 from tracking.appearance.bins import Window
 from tracking.appearance.sampled import SampledModel, disc_model
 from tracking.appearance.texture import THRESHOLD, texture_or_colour
+from tracking.settings import PLAIN
 from tracking.trackers import condensation
 from tracking.types import Region, State
+
+PRESETS = {"paper": PLAIN | {"estimate": "mean"}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +34,7 @@ class Config(condensation.Config):
         """How the target looks: one joint histogram; of colour alone if the target is smooth."""
         inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
         bins = texture_or_colour(image, inside, self.levels, self.threshold)
-        return disc_model(image, region, state, bins, density=self.density)
+        return disc_model(image, region, state, bins, self, density=self.density)
 
     def build(self, rng: np.random.Generator) -> condensation.Condensation:
         """The tracker; its samples are drawn from the generator."""

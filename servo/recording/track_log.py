@@ -1,0 +1,71 @@
+"""A track as a Rerun recording: pictures, estimate, truth, particles, confidence, time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import rerun as rr
+import rerun.blueprint as rrb
+
+from servo.recording.log import JPEG_QUALITY
+from servo.recording.parts import outline
+from sim.types import Array
+from tracking.evaluation.track import Shot
+from tracking.evaluation.video import COLOURS
+from tracking.types import Region
+
+IMAGE = "image"
+WHITE, AMBER = (255, 255, 255), (255, 190, 40)
+
+
+class TrackLog:
+    """Writes one recording."""
+
+    def __init__(self, path: Path, region: Region) -> None:
+        rr.set_strict_mode(True)
+        self._region = region
+        self._rec = rr.RecordingStream("servobench_track", recording_id=path.parent.name)
+        self._rec.save(path, default_blueprint=_blueprint())
+        self._rec.set_log_time_enabled(False)
+
+    def add(self, shot: Shot, truth: Array | None) -> None:
+        """Write a picture and its numbers."""
+        rec, estimate = self._rec, shot.estimate
+        rec.set_time("frame", sequence=shot.index)
+        rec.set_time("time", duration=shot.picture.time)
+        if shot.picture.image is not None:
+            bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
+            _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            rec.log(IMAGE, rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+        corners = self._region.corners(estimate.state)
+        rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
+        if truth is not None:
+            rec.log(f"{IMAGE}/truth", outline(truth, WHITE))
+        if estimate.particles is not None:
+            points = rr.Points2D(estimate.particles[:, :2], colors=AMBER, radii=0.5)
+            rec.log(f"{IMAGE}/particles", points)
+        rec.log("plots/confidence", rr.Scalars(shot.confidence))
+        rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
+        rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._rec.flush()
+        self._rec.disconnect()
+
+
+def _blueprint() -> rrb.Blueprint:
+    plots = [
+        rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+        for name, title in (
+            ("confidence", "Confidence: 1 - distance"),
+            ("ms", "Time of the tracker [ms]"),
+            ("evaluations", "Histograms read"),
+        )
+    ]
+    view = rrb.Spatial2DView(
+        origin=IMAGE, name="Estimate green (locked), amber (unsure), red (lost); truth white"
+    )
+    columns = rrb.Horizontal(view, rrb.Vertical(*plots), column_shares=[2, 1])
+    return rrb.Blueprint(columns, collapse_panels=True)

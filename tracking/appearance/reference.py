@@ -1,0 +1,109 @@
+"""How a target looks, as learned from the first picture and, if asked, from later ones.
+
+Two things beyond the papers, both optional. `discriminate` weighs each bin of the reference by the
+share of the target among target and surroundings, q_u / (q_u + b_u): what the background also shows
+counts less (the ratio of Vojir, Noskova, Matas 2013, not the neutral weights of Comaniciu, which
+cancel from the mean-shift step). `update` lets the reference follow the target's looks, but only in
+pictures where it was found, and never farther than `ANCHOR` from its first looks (Nummiaro,
+Koller-Meier, Van Gool 2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.types import Array, Image
+from tracking.appearance.bins import Bins
+from tracking.appearance.layout import Layout, histograms, ring
+from tracking.types import Region, State
+
+ANCHOR = 0.7
+"""Share of the first looks in a reference that is updated."""
+SURROUNDINGS = 1.0
+"""Width of the background that counts, both sides together, over the target's size."""
+SURROUNDINGS_DENSITY = 32
+SURROUNDINGS_RATE = 0.1
+"""Share of the background that is new in each picture."""
+RARE = 1e-4
+"""A bin with less mass than this tells nothing."""
+TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Learning:
+    """What the reference takes from the target's surroundings and from later pictures."""
+
+    contrast: Annotated[float, Ge(0), Le(100)] = 0.0
+    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
+    ring: Annotated[float, Ge(0.25), Le(4)] = 0.4
+    """Width of that ring, both sides together, over the target's size."""
+    discriminate: bool = False
+    """Weigh the reference's bins by how well they tell the target from its surroundings."""
+    update: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Share of the target's looks that is new in each picture where it was found; 0: the first
+    picture decides."""
+
+
+class Reference:
+    """The reference histograms of all parts, and of the whole."""
+
+    root_parts: Array
+    """Square roots of the histograms (K, B)."""
+    root_whole: Array
+    """Square root of their mean (1, B)."""
+
+    def __init__(
+        self,
+        image: Image,
+        region: Region,
+        state: State,
+        bins: Bins,
+        layout: Layout,
+        learning: Learning,
+    ) -> None:
+        """Learn from the first picture.
+
+        Args:
+            image: First frame (H, W, 3).
+            region: The template.
+            state: Where the target is.
+            bins: What is counted.
+            layout: Where the target is read.
+            learning: What else is learned.
+        """
+        self.learning, self._bins, self._layout = learning, bins, layout
+        self._around = ring(region, SURROUNDINGS, SURROUNDINGS_DENSITY)
+        self._first = self._now = histograms(image, bins, layout, state)
+        self._background = histograms(image, bins, self._around, state)[0]
+        self._combine()
+
+    def learn(self, image: Image, state: State) -> None:
+        """Take over the looks at a state where the target was found."""
+        if self.learning.update > 0:
+            self._now = _blend(self._now, self._read(image, self._layout, state),
+                               self.learning.update)  # fmt: skip
+        if self.learning.discriminate:
+            seen = self._read(image, self._around, state)[0]
+            self._background = _blend(self._background, seen, SURROUNDINGS_RATE)
+        if self.learning.update > 0 or self.learning.discriminate:
+            self._combine()
+
+    def _read(self, image: Image, layout: Layout, state: State) -> Array:
+        return histograms(image, self._bins, layout, state)
+
+    def _combine(self) -> None:
+        parts = _blend(self._now, self._first, ANCHOR)
+        if self.learning.discriminate:
+            whole = parts.mean(axis=0)
+            parts = parts * (whole + RARE) / (whole + self._background + 2 * RARE)
+            parts = parts / np.maximum(parts.sum(axis=1, keepdims=True), TINY)
+        self.root_parts = np.sqrt(parts)
+        self.root_whole = np.sqrt(parts.mean(axis=0, keepdims=True))
+
+
+def _blend(old: Array, new: Array, share: float) -> Array:
+    return (1 - share) * old + share * new

@@ -1,0 +1,1 @@
+"""Painted sequences with exact truth, one family a file."""

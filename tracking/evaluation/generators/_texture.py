@@ -1,0 +1,44 @@
+"""What the painted sequences share: random textures, and pasting one under a similarity."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.types import Region, State
+
+
+def blotches(
+    rng: np.random.Generator, width: int, height: int, grain: float, colour: Array, spread: float
+) -> Image:
+    """A random picture (height, width, 3).
+
+    Args:
+        rng: Where it is drawn from.
+        width: [px].
+        height: [px].
+        grain: Size of its blotches [px].
+        colour: Its mean (3,), or a whole picture (height, width, 3).
+        spread: Standard deviation of each channel [grey levels].
+    """
+    noise = cv2.GaussianBlur(rng.normal(0, 1, (height, width, 3)), (0, 0), grain)
+    noise = noise / noise.std(axis=(0, 1))
+    return np.clip(colour + spread * noise, 0, 255).astype(np.uint8)
+
+
+def paste(image: Image, patch: Image, region: Region, state: State) -> Image:
+    """A picture with a patch that fills the region where the state puts it; edges are smooth."""
+    height, width = patch.shape[:2]
+    shape = (image.shape[1], image.shape[0])
+    # warpAffine counts from pixel centres, so a patch spans -0.5 .. size - 0.5.
+    source = np.array([[0, 0], [width, 0], [width, height]], np.float32) - 0.5
+    target = (region.corners(state)[:3] - 0.5).astype(np.float32)
+    warp = cv2.getAffineTransform(source.astype(np.float32), target)
+    rim = ((1, 1), (1, 1))
+    mask = np.pad(np.ones((height, width), np.float32), rim)
+    padded = np.pad(patch, (*rim, (0, 0)), mode="edge")
+    shifted = warp @ np.vstack([np.eye(3)[:2] - [[0, 0, 1], [0, 0, 1]], [0, 0, 1]])
+    alpha = cv2.warpAffine(mask, shifted, shape, flags=cv2.INTER_AREA)[..., None]
+    moved = cv2.warpAffine(padded, shifted, shape, borderMode=cv2.BORDER_REPLICATE)
+    return (image * (1 - alpha) + moved * alpha).round().astype(np.uint8)

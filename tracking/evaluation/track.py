@@ -1,0 +1,105 @@
+"""A track: what a tracker said of each picture of a source, and how long it took."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.types import Array, Frame
+from tracking.evaluation.sources import Picture, Source
+from tracking.types import Estimate, Region, State, Status, Tracker
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One picture with what the tracker said of it."""
+
+    picture: Picture
+    index: int
+    estimate: Estimate
+    seconds: float
+    """Time the tracker took; 0 where there was no picture."""
+    size: tuple[int, int] | None
+    """Width and height of the picture [px]; None where there was none."""
+
+    @property
+    def blind(self) -> bool:
+        """Whether there was no picture to look at."""
+        return self.size is None
+
+    @property
+    def confidence(self) -> float:
+        """1 - the distance; 0 where there was no picture."""
+        return 1.0 - self.estimate.distance
+
+    def without_picture(self) -> Shot:
+        """The same without what takes memory: picture and particles."""
+        picture = dataclasses.replace(self.picture, image=None)
+        estimate = dataclasses.replace(self.estimate, particles=None)
+        return dataclasses.replace(self, picture=picture, estimate=estimate)
+
+
+def follow(tracker: Tracker, source: Source, region: Region, state: State) -> Iterator[Shot]:
+    """Start a tracker on the first picture and follow the target through the others.
+
+    A picture that cannot be decoded gives a LOST shot with the last state; the tracker does not see
+    it.
+
+    Raises:
+        ValueError: The region is none, or the first picture cannot be decoded.
+    """
+    last = state
+    follows = (True, True)
+    for index, picture in enumerate(source):
+        if picture.image is None:
+            if index == 0:
+                raise ValueError(f"{picture.name}: the first picture cannot be decoded")
+            blind = Estimate(last, np.zeros((4, 4)), 1.0, Status.LOST, follows)
+            yield Shot(picture, index, blind, 0.0, None)
+            continue
+        frame = Frame(picture.image, picture.time, index)
+        began = time.perf_counter()
+        if index == 0:
+            tracker.start(frame, region, state)
+            found = Estimate(state, np.zeros((4, 4)), 0.0, Status.LOCKED)
+        else:
+            found = tracker.update(frame)
+        seconds = time.perf_counter() - began
+        height, width = picture.image.shape[:2]
+        yield Shot(picture, index, found, seconds, (width, height))
+        last, follows = found.state, found.follows
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """The numbers of all shots."""
+
+    states: Array
+    """x, y, theta, scale (n, 4)."""
+    corners: Array
+    """(n, 4, 2) [px]."""
+    confidence: Array
+    """(n,), 0..1."""
+    lost: Array
+    """Whether the tracker called the target LOST (n,)."""
+    milliseconds: Array
+    """(n,); the first is the start."""
+    evaluations: Array
+    """Histograms read (n,)."""
+
+    @staticmethod
+    def of(shots: list[Shot], region: Region) -> Track:
+        """The track of shots."""
+        states = [shot.estimate.state for shot in shots]
+        return Track(
+            np.array([(s.x, s.y, s.theta, s.scale) for s in states]),
+            np.stack([region.corners(s) for s in states]),
+            np.array([shot.confidence for shot in shots]),
+            np.array([shot.estimate.status is Status.LOST for shot in shots]),
+            np.array([1e3 * shot.seconds for shot in shots]),
+            np.array([float(shot.estimate.evaluations) for shot in shots]),
+        )

@@ -1,0 +1,77 @@
+"""A track as CSV: one row a picture, written as it comes, read by spreadsheets and by us."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from tracking.evaluation.track import Shot, Track
+from tracking.types import Region, Status
+
+HEADER = (
+    "frame", "time", "x", "y", "theta", "scale", "width", "height",
+    "x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4", "confidence", "status", "milliseconds",
+)  # fmt: skip
+CORNERS = slice(HEADER.index("x1"), HEADER.index("y4") + 1)
+DIGITS = 9
+
+
+class TrackFile:
+    """Writes the rows of one track; every row is on disk before the next picture is read."""
+
+    def __init__(self, path: Path, region: Region) -> None:
+        self._region = region
+        self._file = path.open("w", encoding="utf-8", newline="")
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._writer.writerow(HEADER)
+
+    def add(self, shot: Shot) -> None:
+        """Write a row."""
+        state, region = shot.estimate.state, self._region
+        corners = region.corners(state)
+        numbers = [
+            state.x, state.y, state.theta, state.scale,
+            region.width * state.scale, region.height * state.scale, *corners.ravel().tolist(),
+        ]  # fmt: skip
+        self._writer.writerow(
+            [
+                shot.index,
+                f"{shot.picture.time:.6f}",
+                *(f"{number:.{DIGITS}g}" for number in numbers),
+                f"{shot.confidence:.6f}",
+                shot.estimate.status.name,
+                f"{1e3 * shot.seconds:.3f}",
+            ]
+        )
+        self._file.flush()
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+
+def read(path: Path) -> Track:
+    """The track in a file; it does not tell how many histograms were read.
+
+    Raises:
+        ValueError: The file is no track.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    if tuple(header) != HEADER:
+        raise ValueError(f"{path}: this is not a track: its columns are {', '.join(header)}")
+    at = {name: i for i, name in enumerate(HEADER)}
+
+    def columns(*names: str) -> np.ndarray:
+        return np.array([[float(row[at[name]]) for name in names] for row in rows])
+
+    return Track(
+        columns("x", "y", "theta", "scale"),
+        columns(*HEADER[CORNERS]).reshape(-1, 4, 2),
+        columns("confidence")[:, 0],
+        np.array([row[at["status"]] == Status.LOST.name for row in rows]),
+        columns("milliseconds")[:, 0],
+        np.full(len(rows), np.nan),
+    )
