@@ -115,6 +115,33 @@ def track(
     )  # fmt: skip
 
 
+@app.command()
+def bench(
+    suite: Annotated[
+        str,
+        typer.Argument(
+            help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or "
+            "a .toml file."
+        ),
+    ],
+    trackers: Annotated[
+        str | None,
+        typer.Option(help="Which, such as kams,sok,kams:paper (default: all, or the file's)."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds 0, 1, ... up to this many.")] = 3,
+    workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder to write or to go on in (default: runs/bench-SUITE)."),
+    ] = None,
+    quiet: QUIET = False,
+) -> None:
+    """Compare trackers; the same command goes on where it was stopped."""
+    from servo.bench import run as run_bench
+
+    raise typer.Exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
+
+
 @app.command("list")
 def list_(
     what: Annotated[

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from sim.types import Image
 from tracking.appearance.bins import Bins, Labels, Window
 from tracking.appearance.colour import ColourBins
+from tracking.types import Region, State
 
 THRESHOLD = 8.0
 """How much brighter a neighbour must be [grey levels]: the a = -8 of the authors' program."""
 MAJOR = range(2, 7)
 """Numbers of ones in the patterns that count."""
-LEAST_TEXTURE = 0.05
-"""With a smaller share of textured pixels in the target, colour alone is counted."""
 DIAGONAL = 1 - 0.5**0.5
 """A diagonal neighbour at radius 1 lies this far from the corner pixel, in both directions."""
 
@@ -84,11 +83,16 @@ class TextureBins:
         return np.where(major, colours * len(MAJOR) + ones - MAJOR[0], -1).astype(np.int16)
 
 
-def texture_or_colour(image: Image, inside: Window, levels: int, threshold: float) -> Bins:
-    """Joint bins, or colour alone where the target is too smooth for its texture to count."""
-    bins = TextureBins(levels, threshold)
-    textured = np.mean(bins.label(image, inside) >= 0)
-    return bins if textured >= LEAST_TEXTURE else ColourBins(levels)
+def texture_or_colour(
+    image: Image, region: Region, state: State, joint: TextureBins, least: float
+) -> Bins:
+    """Joint bins, or colour alone where a smaller share than `least` of the target is textured.
+
+    Few pixels in so many bins make a histogram that no two pictures share.
+    """
+    inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
+    textured = np.mean(joint.label(image, inside) >= 0)
+    return joint if textured >= least else ColourBins(joint.levels)
 
 
 def _cut(image: Image, window: Window) -> Image:

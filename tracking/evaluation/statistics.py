@@ -54,6 +54,22 @@ class Interval:
     high: float
 
 
+def bootstrap(
+    scores: Array, rng: np.random.Generator, confidence: float = 0.95, draws: int = 10_000
+) -> Interval:
+    """The mean of scores (n,) with a percentile interval (Efron 1979).
+
+    Raises:
+        ValueError: There are no scores.
+    """
+    if len(scores) == 0:
+        raise ValueError("an interval needs at least one score")
+    chosen = rng.integers(0, len(scores), (draws, len(scores)))
+    tail = 100 * (1 - confidence) / 2
+    low, high = np.percentile(scores[chosen].mean(axis=1), [tail, 100 - tail])
+    return Interval(float(scores.mean()), float(low), float(high))
+
+
 def paired_bootstrap(
     first: Array,
     second: Array,
@@ -68,11 +84,7 @@ def paired_bootstrap(
     """
     if len(first) != len(second) or len(first) == 0:
         raise ValueError(f"scores must be paired: {len(first)} against {len(second)}")
-    difference = first - second
-    chosen = rng.integers(0, len(difference), (draws, len(difference)))
-    tail = 100 * (1 - confidence) / 2
-    low, high = np.percentile(difference[chosen].mean(axis=1), [tail, 100 - tail])
-    return Interval(float(difference.mean()), float(low), float(high))
+    return bootstrap(first - second, rng, confidence, draws)
 
 
 def holm(p_values: Array) -> Array:

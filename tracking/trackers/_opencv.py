@@ -20,7 +20,7 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class HueSettings:
-    """A hue histogram, as in OpenCV's own examples."""
+    """A hue histogram, back-projected as a ratio (Swain, Ballard 1991)."""
 
     bins: Annotated[int, Ge(2), Le(180)] = 16
     """Number of hue bins."""
@@ -44,30 +44,45 @@ def box_of(region: Region, state: State, image: Image) -> Box:
 
 
 class HueModel:
-    """Hue histogram of a box, its back-projection, and the distance of another box."""
+    """Hue histogram of a region, its back-projection, and the distance at another state."""
 
-    def __init__(self, image: Image, box: Box, settings: HueSettings) -> None:
-        self._settings = settings
-        self._reference = self._histogram(image, box)
+    def __init__(self, image: Image, region: Region, state: State, settings: HueSettings) -> None:
+        self._settings, self._region = settings, region
+        self._reference, counted = self._histogram(image, state)
+        whole, mask = self._hsv(image)
+        everywhere = self._counts(whole, mask)
+        # Swain and Ballard's ratio: a hue that the background has too says little. Without it a
+        # little background in the histogram makes CamShift grow until it fills the picture.
+        self._ratio = np.minimum(counted * self._reference / np.maximum(everywhere, 1.0), 1.0)
 
     def back_projection(self, image: Image) -> NDArray[np.uint8]:
         """How likely each pixel is the target's (H, W), 0..255."""
         hsv, mask = self._hsv(image)
-        scaled = self._reference / max(float(self._reference.max()), 1e-12) * 255
+        scaled = self._ratio / max(float(self._ratio.max()), 1e-12) * 255
         histogram = scaled.astype(np.float32)
         likely = cv2.calcBackProject([hsv], [0], histogram, [0, 180], 1)
         return cv2.bitwise_and(likely, mask).astype(np.uint8)
 
-    def distance(self, image: Image, box: Box) -> float:
+    def distance(self, image: Image, state: State) -> float:
         """Bhattacharyya distance, 0..1."""
-        rho = float(np.sqrt(self._reference * self._histogram(image, box)).sum())
+        rho = float(np.sqrt(self._reference * self._histogram(image, state)[0]).sum())
         return float(np.sqrt(max(1.0 - rho, 0.0)))
 
-    def _histogram(self, image: Image, box: Box) -> Array:
-        x, y, width, height = box
+    def _histogram(self, image: Image, state: State) -> tuple[Array, float]:
+        """Of the ellipse in the region as it is turned, with the number of pixels it counts."""
+        x, y, width, height = box_of(self._region, state, image)
         hsv, mask = self._hsv(image[y : y + height, x : x + width])
-        counts = cv2.calcHist([hsv], [0], mask, [self._settings.bins], [0, 180]).ravel()
-        return counts.astype(np.float64) / max(float(counts.sum()), 1.0)
+        inside = np.zeros_like(mask)
+        size = (self._region.width * state.scale, self._region.height * state.scale)
+        centre = (state.x - x - 0.5, state.y - y - 0.5)
+        cv2.ellipse(inside, (centre, size, float(np.degrees(state.theta))), 255, -1)
+        counts = self._counts(hsv, cv2.bitwise_and(mask, inside).astype(np.uint8))
+        total = float(counts.sum())
+        return counts / max(total, 1.0), total
+
+    def _counts(self, hsv: Image, mask: NDArray[np.uint8]) -> Array:
+        counts = cv2.calcHist([hsv], [0], mask, [self._settings.bins], [0, 180])
+        return counts.ravel().astype(np.float64)
 
     def _hsv(self, image: Image) -> tuple[Image, NDArray[np.uint8]]:
         hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV).astype(np.uint8)

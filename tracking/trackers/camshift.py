@@ -36,27 +36,40 @@ class Camshift:
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram."""
         check_region(frame, region, state)
-        self._region, self._state, self._lock = region, state, Lock(self._config.lock)
+        self._state, self._lock = state, Lock(self._config.lock)
+        self._model = HueModel(frame.image, region, state, self._config)
         self._box = box_of(region, state, frame.image)
-        self._model = HueModel(frame.image, self._box, self._config)
+        # Its size is that of an ellipse of its own: only the ratio to the first means anything.
+        fitted = self._fit(frame)
+        self._first = (
+            (region.width * region.height, state.scale)
+            if fitted is None
+            else (fitted[2], state.scale)
+        )
 
     def update(self, frame: Frame) -> Estimate:
         """Shift and fit the box; where nothing looks like the target it stays."""
+        fitted = self._fit(frame)
+        if fitted is not None:
+            x, y, area = fitted
+            first, scale = self._first
+            # Its angle is an ellipse's, without front or back, and jumps for round targets: the
+            # reference keeps the first angle, as its users do.
+            self._state = State(x, y, self._state.theta, scale * float(np.sqrt(area / first)))
+        distance = self._model.distance(frame.image, self._state)
+        status = self._lock.judge(distance, frame.time)
+        return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, True))
+
+    def _fit(self, frame: Frame) -> tuple[float, float, float] | None:
+        """Centre and area of the ellipse that CamShift finds [px]; None where it finds nothing."""
         height, width = frame.image.shape[:2]
         x, y, w, h = self._box
         w, h = min(max(w, SMALLEST_BOX), width), min(max(h, SMALLEST_BOX), height)
         window = (min(max(x, 0), width - w), min(max(y, 0), height - h), w, h)
         ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, self._config.steps, 1)
         likely = self._model.back_projection(frame.image)
-        fitted, box = cv2.CamShift(likely, window, ends)
-        (u, v), (a, b), _ = fitted
-        if a > 0 and b > 0:
-            self._box = tuple(int(value) for value in box)  # type: ignore[assignment]
-            scale = np.sqrt(a * b / (self._region.width * self._region.height))
-            # CamShift's angle is that of an ellipse's axis, without front or back, and jumps for
-            # round targets: the reference keeps the first angle, as its users do.
-            self._state = State(float(u) + 0.5, float(v) + 0.5, self._state.theta, float(scale))
-        here = box_of(self._region, self._state, frame.image)
-        distance = self._model.distance(frame.image, here)
-        status = self._lock.judge(distance, frame.time)
-        return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, True))
+        ((u, v), (a, b), _), box = cv2.CamShift(likely, window, ends)
+        if a <= 0 or b <= 0:
+            return None
+        self._box = (int(box[0]), int(box[1]), int(box[2]), int(box[3]))
+        return float(u) + 0.5, float(v) + 0.5, float(a * b)

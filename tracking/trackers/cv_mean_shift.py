@@ -34,7 +34,7 @@ class CvMeanShift:
         """Learn the histogram."""
         check_region(frame, region, state)
         self._region, self._state, self._lock = region, state, Lock(self._config.lock)
-        self._model = HueModel(frame.image, box_of(region, state, frame.image), self._config)
+        self._model = HueModel(frame.image, region, state, self._config)
 
     def update(self, frame: Frame) -> Estimate:
         """Shift the box."""
@@ -43,7 +43,6 @@ class CvMeanShift:
         _, box = cv2.meanShift(self._model.back_projection(frame.image), box, ends)
         x, y, width, height = (int(v) for v in box)
         self._state = State(x + width / 2, y + height / 2, self._state.theta, self._state.scale)
-        here = box_of(self._region, self._state, frame.image)
-        distance = self._model.distance(frame.image, here)
+        distance = self._model.distance(frame.image, self._state)
         status = self._lock.judge(distance, frame.time)
         return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, False))

@@ -45,7 +45,7 @@ class CvMil:
         ctypes.CDLL(None if os.name == "posix" else "msvcrt").srand(self._seed)
         self._region, self._state, self._lock = region, state, Lock(self._config.lock)
         box = box_of(region, state, frame.image)
-        self._model = HueModel(frame.image, box, self._config)
+        self._model = HueModel(frame.image, region, state, self._config)
         self._size = frame.image.shape
         self._mil: Any = cv2.TrackerMIL.create()
         self._mil.init(np.ascontiguousarray(frame.image), box)
@@ -57,7 +57,6 @@ class CvMil:
             if found:
                 theta, scale = self._state.theta, self._state.scale
                 self._state = State(x + width / 2, y + height / 2, theta, scale)
-        here = box_of(self._region, self._state, frame.image)
-        distance = self._model.distance(frame.image, here)
+        distance = self._model.distance(frame.image, self._state)
         status = self._lock.judge(distance, frame.time)
         return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, False))

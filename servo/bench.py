@@ -1,0 +1,116 @@
+"""What `servobench bench` does: trackers against sequences, or in the closed loop, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo import loop_bench, suites
+from servo.batch import work
+from servo.terminal import plain
+from tracking.evaluation import curves, summary
+from tracking.evaluation.bench import SequenceJob, track_path
+from tracking.evaluation.contact_sheet import sheet
+from tracking.evaluation.track_file import read as read_track
+
+SHEETS = "sheets"
+SHOWN = {
+    "AUC": "auc", "P20": "precision_20", "error": "mean_error_px", "done": "completed",
+    "lost": "lost_auc", "ms": "milliseconds", "reads": "evaluations",
+}  # fmt: skip
+"""Measures in the table, by the words that head them."""
+INTERVAL = "AUC"
+"""The measure whose interval is printed; the files have those of all."""
+LEGEND = (
+    "AUC: success, with its 95 % bootstrap interval; P20: precision at 20 px; error [px]; done: "
+    "share never lost;\nlost: ROC area of 1 - confidence; reads: histograms a frame; z, p: McNemar "
+    "on frames until loss\nagainst the first, p after Holm"
+)
+MOST_FAMILIES = 14
+LARGE = 100
+
+
+def run(
+    name: str, trackers: str | None, seeds: int, workers: int, out: Path | None, *, quiet: bool
+) -> int:
+    """Bench; the exit code: 1 where a run failed.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    folder = out or Path("runs") / f"bench-{Path(name).stem}"
+    console = Console(quiet=quiet)
+    if name == suites.CLOSED_LOOP:
+        return loop_bench.run(suites.contenders(trackers), seeds, workers, folder, console)
+    entries, listed = suites.suite(name)
+    chosen = listed if listed and trackers is None else suites.contenders(trackers)
+    jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
+    done, code = work(jobs, folder, workers, console, f"bench {Path(name).stem}")
+    results = [d.result for d in done if d.result is not None]
+    if not results:
+        return code
+    rows = summary.rows_of(results)
+    print_rows(console, rows)
+    paths = summary.write(results, rows, folder)
+    paths += curves.draw(results, [row.tracker for row in rows], Path(name).stem, folder)
+    paths += _sheets(jobs, rows[0].tracker, folder)
+    for path in paths:
+        plain(console, f"  {path}")
+    return code
+
+
+def print_rows(console: Console, rows: Sequence[summary.Row]) -> None:
+    """The table over all trackers, and success by family where there are several."""
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    titles = [w for title in SHOWN for w in ((title, "95 %") if title == INTERVAL else (title,))]
+    for title in ("tracker", *titles, "z", "p"):
+        table.add_column(title, justify="left" if title == "tracker" else "right", no_wrap=True)
+    for row in rows:
+        test = row.against_best
+        told = ("", "") if test is None else (f"{test.z:.2f}", f"{row.p:.3f}")
+        cells: list[str] = []
+        for title, name in SHOWN.items():
+            interval = row.means.get(name)
+            cells.append("" if interval is None else _short(interval.value))
+            if title == INTERVAL:
+                cells.append("" if interval is None else f"{interval.low:.3f}-{interval.high:.3f}")
+        table.add_row(escape(row.tracker), *cells, *told)
+    console.print(table)
+    plain(console, LEGEND)
+    families = list(rows[0].families)
+    if not 1 < len(families) <= MOST_FAMILIES:
+        return
+    console.print("\nsuccess AUC by sequence")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for title in ("tracker", *families):
+        table.add_column(
+            escape(title), justify="left" if title == "tracker" else "right", overflow="fold"
+        )
+    for row in rows:
+        table.add_row(escape(row.tracker), *(f"{row.families.get(f, 0):.2f}" for f in families))
+    console.print(table)
+
+
+def _short(value: float) -> str:
+    """Three digits where they say something."""
+    return f"{value:.0f}" if abs(value) >= LARGE else f"{value:.3g}"
+
+
+def _sheets(jobs: Sequence[SequenceJob], best: str, folder: Path) -> list[Path]:
+    """A contact sheet of each sequence's first seed, with the best tracker's estimate."""
+    place = folder / SHEETS
+    place.mkdir(exist_ok=True)
+    for job in jobs:
+        if job.contender.label == best and job.seed == 0:
+            sequence = job.entry.build(0)
+            found = read_track(track_path(folder, job.key)).corners
+            picture: Any = sheet(sequence.source, sequence.truth, found)
+            path = place / f"{sequence.name}.png"
+            cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    return [place]

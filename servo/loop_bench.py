@@ -1,0 +1,135 @@
+"""Trackers in the closed loop: each one steers the camera through the same scenarios."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo import scenario as scenarios
+from servo.batch import work
+from servo.episode import Episode
+from servo.measures import Outcome, summarise
+from servo.scenario import Scenario
+from servo.terminal import plain
+from sim import gl
+from tracking.evaluation.bench import Contender, number
+from tracking.evaluation.statistics import bootstrap
+
+SCENARIOS = ("still", "line")
+"""What every tracker must be able to do."""
+SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "track_ms")
+COLUMNS = ("tracker", "follows", "scenario", "seed", "outcome")
+
+
+@dataclass(frozen=True, slots=True)
+class LoopJob:
+    """One tracker in one scenario with one seed."""
+
+    contender: Contender
+    scenario: str
+    seed: int
+    changes: tuple[str, ...] = ()
+    """As with --set."""
+
+    @property
+    def key(self) -> str:
+        """TRACKER/SCENARIO-SEED."""
+        return f"{self.contender.label}/{self.scenario}-{self.seed}"
+
+    def describe(self) -> dict[str, Any]:
+        """Tracker, scenario with all that is in its file, seed, version."""
+        return {
+            "tracker": self.contender.describe(),
+            "scenario": self._scenario().table,
+            "version": metadata.version("servobench"),
+        }
+
+    def run(self, folder: Path) -> dict[str, Any]:
+        """Outcome and measures."""
+        del folder
+        scenario = dataclasses.replace(self._scenario(), tracker=self.contender.config)
+        with Episode(scenario) as episode:
+            steps = list(episode)
+        report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+        followed = zip(("theta", "s"), steps[-1].estimate.follows, strict=True)
+        return {
+            "tracker": self.contender.label,
+            "follows": ", ".join(["x", "y", *(name for name, on in followed if on)]),
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "outcome": report.outcome.name,
+            "measures": {m.name: number(m.value) for m in report.measures}
+            | {"track_ms": 1e3 * float(np.median([s.seconds.track for s in steps]))},
+        }
+
+    def _scenario(self) -> Scenario:
+        return scenarios.load(self.scenario, list(self.changes), self.seed)
+
+
+def run(
+    chosen: Sequence[Contender], seeds: int, workers: int, folder: Path, console: Console
+) -> int:
+    """Bench in the closed loop; the exit code: 1 where a run failed."""
+    gl.backend()
+    jobs = [LoopJob(c, name, s) for c in chosen for name in SCENARIOS for s in range(seeds)]
+    done, code = work(jobs, folder, workers, console, "bench closed loop")
+    results = [d.result for d in done if d.result is not None]
+    if results:
+        _print(console, results)
+        for path in _write(results, folder):
+            plain(console, f"  {path}")
+    return code
+
+
+def _print(console: Console, results: Sequence[dict[str, Any]]) -> None:
+    table = Table(box=None, pad_edge=False, caption="means with 95 % bootstrap intervals")
+    for title in ("scenario", "tracker", "follows", "converged", *SHOWN):
+        words = title in ("scenario", "tracker", "follows")
+        table.add_column(title, justify="left" if words else "right")
+    for name in SCENARIOS:
+        groups = [[r for r in results if r["scenario"] == name and r["tracker"] == label]
+                  for label in dict.fromkeys(r["tracker"] for r in results)]  # fmt: skip
+        for group in sorted(filter(None, groups), key=lambda g: _mean(g, SHOWN[0])):
+            held = sum(r["outcome"] == Outcome.CONVERGED.name for r in group)
+            table.add_row(name, escape(group[0]["tracker"]), group[0]["follows"],
+                          f"{held} of {len(group)}", *(_cell(group, m) for m in SHOWN))  # fmt: skip
+        table.add_section()
+    console.print(table)
+
+
+def _mean(group: Sequence[dict[str, Any]], measure: str) -> float:
+    found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
+    return float(np.mean(found)) if found else np.inf
+
+
+def _cell(group: Sequence[dict[str, Any]], measure: str) -> str:
+    found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
+    if not found:
+        return ""
+    i = bootstrap(np.array(found), np.random.default_rng(0), draws=2000)
+    if len(found) == 1:
+        return f"{i.value:.3g}"
+    return f"{i.value:.3g} [dim]{i.low:.3g}..{i.high:.3g}[/]"
+
+
+def _write(results: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
+    paths = [folder / "runs.csv", folder / "bench.json"]
+    names = list(results[0]["measures"])
+    with paths[0].open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([*COLUMNS, *names])
+        for r in results:
+            table.writerow([*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)])
+    paths[1].write_text(json.dumps({"runs": list(results)}, indent=1) + "\n", encoding="utf-8")
+    return paths
