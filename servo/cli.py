@@ -142,6 +142,31 @@ def bench(
     raise typer.Exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
 
 
+@app.command()
+def papers(
+    claims: Annotated[
+        list[str] | None, typer.Argument(help="Which, such as P1-2 (default: all).")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="One seed of each, to see that all works.")
+    ] = False,
+    sequences: Annotated[
+        Path | None, typer.Option(help="A folder of real sequences that join P0-1.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write or to go on in (default: runs/papers).")
+    ] = None,
+    quiet: QUIET = False,
+) -> None:
+    """Re-run the experiments of the three papers, claim by claim; exit 1 if one does not hold."""
+    from servo.papers.claim import Effort
+    from servo.papers.command import run as run_papers
+
+    effort = Effort(quick, sequences)
+    raise typer.Exit(run_papers(claims or [], effort, workers, out, quiet=quiet))
+
+
 @app.command("list")
 def list_(
     what: Annotated[

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from tracking.types import Status
@@ -54,9 +54,9 @@ class Lock:
         c = self._config
         if len(self._good) < FEW:
             return c.cap
-        median = float(np.median(self._good))
-        sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.array(self._good) - median)))
-        return float(np.clip(median + c.sigmas * sigma, c.floor, c.cap))
+        middle = median(self._good)
+        sigma = MAD_TO_SIGMA * median(abs(distance - middle) for distance in self._good)
+        return min(max(middle + c.sigmas * sigma, c.floor), c.cap)
 
     @property
     def locked(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -31,13 +32,13 @@ class State:
     @property
     def vector(self) -> Array:
         """(x, y, theta, ln scale): the coordinates in which filters and searches work."""
-        return np.array([self.x, self.y, self.theta, np.log(self.scale)])
+        return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     @staticmethod
     def of(vector: Array) -> State:
         """The state of a vector (x, y, theta, ln scale)."""
         x, y, theta, log_scale = vector.tolist()
-        return State(x, y, theta, float(np.exp(np.clip(log_scale, -LARGEST_LOG, LARGEST_LOG))))
+        return State(x, y, theta, math.exp(min(max(log_scale, -LARGEST_LOG), LARGEST_LOG)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,7 +25,7 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> Window:
-        """The part of the image within a radius (at scale 1) of any of the states (N, 4).
+        """A part of the image that holds all within a radius (at scale 1) of the states (N, 4).
 
         Args:
             states: (N, 4).
@@ -32,13 +33,19 @@ class Window:
             image: Its size bounds the window.
             more: How much farther the window goes [px].
         """
-        reach = radius * np.exp(states[:, 3]) + more
         height, width = image.shape[:2]
-        left = np.clip(np.floor(np.min(states[:, 0] - reach)), 0, width)
-        right = np.clip(np.ceil(np.max(states[:, 0] + reach)), 0, width)
-        top = np.clip(np.floor(np.min(states[:, 1] - reach)), 0, height)
-        bottom = np.clip(np.ceil(np.max(states[:, 1] + reach)), 0, height)
-        return Window(int(left), int(top), int(right), int(bottom))
+        low, high = states.min(axis=0).tolist(), states.max(axis=0).tolist()
+        reach = radius * math.exp(high[3]) + more
+        return Window(
+            _whole(math.floor(low[0] - reach), width),
+            _whole(math.floor(low[1] - reach), height),
+            _whole(math.ceil(high[0] + reach), width),
+            _whole(math.ceil(high[1] + reach), height),
+        )
+
+
+def _whole(at: int, most: int) -> int:
+    return min(max(at, 0), most)
 
 
 class Bins(Protocol):

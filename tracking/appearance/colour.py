@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from sim.types import Image
 from tracking.appearance.bins import Labels, Window
+from tracking.hot import colour as hot
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +28,4 @@ class ColourBins:
     def label(self, image: Image, window: Window) -> Labels:
         """Bin numbers (h, w) of the pixels in a window."""
         bits = self.levels.bit_length() - 1
-        channels = (
-            image[window.top : window.bottom, window.left : window.right] >> (8 - bits)
-        ).astype(np.int16)
-        red, green, blue = np.moveaxis(channels, -1, 0)
-        return (red << 2 * bits) | (green << bits) | blue
+        return hot.labels(image, window.left, window.top, window.right, window.bottom, bits)

@@ -19,26 +19,48 @@ if TYPE_CHECKING:
     Weight = tuple[float, float, float, float, float]
 
 
-@numba.njit(cache=True, nogil=True)
+TINY = np.finfo(np.float64).tiny
+
+
+CORNERS = 4
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _share_between_bins(
     image: Image, i: int, j: int, levels: int, bins: NDArray[Any], shares: Array
 ) -> None:
-    """Write the eight bins (8,) that a pixel is shared between, and its trilinear shares (8,)."""
-    for corner in range(8):
-        bins[corner], shares[corner] = 0, 1.0
+    """Write the four bins (4,) that a pixel is shared between, and its shares (4,).
+
+    The shares are tetrahedral, as in colour tables: linear like trilinear ones, and as continuous,
+    with half as many bins. From the lower corner of the cell of eight bins around the colour, one
+    goes along the channels in the order of their fractions, the largest first.
+    """
+    corner, step = 0, levels * levels
+    first, second, third = -1.0, -1.0, -1.0
+    to_first, to_second, to_third = 0, 0, 0
     for channel in range(3):
         # Bin centres lie at (b + 0.5) * 256 / levels; colours beyond the last one stay in it.
         level = (image[i, j, channel] + 0.5) * levels / 256.0 - 0.5
         level = min(max(level, 0.0), levels - 1.0)
         low = min(int(level), levels - 2)
         part = level - low
-        for corner in range(8):
-            up = (corner >> channel) & 1
-            bins[corner] = bins[corner] * levels + low + up
-            shares[corner] *= part if up else 1.0 - part
+        corner += low * step
+        if part > first:
+            first, second, third = part, first, second
+            to_first, to_second, to_third = step, to_first, to_second
+        elif part > second:
+            second, third = part, second
+            to_second, to_third = step, to_second
+        else:
+            third, to_third = part, step
+        step //= levels
+    bins[0], shares[0] = corner, 1.0 - first
+    bins[1], shares[1] = corner + to_first, first - second
+    bins[2], shares[2] = bins[1] + to_second, second - third
+    bins[3], shares[3] = bins[2] + to_third, third
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _cover(
     rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
 ) -> Weight:
@@ -59,7 +81,7 @@ def _cover(
     return cover_x * cover_y, d_x, d_y, d_theta, d_scale
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _weigh(
     rx: float,
     ry: float,
@@ -67,31 +89,31 @@ def _weigh(
     value: float,
     gx: float,
     gy: float,
-    scale: float,
+    per_scale: float,
     c: float,
     s: float,
 ) -> Weight:
     """k and dk/d(x, y, theta, ln scale) of a pixel at r with kernel value k and gradient dk/dr."""
     return (
         value * cover[0],
-        value * cover[1] - cover[0] * (gx * c - gy * s) / scale,
-        value * cover[2] - cover[0] * (gx * s + gy * c) / scale,
+        value * cover[1] - cover[0] * (gx * c - gy * s) * per_scale,
+        value * cover[2] - cover[0] * (gx * s + gy * c) * per_scale,
         value * cover[3] + cover[0] * (gx * ry - gy * rx),
         value * cover[4] - cover[0] * (gx * rx + gy * ry),
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _add(row: Array, share: float, weight: Weight) -> None:
-    """Add a share of a weight to a row (5,)."""
-    row[0] += share * weight[0]
-    row[1] += share * weight[1]
-    row[2] += share * weight[2]
-    row[3] += share * weight[3]
-    row[4] += share * weight[4]
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add(rows: Array, k: int, b: int, share: float, weight: Weight) -> None:
+    """Add a share of a weight to row b (5,) of kernel k."""
+    rows[k, b, 0] += share * weight[0]
+    rows[k, b, 1] += share * weight[1]
+    rows[k, b, 2] += share * weight[2]
+    rows[k, b, 3] += share * weight[3]
+    rows[k, b, 4] += share * weight[4]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def kernel_histograms(
     image: Image,
     state: Array,
@@ -109,7 +131,7 @@ def kernel_histograms(
         half: Half width and height of the template; no kernel sees a pixel outside it [px].
         centres: Kernel centres in the template (K, 2) [px].
         span: Half axes of the kernels' elliptic support [px].
-        levels: Bins per colour channel; each pixel is shared trilinearly between its neighbours.
+        levels: Bins per colour channel; each pixel is shared between four neighbours.
         stride: Every stride-th pixel and line is read.
 
     Returns:
@@ -119,35 +141,36 @@ def kernel_histograms(
     sums, totals = np.zeros((len(centres), levels**3, 5)), np.zeros((len(centres), 5))
     scale = np.exp(state[3])
     c, s = np.cos(state[2]), np.sin(state[2])
+    per_scale, per_x, per_y = 1.0 / scale, 1.0 / span[0], 1.0 / span[1]
     reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + 1.0
     reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + 1.0
     first_i, last_i = max(0, int(state[1] - reach_y)), min(len(image), int(state[1] + reach_y) + 1)
     first_j = max(0, int(state[0] - reach_x))
     last_j = min(image.shape[1], int(state[0] + reach_x) + 1)
-    bins, shares = np.empty(8, np.int64), np.empty(8)
+    bins, shares = np.empty(CORNERS, np.int64), np.empty(CORNERS)
     for i in range(first_i, last_i, stride):
         for j in range(first_j, last_j, stride):
             dx, dy = j + 0.5 - state[0], i + 0.5 - state[1]
-            rx, ry = (c * dx + s * dy) / scale, (-s * dx + c * dy) / scale
+            rx, ry = (c * dx + s * dy) * per_scale, (c * dy - s * dx) * per_scale
             cover = _cover(rx, ry, half[0], half[1], scale, c, s)
             if cover[0] == 0.0:
                 continue
             _share_between_bins(image, i, j, levels, bins, shares)
             for k in range(len(centres)):
-                ax, ay = (rx - centres[k, 0]) / span[0], (ry - centres[k, 1]) / span[1]
+                ax, ay = (rx - centres[k, 0]) * per_x, (ry - centres[k, 1]) * per_y
                 value = 1.0 - ax * ax - ay * ay
                 if value <= 0.0:
                     continue
-                gx, gy = -2.0 * ax / span[0], -2.0 * ay / span[1]
-                weight = _weigh(rx, ry, cover, value, gx, gy, scale, c, s)
-                _add(totals[k], 1.0, weight)
-                for corner in range(8):
-                    if shares[corner] > 0.0:
-                        _add(sums[k, bins[corner]], shares[corner], weight)
+                gx, gy = -2.0 * ax * per_x, -2.0 * ay * per_y
+                weight = _weigh(rx, ry, cover, value, gx, gy, per_scale, c, s)
+                for corner in range(CORNERS):
+                    _add(sums, k, bins[corner], shares[corner], weight)
+                for p in range(5):
+                    totals[k, p] += weight[p]
     return sums, totals
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def ssd_normal_equations(
     sums: Array, totals: Array, root_reference: Array, floor: float
 ) -> tuple[float, Array, Array]:
@@ -187,3 +210,25 @@ def ssd_normal_equations(
         for r in range(p):
             curvature[r, p] = curvature[p, r]
     return cost / n_kernels, gradient / n_kernels, curvature / n_kernels
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
+    """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
+
+    Args:
+        gradient: (4,).
+        curvature: (4, 4).
+        damping: Relative to the mean of the scaled diagonal.
+        units: How much of each coordinate counts as one (4,).
+    """
+    H, g = np.empty((4, 4)), np.empty(4)
+    trace = 0.0
+    for p in range(4):
+        g[p] = units[p] * gradient[p]
+        for r in range(4):
+            H[p, r] = curvature[p, r] * units[p] * units[r]
+        trace += H[p, p]
+    for p in range(4):
+        H[p, p] += damping * trace / 4.0 + TINY
+    return -units * np.linalg.solve(H, g)

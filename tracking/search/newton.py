@@ -19,6 +19,7 @@ Colours are binned softly (trilinearly) here, which makes O smooth in the state.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,7 +106,7 @@ class KernelModel:
     def histograms(self, image: Image, x: Array) -> tuple[Array, Array]:
         """Histograms under the kernels at x (4,), not normalised: as of `hot.kernel_histograms`."""
         area = self._area * float(np.exp(2 * x[3]))
-        stride = max(1, int(np.sqrt(area / self._pixels)))
+        stride = max(1, int(math.sqrt(area / self._pixels)))
         return hot.kernel_histograms(
             image, x, self._half, self._centres, self._span, self._levels, stride
         )
@@ -121,7 +122,7 @@ class KernelModel:
         state: State,
         *,
         most: int = 8,
-        tolerance: float = 0.05,
+        tolerance: float = 0.2,
         hopeless: float = 1.0,
     ) -> Refined:
         """Descend from a state to the nearest minimum of the objective.
@@ -130,7 +131,9 @@ class KernelModel:
             image: RGB (H, W, 3).
             state: Where to begin.
             most: Largest number of evaluations.
-            tolerance: A step shorter than this ends the search [px, or as much in angle and scale].
+            tolerance: A step shorter than this is the last, and not tried before it is taken
+                [px, or as much in angle and scale]: so near the minimum Newton's steps are right,
+                and to try this one would cost a third of the search.
             hopeless: A start with a larger distance than this is returned as it is.
         """
         x = state.vector
@@ -139,12 +142,11 @@ class KernelModel:
         if here.distance > hopeless:
             return Refined(state, here.distance, evaluations)
         while evaluations < most and damping < MOST_DAMPING:
-            H = here.curvature * np.outer(UNITS, UNITS)
-            H[np.diag_indices(4)] += damping * np.trace(H) / 4 + np.finfo(float).tiny
-            step = -UNITS * np.linalg.solve(H, UNITS * here.gradient)
-            if float(np.max(np.abs(step / UNITS))) < tolerance:
-                break
+            step = hot.damped_step(here.gradient, here.curvature, damping, UNITS)
             if abs(x[3] + step[3]) > LARGEST_LOG:
+                break
+            if float(np.max(np.abs(step / UNITS))) < tolerance:
+                x = x + step
                 break
             there = self.linearise(image, x + step)
             evaluations += 1

@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 
 from tracking.trackers import condensation, mk_pf
 
-PRESETS = mk_pf.PRESETS
+PRESETS = {"paper": mk_pf.PRESETS["paper"] | {"density": 48}}
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ from tracking.settings import PLAIN
 from tracking.trackers import condensation
 from tracking.types import Region, State
 
-PRESETS: dict[str, dict[str, Any]] = {"paper": PLAIN}
+PRESETS: dict[str, dict[str, Any]] = {"paper": PLAIN | {"density": 16}}
+"""With so many points a side of a cell, every pixel of a common target is read."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN
 from tracking.types import Estimate, Region, State, Status, check_region
 
-PRESETS = {"paper": PLAIN | {"inset": 0.0}}
+PRESETS = {"paper": PLAIN | {"inset": 0.0, "density": 16}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Config(Learning):
     """Number of particles."""
     gamma: Annotated[float, Gt(0), Le(1e6)] = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
-    noise: Annotated[float, Ge(0), Le(10)] = 0.08
+    noise: Annotated[float, Ge(0), Le(10)] = 0.1
     """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
@@ -51,7 +51,7 @@ class Config(Learning):
     """Kernels along each side: 3 is the paper's nine."""
     levels: Annotated[int, Ge(2), Le(32)] = 8
     """Colour bins a channel: a power of two."""
-    density: Annotated[int, Ge(1), Le(64)] = 5
+    density: Annotated[int, Ge(1), Le(64)] = 4
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""

@@ -1,0 +1,1 @@
+"""The three papers' experiments, claim by claim."""

@@ -1,0 +1,92 @@
+"""What `servobench papers` does: run the experiments, say for each claim whether it holds."""
+
+from __future__ import annotations
+
+import json
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.batch import work
+from servo.papers import kams, kernels, servoing, texture
+from servo.papers.claim import Claim, Effort, Verdict
+from servo.parsing import Mistake, unknown
+from servo.terminal import plain
+from sim import gl
+
+CLAIMS = (*kams.CLAIMS, *kernels.CLAIMS, *servoing.CLAIMS, *texture.CLAIMS)
+FIGURES, SUMMARY = "figures", "papers.json"
+
+
+def run(names: list[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool) -> int:
+    """Test claims; the exit code: 1 where one does not hold or a run failed.
+
+    A quick run never fails for its numbers: one seed says little.
+
+    Raises:
+        Mistake: There is no such claim.
+    """
+    known = {claim.name: claim for claim in CLAIMS}
+    for name in names:
+        if name not in known:
+            raise Mistake(f"papers: {unknown(name, known).replace('key', 'claim')}")
+    chosen = [known[name] for name in names] if names else list(CLAIMS)
+    folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
+    console = Console(quiet=quiet)
+    if any(claim in servoing.CLAIMS for claim in chosen):
+        gl.backend()
+    verdicts: dict[str, Verdict] = {}
+    worst = 0
+    for claim in chosen:
+        try:
+            jobs = claim.jobs(effort)
+        except ValueError as error:
+            raise Mistake(str(error)) from None
+        done, code = work(jobs, folder, workers, console, claim.name)
+        if code:
+            worst = max(worst, code)
+            if code != 1:
+                return code
+            continue
+        verdict = claim.judge([d.result for d in done if d.result is not None], folder / FIGURES)
+        verdicts[claim.name] = verdict
+        _print(console, claim, verdict)
+    _write(verdicts, known, effort, folder)
+    plain(console, f"  {folder / FIGURES}\n  {folder / SUMMARY}")
+    missed = [name for name, verdict in verdicts.items() if not verdict.holds]
+    return worst or (1 if missed and not effort.quick else 0)
+
+
+def _print(console: Console, claim: Claim, verdict: Verdict) -> None:
+    word = "[green]holds[/]" if verdict.holds else "[red]does not hold[/]"
+    console.print(f"\n[bold]{claim.name}[/] {word}", highlight=False)
+    console.print(f"  paper:    {escape(claim.says)}", highlight=False)
+    console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
+    if verdict.table:
+        head, *rows = verdict.table
+        table = Table(box=None, pad_edge=False, padding=(0, 1))
+        for i, title in enumerate(head):
+            table.add_column(escape(title), justify="right" if i else "left", overflow="fold")
+        for row in rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
+
+
+def _write(
+    verdicts: dict[str, Verdict], claims: dict[str, Claim], effort: Effort, folder: Path
+) -> None:
+    document: dict[str, Any] = {
+        "version": metadata.version("servobench"),
+        "quick": effort.quick,
+        "claims": {
+            name: {"says": claims[name].says, "measured": v.measured, "holds": bool(v.holds),
+                   "table": v.table, "figures": [f"{FIGURES}/{p.name}" for p in v.figures]}
+            for name, v in verdicts.items()
+        },
+    }  # fmt: skip
+    path = folder / SUMMARY
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -1,0 +1,84 @@
+"""Paper 2: a particle filter on colour and texture against mean shift on the same histogram
+(Nagy, Ahmed, Zayed).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from servo.papers.claim import (
+    COLOURS,
+    Claim,
+    Effort,
+    Result,
+    Verdict,
+    axes,
+    column,
+    contender,
+    group,
+    mean_of,
+    save,
+    words,
+)
+from servo.suites import GENERATORS
+from sim import plugins
+from tracking.evaluation.bench import Generated, SequenceJob, track_path
+from tracking.evaluation.jobs import Job
+from tracking.evaluation.track_file import read
+
+SEEDS = 10
+TIMES = 3.0
+"""The paper: 12.9 against 4.3 px, and 9.6 against 2.8 px."""
+FILTER, SHIFT = "texture_pf", "texture_ms"
+
+
+def _jobs(effort: Effort) -> Sequence[Job]:
+    entry = Generated("texture", plugins.config_of(GENERATORS, "texture")())
+    trackers = [contender(FILTER), contender(SHIFT)]
+    trackers += [contender(FILTER, "paper"), contender(SHIFT, "paper")]
+    return [SequenceJob(t, entry, s) for t in trackers for s in effort.seeds(SEEDS)]
+
+
+def _judge_rmse(results: list[Result], folder: Path) -> Verdict:
+    labels = list(dict.fromkeys(r["tracker"] for r in results))
+    rmse = {label: column(group(results, tracker=label), "rmse_px") for label in labels}
+    table = [["tracker", "RMSE", "success AUC", "scale error"]]
+    for label in labels:
+        runs = group(results, tracker=label)
+        table.append([label, words(mean_of(rmse[label]), "px"),
+                      f"{column(runs, 'auc').mean():.2f}",
+                      f"{100 * column(runs, 'scale_rmse').mean():.0f} %"])  # fmt: skip
+    times = float(rmse[SHIFT].mean() / rmse[FILTER].mean())
+    figure, (ax,) = axes(1)
+    ax.boxplot([rmse[label] for label in labels], tick_labels=labels)
+    ax.set(ylabel="RMSE [px]", title="P2-1: error of the centre", ylim=(0, None))
+    return Verdict(f"{times:.1f} times smaller over {len(rmse[FILTER])} seeds", bool(times >= TIMES),
+                   table, [save(figure, folder, "P2-1")])  # fmt: skip
+
+
+def _judge_similarity(results: list[Result], folder: Path) -> Verdict:
+    figure, (ax,) = axes(1)
+    means: dict[str, float] = {}
+    for i, label in enumerate((FILTER, SHIFT)):
+        runs = group(results, tracker=label)
+        tracks = [read(track_path(folder.parent, f"{label}/texture-{r['seed']}")) for r in runs]
+        rho = 1 - (1 - np.array([t.confidence[1:] for t in tracks])) ** 2
+        means[label] = float(rho.mean())
+        ax.plot(rho[0], color=COLOURS[i], lw=1.2, label=f"{label}, mean {rho.mean():.2f}")
+    ax.set(xlabel="frame", ylabel="Bhattacharyya coefficient", ylim=(0, 1),
+           title="P2-2: likeness of estimate and target, seed 0")  # fmt: skip
+    ax.legend(frameon=False)
+    holds = means[FILTER] > means[SHIFT]
+    return Verdict(f"mean coefficient {means[FILTER]:.2f} against {means[SHIFT]:.2f}", holds,
+                   figures=[save(figure, folder, "P2-2")])  # fmt: skip
+
+
+CLAIMS = (
+    Claim("P2-1", "on targets that change size and speed the filter's RMSE is three times smaller "
+          "than mean shift's", _jobs, _judge_rmse),
+    Claim("P2-2", "the filter's estimate is more like the target (Bhattacharyya coefficient, "
+          "figure 4)", _jobs, _judge_similarity),
+)  # fmt: skip

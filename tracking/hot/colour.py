@@ -1,0 +1,36 @@
+"""Compiled: bin numbers of the colours in a part of an image."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+
+from sim.types import Image
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@numba.njit(cache=True, nogil=True)
+def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int) -> NDArray[Any]:
+    """Bin numbers (h, w): the leading bits of red, green and blue, red first.
+
+    Args:
+        image: RGB (H, W, 3).
+        left: First column.
+        top: First row.
+        right: Column after the last.
+        bottom: Row after the last.
+        bits: How many bits of each channel count.
+    """
+    found = np.empty((max(bottom - top, 0), max(right - left, 0)), np.int16)
+    shift = 8 - bits
+    for i in range(top, bottom):
+        for j in range(left, right):
+            red, green, blue = image[i, j, 0], image[i, j, 1], image[i, j, 2]
+            found[i - top, j - left] = (
+                ((red >> shift) << 2 * bits) | ((green >> shift) << bits) | (blue >> shift)
+            )
+    return found
