@@ -27,6 +27,15 @@ SET = Annotated[
 SEED = Annotated[
     int | None, typer.Option(min=0, help="Seed of every random stream (default: the scenario's).")
 ]
+REGION = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,W,H[,DEG]",
+        help="The target in the first picture: top left corner, size [px], rotation about its "
+        "centre (default: the truth's first line).",
+    ),
+]
+WORKERS = Annotated[int, typer.Option(min=1, help="Processes side by side.")]
 QUIET = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but mistakes.")]
 
 
@@ -74,15 +83,8 @@ def track(
     source: Annotated[
         str, typer.Argument(help="A folder of images (also OTB, VOT), a video, or camera:0.")
     ],
-    region: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,W,H[,DEG]",
-            help="The target in the first picture: top left corner, size [px], rotation about its "
-            "centre (default: the truth's first line).",
-        ),
-    ] = None,
-    tracker: Annotated[str, typer.Option(help="Which tracker (servobench list).")] = "annealed",
+    region: REGION = None,
+    tracker: Annotated[str, typer.Option(help="Which (servobench list).")] = "annealed",
     changes: SET = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the tracker's draws.")] = 0,
     truth: Annotated[
@@ -94,25 +96,17 @@ def track(
     ] = None,
     video: Annotated[bool, typer.Option("--video", help="Also write an annotated MP4.")] = False,
     rerun: Annotated[bool, typer.Option("--rerun", help="Also write a Rerun recording.")] = False,
-    rate: Annotated[
-        float, typer.Option(min=0.001, help="Pictures a second of a folder of images.")
-    ] = 30.0,
-    frames: Annotated[
-        int | None, typer.Option(min=1, help="Stop after this many pictures.")
-    ] = None,
+    rate: Annotated[float, typer.Option(min=0.001, help="Pictures a second of a folder.")] = 30.0,
+    frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many.")] = None,
     quiet: QUIET = False,
 ) -> None:
     """Follow a target through any pictures; write track.csv and report.json."""
-    from servo.track import Request, run
+    from servo.track import Request
+    from servo.track import run as run_track
 
-    raise typer.Exit(
-        run(
-            Request(
-                source, region, tracker, changes or [], seed, truth, out, video, rerun, rate,
-                frames, quiet,
-            )
-        )
-    )  # fmt: skip
+    options = (video, rerun, rate, frames, quiet)
+    request = Request(source, region, tracker, changes or [], seed, truth, out, *options)
+    raise typer.Exit(run_track(request))
 
 
 @app.command()
@@ -129,7 +123,7 @@ def bench(
         typer.Option(help="Which, such as kams,sok,kams:paper (default: all, or the file's)."),
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Seeds 0, 1, ... up to this many.")] = 3,
-    workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
+    workers: WORKERS = 2,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder to write or to go on in (default: runs/bench-SUITE)."),
@@ -153,7 +147,7 @@ def papers(
     sequences: Annotated[
         Path | None, typer.Option(help="A folder of real sequences that join P0-1.")
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
+    workers: WORKERS = 2,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write or to go on in (default: runs/papers).")
     ] = None,

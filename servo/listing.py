@@ -14,7 +14,11 @@ from servo.parsing import Mistake
 from servo.scenario import LISTS, PLUGINS, shipped
 from sim import plugins
 
-FOLDERS = {**{name: folder for name, (folder, _) in PLUGINS.items()}, **LISTS}
+FOLDERS = {
+    **{name: folder for name, (folder, _) in PLUGINS.items()},
+    **LISTS,
+    "sequences": "tracking.evaluation.generators",
+}
 
 
 def show_all() -> None:
@@ -50,6 +54,9 @@ def show_kind(kind: str) -> None:
             table.add_column(title)
         _add_settings(table, section, config())
         console.print(table)
+        for name, settings in plugins.presets(folder, kind).items():
+            changes = ", ".join(f"{key} = {value}" for key, value in settings.items())
+            console.print(f'[bold]preset = "{name}"[/]  {escape(changes)}', highlight=False)
 
 
 def _add_settings(table: Table, prefix: str, settings: Any) -> None:

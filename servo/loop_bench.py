@@ -28,7 +28,16 @@ from tracking.evaluation.statistics import bootstrap
 
 SCENARIOS = ("still", "line")
 """What every tracker must be able to do."""
-SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "track_ms")
+SHOWN = {
+    "rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
+    "ms": "track_ms",
+}  # fmt: skip
+"""Measures in the table, by the words that head them."""
+RANKS = "servo_rms_px"
+LEGEND = (
+    "true centre against the goal, rms and peak [px]; estimate against truth, rms [px]; tracker's "
+    "time [ms];\nmeans, with 95 % bootstrap intervals where there are several seeds"
+)
 COLUMNS = ("tracker", "follows", "scenario", "seed", "outcome")
 
 
@@ -93,19 +102,21 @@ def run(
 
 
 def _print(console: Console, results: Sequence[dict[str, Any]]) -> None:
-    table = Table(box=None, pad_edge=False, caption="means with 95 % bootstrap intervals")
-    for title in ("scenario", "tracker", "follows", "converged", *SHOWN):
-        words = title in ("scenario", "tracker", "follows")
-        table.add_column(title, justify="left" if words else "right")
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for title in ("scenario", "kind", "follows", "held", *SHOWN):
+        words = title in ("scenario", "kind", "follows")
+        table.add_column(title, justify="left" if words else "right", no_wrap=True)
     for name in SCENARIOS:
         groups = [[r for r in results if r["scenario"] == name and r["tracker"] == label]
                   for label in dict.fromkeys(r["tracker"] for r in results)]  # fmt: skip
-        for group in sorted(filter(None, groups), key=lambda g: _mean(g, SHOWN[0])):
+        for group in sorted(filter(None, groups), key=lambda g: _mean(g, RANKS)):
             held = sum(r["outcome"] == Outcome.CONVERGED.name for r in group)
-            table.add_row(name, escape(group[0]["tracker"]), group[0]["follows"],
-                          f"{held} of {len(group)}", *(_cell(group, m) for m in SHOWN))  # fmt: skip
+            cells = [_cell(group, measure) for measure in SHOWN.values()]
+            label, follows = escape(group[0]["tracker"]), group[0]["follows"]
+            table.add_row(name, label, follows, f"{held}/{len(group)}", *cells)
         table.add_section()
     console.print(table)
+    plain(console, LEGEND)
 
 
 def _mean(group: Sequence[dict[str, Any]], measure: str) -> float:
@@ -120,7 +131,7 @@ def _cell(group: Sequence[dict[str, Any]], measure: str) -> str:
     i = bootstrap(np.array(found), np.random.default_rng(0), draws=2000)
     if len(found) == 1:
         return f"{i.value:.3g}"
-    return f"{i.value:.3g} [dim]{i.low:.3g}..{i.high:.3g}[/]"
+    return f"{i.value:.3g} [dim]{i.low:.2g}..{i.high:.2g}[/]"
 
 
 def _write(results: Sequence[dict[str, Any]], folder: Path) -> list[Path]:

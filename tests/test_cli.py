@@ -76,7 +76,8 @@ BAD = {
     "a kind that does not exist": (
         ["list", "magic"],
         "there is no kind 'magic'; there is circle, line, reversal, sine, still, wander, "
-        f"{TRACKERS}, difference, kalman_ca, kalman_cv, none, hold, ibvs, board, brightness",
+        f"{TRACKERS}, difference, kalman_ca, kalman_cv, none, hold, ibvs, board, brightness, "
+        "clutter, similarity, texture",
     ),
     "a folder that is full": (
         ["run", "still", "--out", "full"],

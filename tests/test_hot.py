@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tracking.hot import colour, sampled
 from tracking.hot import kernels as hot
-from tracking.hot import sampled
 
 RNG = np.random.default_rng(5)
 
@@ -49,15 +49,17 @@ def histogram_twin(image, state, half, centres, span, levels, stride):
     for k, centre in enumerate(centres):
         kernel = 1 - ((rx - centre[0]) / span_x) ** 2 - ((ry - centre[1]) / span_y) ** 2
         weight = np.maximum(kernel, 0) * cover_x * cover_y
-        for corner in range(8):
-            up = [(corner >> channel) & 1 for channel in range(3)]
-            share = np.prod(
-                [part[..., ch] if up[ch] else 1 - part[..., ch] for ch in range(3)], axis=0
-            )
-            bins = np.zeros_like(low[..., 0])
-            for ch in range(3):
-                bins = bins * levels + low[..., ch] + up[ch]
-            np.add.at(sums[k], bins, share * weight)
+        # Tetrahedra of the cube of bins: one corner after the other, the largest fraction first.
+        order = np.argsort(-part, axis=-1, kind="stable")
+        sorted_part = np.take_along_axis(part, order, axis=-1)
+        steps = levels ** (2 - order)
+        bins = low @ np.array([levels**2, levels, 1])
+        left = np.concatenate([np.ones((*bins.shape, 1)), sorted_part], axis=-1)
+        right = np.concatenate([sorted_part, np.zeros((*bins.shape, 1))], axis=-1)
+        for corner in range(4):
+            np.add.at(sums[k], bins, (left - right)[..., corner] * weight)
+            if corner < 3:
+                bins = bins + steps[..., corner]
     return sums
 
 
@@ -147,3 +149,22 @@ def test_normal_equations_agree_with_numpy():
     assert cost == pytest.approx(e @ e / 3, rel=1e-13)
     np.testing.assert_allclose(gradient, J.T @ e / 3, rtol=1e-12)
     np.testing.assert_allclose(curvature, J.T @ J / 3, rtol=1e-12)
+
+
+def test_a_damped_step_agrees_with_numpy():
+    rows = RNG.normal(0, 1, (12, 4))
+    H, g = rows.T @ rows, RNG.normal(0, 1, 4)
+    units = np.array([1.0, 1.0, 0.05, 0.05])
+    scaled = H * np.outer(units, units)
+    scaled[np.diag_indices(4)] += 0.3 * np.trace(scaled) / 4
+    expected = -units * np.linalg.solve(scaled, units * g)
+    np.testing.assert_allclose(hot.damped_step(g, H, 0.3, units), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("bits", [1, 3, 5])
+def test_colour_labels_agree_with_numpy(bits):
+    image = RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    red, green, blue = np.moveaxis(image[3:17, 4:29].astype(int) >> (8 - bits), -1, 0)
+    expected = (red << 2 * bits) | (green << bits) | blue
+    np.testing.assert_array_equal(colour.labels(image, 4, 3, 29, 17, bits), expected)
+    assert colour.labels(image, 9, 9, 9, 5, bits).shape == (0, 0)

@@ -4,6 +4,7 @@ import pytest
 from tracking.appearance.bins import Window
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.texture import TextureBins, ones_of, texture_or_colour
+from tracking.types import Region, State
 
 EVERYWHERE = Window(0, 0, 40, 30)
 
@@ -59,7 +60,9 @@ def test_a_window_sees_what_the_whole_image_sees():
 
 
 def test_a_smooth_target_is_counted_by_colour_alone():
+    where = (Region(40.0, 30.0), State(20.0, 15.0))
     smooth = np.full((30, 40, 3), 90, np.uint8)
-    assert texture_or_colour(smooth, EVERYWHERE, 8, 8.0) == ColourBins(8)
+    assert texture_or_colour(smooth, *where, TextureBins(), 0.05) == ColourBins(8)
     rough = np.random.default_rng(3).integers(0, 256, (30, 40, 3)).astype(np.uint8)
-    assert texture_or_colour(rough, EVERYWHERE, 8, 8.0) == TextureBins(8, 8.0)
+    assert texture_or_colour(rough, *where, TextureBins(8, 8.0), 0.05) == TextureBins(8, 8.0)
+    assert texture_or_colour(rough, *where, TextureBins(), 0.99) == ColourBins(8)

@@ -55,8 +55,8 @@ def _judge_rmse(results: list[Result], folder: Path) -> Verdict:
     figure, (ax,) = axes(1)
     ax.boxplot([rmse[label] for label in labels], tick_labels=labels)
     ax.set(ylabel="RMSE [px]", title="P2-1: error of the centre", ylim=(0, None))
-    return Verdict(f"{times:.1f} times smaller over {len(rmse[FILTER])} seeds", bool(times >= TIMES),
-                   table, [save(figure, folder, "P2-1")])  # fmt: skip
+    said = f"{times:.1f} times smaller over {len(rmse[FILTER])} seeds"
+    return Verdict(said, bool(times >= TIMES), table, [save(figure, folder, "P2-1")])
 
 
 def _judge_similarity(results: list[Result], folder: Path) -> Verdict:

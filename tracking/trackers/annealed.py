@@ -21,8 +21,12 @@ CLIMB_TOLERANCE = 0.5
 """A particle whose shift is shorter has arrived [px]."""
 
 
-LAYERS: dict[str, Any] = condensation.FILTER | {"schedule": "fixed", "layers": 5}
-"""The first paper's annealing: M = 4, so five layers."""
+LAYERS: dict[str, Any] = condensation.FILTER | {
+    "velocity_memory": 1.0,
+    "schedule": "fixed",
+    "layers": 5,
+}
+"""The first paper's annealing: no motion model; M = 4, so five layers."""
 PRESETS = {"paper": LAYERS | condensation.SAME}
 
 

@@ -16,10 +16,16 @@ from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN, CloudSettings
 from tracking.types import Estimate, Region, State, Status, check_region
 
-FILTER: dict[str, Any] = PLAIN | {"noise": 0.8, "gamma": 20.0, "scale_noise": 0.0}
-"""The first paper's particle filters: no paper gives the noise; this is half the largest motion per
-frame of its wildest sequences, for all of them alike. Its weights 1 - d (`likelihood`) lose the
-target in every filter; these are the usual exp(-20 d^2)."""
+FILTER: dict[str, Any] = PLAIN | {
+    "noise": 1.0,
+    "gamma": 20.0,
+    "velocity_memory": 0.0,
+    "scale_noise": 0.0,
+}
+"""The first paper's particle filters with constant velocity. It does not give the noise: this is
+half the largest motion per frame of its wildest sequences, for all filters alike. Its weights 1 - d
+(`likelihood`) lose the target in every filter; these are the usual exp(-20 d^2).
+"""
 SAME = {"particles": 40}
 """The first paper compares its filters with the same number of particles."""
 PRESETS = {"paper": FILTER | SAME}

@@ -1,0 +1,111 @@
+"""The painted sequences: the truth is where the paint is, and the numbers are the paper's."""
+
+import numpy as np
+import pytest
+
+from sim import plugins
+from tracking.evaluation.contact_sheet import TILE, sheet
+from tracking.evaluation.generators.clutter import LEVELS, RADIUS
+from tracking.types import State
+
+FOLDER = "tracking.evaluation.generators"
+
+
+def build(kind, seed=0, **settings):
+    return plugins.config_of(FOLDER, kind)(**settings).build(np.random.default_rng(seed))
+
+
+def picture(sequence, index):
+    return sequence.source.paint(index)
+
+
+@pytest.mark.parametrize("kind", plugins.kinds(FOLDER))
+def test_the_same_seed_paints_the_same_pictures(kind):
+    once, again, other = build(kind, 3), build(kind, 3), build(kind, 4)
+    np.testing.assert_array_equal(once.truth, again.truth)
+    np.testing.assert_array_equal(picture(once, 7), picture(again, 7))
+    assert not np.array_equal(picture(once, 7), picture(other, 7))
+
+
+@pytest.mark.parametrize("kind", plugins.kinds(FOLDER))
+def test_the_truth_is_where_the_target_is_painted(kind):
+    """The pixels that differ between two pictures lie in the targets' two places."""
+    still = {"noise": 0.0} if kind != "clutter" else {}
+    sequence = build(kind, 1, **still)
+    first, later = 0, 40
+    changed = np.abs(picture(sequence, first).astype(int) - picture(sequence, later)).max(axis=2)
+    v, u = np.nonzero(changed > 40)
+    corners = sequence.truth[[first, later]]
+    low, high = corners.min(axis=1) - 3, corners.max(axis=1) + 3  # blur reaches a little farther
+    points = np.stack([u, v], axis=1)[:, None] + 0.5
+    assert len(u) > 200
+    assert np.all(np.any(np.all((points >= low) & (points <= high), axis=2), axis=1))
+
+
+def test_a_clutter_disc_has_its_centre_where_the_truth_says():
+    ground = build("clutter", 5, level="a")
+    x, y = ground.states[9, :2]
+    image = picture(ground, 9).astype(int)
+    v, u = np.mgrid[:240, :320]
+    inside = np.hypot(u + 0.5 - x, v + 0.5 - y) < RADIUS - 2
+    colours = np.unique(image[inside], axis=0, return_counts=True)
+    assert np.sort(colours[1])[-4:].sum() > 0.75 * inside.sum()  # four flat colours, smooth seams
+    quadrants = [(u > x) & (v > y), (u < x) & (v > y), (u < x) & (v < y), (u > x) & (v < y)]
+    means = [np.median(image[inside & q], axis=0) for q in quadrants]
+    apart = np.linalg.norm(np.array(means)[:, None] - means, axis=2)
+    assert apart[np.triu_indices(4, 1)].min() > 90
+
+
+@pytest.mark.parametrize(("level", "sigma"), [(k, s) for k, (s, _) in LEVELS.items()])
+def test_clutter_noise_has_the_papers_sigma(level, sigma):
+    """Second differences of smooth path plus white noise have sqrt(6) sigma."""
+    xy = np.concatenate([build("clutter", s, level=level).states[:, :2] for s in range(3)])
+    second = np.diff(xy, 2, axis=0)
+    robust = 1.4826 * np.median(np.abs(second), axis=0)
+    # 420 frames: the estimate's own error is about 6 %; clipping at the border takes a little.
+    np.testing.assert_allclose(robust / np.sqrt(6), sigma, rtol=0.2)
+
+
+def test_clutter_is_wholly_inside_and_as_long_as_the_papers():
+    sequence = build("clutter", 0, level="d")
+    assert sequence.source.count == len(sequence.truth) == 140
+    assert picture(sequence, 0).shape == (240, 320, 3)
+    assert sequence.truth.min() >= 0
+    assert (sequence.truth.max(axis=(0, 1)) <= (320, 240)).all()
+    covered = [np.mean(picture(build("clutter", 0, level=k), 0) != 255) for k in "ad"]
+    assert covered[0] < 0.5 < 0.9 < covered[1]
+
+
+def test_similarity_hides_turns_scales_and_doubles_its_speed():
+    sequence = build("similarity", 2)
+    x, y, theta, scale = sequence.states.T
+    assert theta[0] == pytest.approx(0.0, abs=0.05)
+    assert np.degrees(np.ptp(theta)) > 20
+    assert scale.max() / scale.min() > 1.15
+    hidden = picture(sequence, 150)
+    inside = hidden[int(y[150]), int(x[150])]
+    np.testing.assert_allclose(inside, 90, atol=15)  # the bar's grey, with its noise
+    turned = sequence.region.corners(State(x[9], y[9], theta[9], scale[9]))
+    np.testing.assert_allclose(sequence.truth[9], turned)
+
+
+def test_texture_changes_size_and_speed_over_its_own_colour():
+    sequence = build("texture", 2)
+    speed = np.hypot(*np.diff(sequence.states[:, :2], axis=0).T)
+    assert speed.min() < 0.5 < 4.0 < speed.max()
+    assert sequence.states[:, 3].max() / sequence.states[:, 3].min() > 1.3
+    image = picture(sequence, 0).astype(float)
+    x, y = sequence.states[0, :2].astype(int)
+    patch = image[y - 14 : y + 14, x - 24 : x + 24]
+    assert np.abs(patch.mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max() < 20
+    assert patch.std() > 1.5 * image.std()
+
+
+def test_a_contact_sheet_shows_truth_white_and_estimate_green():
+    sequence = build("clutter", 0, level="d")
+    plain = sheet(sequence.source, sequence.truth, None, count=4)
+    drawn = sheet(sequence.source, sequence.truth, sequence.truth + 30, count=4)
+    assert plain.shape == (TILE * 3 // 4 + 8, 4 * (TILE + 4) + 4, 3)
+    # Lines are smoothed: count what is nearly green.
+    green = [(np.abs(p.astype(int) - (60, 220, 60)).max(axis=2) < 60).sum() for p in (plain, drawn)]
+    assert green[1] > green[0] + 200

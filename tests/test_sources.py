@@ -1,0 +1,89 @@
+import cv2
+import numpy as np
+import pytest
+
+from tracking.evaluation.sequence import read_all, read_folder, source_of
+from tracking.evaluation.sources import Folder, Video, rgb
+
+RED = np.full((40, 60, 3), (10, 20, 200), np.uint8)  # BGR
+
+
+def test_a_folder_is_read_in_order_whatever_its_pictures_are(tmp_path):
+    cv2.imwrite(str(tmp_path / "b.png"), RED)
+    cv2.imwrite(str(tmp_path / "a.png"), RED[..., 2])
+    (tmp_path / "c.jpg").write_bytes(b"no picture")
+    (tmp_path / "d.jpg").write_bytes(b"")
+    (tmp_path / "notes.txt").write_text("mine")
+    grey, colour, *broken = Folder.of(tmp_path, rate=10.0)
+    assert (grey.name, colour.name, colour.time) == ("a.png", "b.png", 0.1)
+    assert grey.image[0, 0].tolist() == [200, 200, 200]
+    assert colour.image[0, 0].tolist() == [200, 20, 10]
+    assert [picture.image for picture in broken] == [None, None]
+    with pytest.raises(ValueError):
+        colour.image[0, 0] = 0
+
+
+@pytest.mark.parametrize("shape", [(4, 5), (4, 5, 1), (4, 5, 3), (4, 5, 4)])
+def test_every_number_of_channels_becomes_rgb(shape):
+    assert rgb(np.full(shape, 7, np.uint8)).tolist() == np.full((4, 5, 3), 7).tolist()
+
+
+def test_a_video_is_read_with_its_rate(tmp_path):
+    path = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 12.5, (60, 40))
+    for _ in range(5):
+        writer.write(RED)
+    writer.release()
+    pictures = list(Video.of(path))
+    assert len(pictures) == Video.of(path).count == 5
+    assert pictures[3].time == pytest.approx(3 / 12.5)
+    np.testing.assert_allclose(pictures[0].image[20, 30], [200, 20, 10], atol=6)  # MJPG loses some
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("gone", "gone: there is no such folder, video file, or camera:NUMBER"),
+        ("camera:x", "camera:x: a camera is given by its number, such as camera:0"),
+        (".", ".: there are no images in this folder"),
+        ("film.mp4", "film.mp4: this is no video that OpenCV can open"),
+    ],
+)
+def test_what_is_no_source_is_refused(tmp_path, monkeypatch, text, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "film.mp4").write_bytes(b"no film")
+    with pytest.raises(ValueError) as refused:
+        source_of(text, 30.0)
+    assert str(refused.value) == message
+
+
+def layout(folder, pictures, count, truths):
+    (folder / pictures).mkdir(parents=True)
+    for i in range(count):
+        cv2.imwrite(str(folder / pictures / f"{i:04}.png"), RED)
+    for name, lines in truths.items():
+        (folder / name).write_text("\n".join(lines) + "\n")
+
+
+def test_otb_and_vot_layouts_are_found(tmp_path):
+    otb = {f"groundtruth_rect.{i}.txt": ["11,11,20,10"] * 3 for i in (1, 2)}
+    layout(tmp_path / "two", "img", 3, otb)
+    layout(tmp_path / "turned", "color", 3, {"groundtruth.txt": ["10,10,30,10,30,20,10,20"] * 2})
+    (tmp_path / "empty").mkdir()
+    found = read_all(tmp_path, 30.0)
+    assert [s.name for s in found] == ["turned", "two-1", "two-2"]
+    assert [s.source.count for s in found] == [2, 3, 3]  # pictures without truth are left out
+    for sequence in found:
+        assert (sequence.region.width, sequence.region.height) == (20, 10)
+        assert (sequence.start.x, sequence.start.y) == (20, 15)
+
+
+def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):
+    layout(tmp_path / "late", "img", 2, {"groundtruth.txt": ["nan,nan,nan,nan", "1,1,9,9"]})
+    with pytest.raises(ValueError, match="the target is not in the first picture"):
+        read_folder(tmp_path / "late", 30.0)
+
+
+def test_a_folder_without_sequences_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="there is no sequence"):
+        read_all(tmp_path, 30.0)

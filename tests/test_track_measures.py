@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from tracking.evaluation.measures import MEASURES, Comparison, frames_until_loss, measure_all
+from tracking.evaluation.track import Track
+from tracking.types import Region, State
+
+REGION = Region(40.0, 20.0)
+
+
+def track(states, confidence=None):
+    states = np.array(states, dtype=float)
+    n = len(states)
+    return Track(
+        states,
+        np.stack([REGION.corners(State(*row)) for row in states]),
+        np.ones(n) if confidence is None else np.array(confidence),
+        np.zeros(n, bool),
+        np.arange(n, dtype=float),
+        np.full(n, 5.0),
+    )
+
+
+def straight(n=10, **changes):
+    states = np.tile([100.0, 50.0, 0.0, 1.0], (n, 1))
+    for name, value in changes.items():
+        states[:, ["x", "y", "theta", "scale"].index(name)] += value
+    return states
+
+
+def compared(found, true, confidence=None):
+    exact = track(true)
+    return Comparison.of(track(found, confidence), exact.corners, exact.states)
+
+
+def test_a_perfect_track_has_perfect_measures():
+    found = measure_all(compared(straight(), straight()))
+    # A success curve counts overlaps above each threshold, so at 1.0 even a perfect one has none.
+    assert found["auc"] == found["auc_turned"] == pytest.approx(20 / 21)
+    assert found["precision_20"] == found["completed"] == found["held"] == 1.0
+    assert found["rmse_px"] == found["angle_rmse_deg"] == found["scale_rmse"] == 0.0
+    assert (found["milliseconds"], found["evaluations"]) == (5.0, 5.0)
+
+
+def test_errors_are_those_of_the_centre():
+    found = measure_all(compared(straight(x=3.0, y=-4.0), straight()))
+    assert found["mean_error_px"] == found["rmse_px"] == pytest.approx(5.0)
+    half = straight()
+    half[5:, 0] += 10
+    found = measure_all(compared(half, straight()))
+    assert found["mean_error_px"] == pytest.approx(5.0)
+    assert found["rmse_px"] == pytest.approx(np.sqrt(50))
+
+
+def test_overlap_counts_the_box_or_the_turned_rectangle():
+    c = compared(straight(x=20.0), straight())
+    np.testing.assert_allclose(c.overlaps, 1 / 3)
+    np.testing.assert_allclose(c.turned_overlaps, 1 / 3, rtol=1e-6)
+    assert measure_all(c)["auc"] == pytest.approx(7 / 21)  # thresholds 0, 0.05, ..., 0.3
+    quarter = compared(straight(theta=np.pi / 2), straight())
+    np.testing.assert_allclose(quarter.turned_overlaps, 400 / 1200, rtol=1e-6)
+
+
+def test_angle_and_scale_errors():
+    found = measure_all(compared(straight(theta=0.1 + 2 * np.pi, scale=0.2), straight()))
+    assert found["angle_rmse_deg"] == pytest.approx(np.degrees(0.1))
+    assert found["scale_rmse"] == pytest.approx(0.2)
+
+
+def test_a_loss_is_five_frames_away_in_a_row():
+    states = straight(20)
+    states[3:7, 0] += 50  # four frames: no loss
+    states[11:16, 0] += 50
+    assert frames_until_loss(compared(states, straight(20))) == 11
+    states[15, 0] -= 50
+    c = compared(states, straight(20))
+    assert frames_until_loss(c) == 20
+    assert measure_all(c)["completed"] == 1.0
+
+
+def test_frames_without_the_target_count_only_for_the_lost_signal():
+    true = track(straight()).corners
+    true[6:] = np.nan
+    confidence = [0.9, 0.8, 0.9, 0.8, 0.2, 0.9, 0.1, 0.3, 0.1, 0.1]
+    c = Comparison.of(track(straight(), confidence), true)
+    assert len(c.errors) == 6
+    # One of 4 * 6 pairs is in the wrong order: absent with 0.3, present with 0.2.
+    assert measure_all(c)["lost_auc"] == pytest.approx(23 / 24)
+    assert np.isnan(measure_all(c)["angle_rmse_deg"])
+
+
+def test_every_measure_says_what_it_is():
+    assert len({m.name for m in MEASURES}) == len(MEASURES)
+    assert all(m.meaning and m.better.value in ("higher", "lower") for m in MEASURES)
