@@ -31,7 +31,9 @@ SUBPIXEL_BITS = 4
 LEAST_APART = 100.0
 """Colours of the target differ at least by this (Euclidean, RGB)."""
 CYCLES = (0.6, 1.6)
-"""Least and most oscillations of the path in a sequence."""
+"""Least and most oscillations of the path in a period."""
+PERIOD = 139
+"""Frames: the length of the paper's sequences."""
 SWING = 0.6
 """Share of the free room that the smooth path uses."""
 
@@ -94,7 +96,7 @@ def _ground(rng: np.random.Generator, colours: Array, count: int, *, share_all: 
 def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
     """Centres (n, 2) of the target, wholly inside the picture."""
     room = np.array([WIDTH, HEIGHT]) / 2 - RADIUS
-    time = np.linspace(0, 2 * np.pi, frames)[:, None]
+    time = 2 * np.pi * np.arange(frames)[:, None] / PERIOD
     smooth = sum(
         share * np.sin(rng.uniform(*CYCLES, 2) * time + rng.uniform(0, 2 * np.pi, 2))
         for share in (0.7, 0.3)

@@ -1,0 +1,208 @@
+"""`servobench bench` on short painted sequences: its files, its order, how it goes on."""
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from servo import cli
+from tracking.evaluation import summary
+from tracking.evaluation.bench import SequenceJob
+from tracking.evaluation.jobs import RESULTS, run_all
+from tracking.evaluation.measures import MEASURES
+
+SUITE = """
+[[sequences]]
+kind = "clutter"
+level = "a"
+frames = 40
+
+[[trackers]]
+kind = "sok"
+
+[[trackers]]
+kind = "frozen"
+label = "nothing"
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SUITE)
+    return tmp_path
+
+
+def call(monkeypatch, capfd, *arguments):
+    monkeypatch.setattr("sys.argv", ["servobench", "bench", *arguments])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    out, err = capfd.readouterr()
+    return left.value.code, out, err
+
+
+def bench(monkeypatch, capfd, *more):
+    arguments = ["mine.toml", "--seeds", "2", "--workers", "1", "--out", "out", *more]
+    return call(monkeypatch, capfd, *arguments)
+
+
+def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, place):
+    code, out, err = bench(monkeypatch, capfd)
+    assert (code, err) == (0, "")
+    rows = rows_of(place / "out" / "runs.csv")
+    assert [(r["tracker"], r["seed"]) for r in rows] == [
+        ("sok", "0"), ("sok", "1"), ("nothing", "0"), ("nothing", "1"),
+    ]  # fmt: skip
+    auc = [float(r["auc"]) for r in rows]
+    assert min(auc[:2]) > 0.8
+    assert max(auc[2:]) < 0.4
+    table = rows_of(place / "out" / "table.csv")
+    assert [r["tracker"] for r in table] == ["sok", "nothing"]
+    assert float(table[0]["auc_low"]) <= float(table[0]["auc"]) <= float(table[0]["auc_high"])
+    document = json.loads((place / "out" / "bench.json").read_text())
+    assert document["trackers"][1]["against_best"]["losses"] == 1
+    assert set(document["measures"]) == {m.name for m in MEASURES}
+    for name in ("success.png", "precision.png", "sheets/clutter-a.png"):
+        assert cv2.imread(str(place / "out" / name)).std() > 10
+    assert (place / "out" / "tracks" / "sok" / "clutter-a-1.csv").exists()
+    assert out.index("sok") < out.index("nothing")
+
+
+def test_a_stopped_bench_goes_on_and_repeats_nothing(monkeypatch, capfd, place):
+    bench(monkeypatch, capfd)
+    before = (place / "out" / "runs.csv").read_text()
+    kept = place / "out" / RESULTS / "sok" / "clutter-a-1.json"
+    kept.with_suffix(".part").write_text(kept.read_text()[:40])  # killed while writing
+    kept.unlink()
+    ran = []
+    run = SequenceJob.run
+    monkeypatch.setattr(SequenceJob, "run", lambda job, to: ran.append(job.key) or run(job, to))
+    assert bench(monkeypatch, capfd)[0] == 0
+    assert ran == ["sok/clutter-a-1"]
+    assert without_times(place / "out" / "runs.csv") == without_times(before)
+
+
+def rows_of(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def without_times(table):
+    text = table if isinstance(table, str) else table.read_text()
+    return [{k: v for k, v in r.items() if k != "milliseconds"}
+            for r in csv.DictReader(text.splitlines())]  # fmt: skip
+
+
+def test_other_settings_are_another_run(monkeypatch, capfd, place):
+    bench(monkeypatch, capfd)
+    (place / "mine.toml").write_text(SUITE.replace("frames = 40", "frames = 9"))
+    bench(monkeypatch, capfd)
+    rows = rows_of(place / "out" / "runs.csv")
+    assert {r["frames"] for r in rows} == {"9"}
+
+
+def test_two_workers_find_what_one_finds(monkeypatch, capfd, place):
+    bench(monkeypatch, capfd)
+    call(monkeypatch, capfd, "mine.toml", "--seeds", "2", "--workers", "2", "--out", "two", "-q")
+    one, two = (without_times(place / name / "runs.csv") for name in ("out", "two"))
+    assert one == two
+
+
+@dataclass(frozen=True)
+class Moody:
+    key: str
+
+    def describe(self):
+        return {"key": self.key}
+
+    def run(self, folder: Path):
+        del folder
+        if self.key == "bad":
+            raise RuntimeError("out of paint")
+        return {"said": self.key}
+
+
+def test_a_failed_job_is_told_and_the_others_go_on(tmp_path):
+    done = list(run_all([Moody("a"), Moody("bad"), Moody("c")], tmp_path, 1))
+    assert [d.result for d in done] == [{"said": "a"}, None, {"said": "c"}]
+    assert "RuntimeError: out of paint" in done[1].error
+    assert sorted(p.stem for p in (tmp_path / RESULTS).iterdir()) == ["a", "c"]
+
+
+def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place):
+    for name in ("one", "two"):
+        (place / "all" / name / "img").mkdir(parents=True)
+        for k in range(4):
+            image = np.full((60, 80, 3), 200, np.uint8)
+            image[20:40, 20 + 2 * k : 40 + 2 * k] = (10, 200, 90)
+            image[26:34, 26 + 2 * k : 34 + 2 * k] = (200, 20, 90)
+            cv2.imwrite(str(place / "all" / name / "img" / f"{k}.png"), image)
+        lines = [f"{20 + 2 * k},20,20,20" for k in range(4)]
+        (place / "all" / name / "groundtruth.txt").write_text("\n".join(lines))
+    arguments = ["--trackers", "mean_shift,mean_shift:paper", "--seeds", "1", "--workers", "1"]
+    assert call(monkeypatch, capfd, "all", *arguments)[0] == 0
+    rows = rows_of(place / "runs" / "bench-all" / "runs.csv")
+    assert [(r["tracker"], r["sequence"]) for r in rows] == [
+        ("mean_shift", "one"), ("mean_shift", "two"),
+        ("mean_shift-paper", "one"), ("mean_shift-paper", "two"),
+    ]  # fmt: skip
+    assert all(float(r["mean_error_px"]) < 3 for r in rows)
+
+
+BAD = {
+    "no suite": (
+        ["magic"],
+        "there is no suite 'magic'; there is clutter, similarity, texture, closed_loop, or give a "
+        "folder or a .toml",
+    ),
+    "no tracker": (
+        ["clutter", "--trackers", "kams:book"],
+        "--trackers.preset: there is no preset 'book'; there is paper",
+    ),
+    "the same twice": (
+        ["clutter", "--trackers", "kams,kams", "--seeds", "1"],
+        "two runs are called 'kams/clutter-a-0'; give the trackers different labels",
+    ),
+    "no file": (["gone.toml"], "gone.toml: cannot read this suite: No such file or directory"),
+    "no key": (["odd.toml"], "odd.toml: there is no key 'sequence'; did you mean 'sequences'?"),
+    "no sequences": (["none.toml"], "none.toml: there are no [[sequences]] in this suite"),
+    "no level": (
+        ["level.toml"],
+        "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c' or 'd'",
+    ),
+    "an empty folder": (
+        ["empty"],
+        "empty: there is no sequence (pictures with a truth file) in it",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_mistake_is_one_sentence(monkeypatch, capfd, place, case):
+    (place / "empty").mkdir()
+    (place / "odd.toml").write_text("[[sequence]]\n")
+    (place / "none.toml").write_text("")
+    (place / "level.toml").write_text('[[sequences]]\nkind = "clutter"\nlevel = "z"\n')
+    arguments, message = BAD[case]
+    assert call(monkeypatch, capfd, *arguments)[::2] == (2, f"servobench: {message}\n")
+
+
+def result(tracker, seed, frames, auc):
+    measures = {"frames_until_loss": float(frames), "auc": auc, "lost_auc": None}
+    return {"tracker": tracker, "sequence": "s", "family": "f", "seed": seed, "measures": measures}
+
+
+def test_trackers_are_ranked_and_tested_against_the_best():
+    results = [result("a", s, 10, 0.4) for s in range(9)]
+    results += [result("b", s, 30 if s < 8 else 5, 0.6) for s in range(9)]
+    best, other = summary.rows_of(results)
+    assert (best.tracker, best.against_best) == ("b", None)
+    assert (other.against_best.wins, other.against_best.losses) == (1, 8)
+    assert other.against_best.z == pytest.approx(2.0)
+    assert other.p == pytest.approx(20 / 2**9)  # two-sided: 2 * (1 + 9) of 2^9 splits
+    assert best.means["auc"].value == pytest.approx(0.6)
+    assert "lost_auc" not in best.means

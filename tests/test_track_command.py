@@ -1,0 +1,186 @@
+"""`servobench track` on painted pictures: what it writes, and what it says of odd input."""
+
+import csv
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from servo import cli
+from servo.track import region_of
+from tracking.evaluation.track_file import HEADER, read
+
+REGION = "40,30,30,20"
+FRAMES = 8
+
+
+def image(k, shift=2):
+    """A blue rectangle with a yellow half on textured grey, 2 px further right in each frame."""
+    rng = np.random.default_rng(0)
+    picture = cv2.GaussianBlur(rng.integers(90, 160, (100, 160, 3)).astype(np.uint8), (0, 0), 2)
+    x = 40 + shift * k
+    picture[30:50, x : x + 30] = (200, 60, 30)
+    picture[30:50, x : x + 12] = (40, 220, 230)
+    return picture
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in").mkdir()
+    for k in range(FRAMES):
+        cv2.imwrite(str(tmp_path / "in" / f"{k:03}.png"), image(k))
+    return tmp_path
+
+
+def call(monkeypatch, capfd, *arguments):
+    monkeypatch.setattr("sys.argv", ["servobench", "track", *arguments])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    out, err = capfd.readouterr()
+    return left.value.code, out, err
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_track_has_the_agreed_header_and_a_row_for_every_picture(monkeypatch, capfd, folder):
+    code, _, err = call(monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q")
+    assert (code, err) == (0, "")
+    first = (folder / "out" / "track.csv").read_text().splitlines()[0]
+    assert first == (
+        "frame,time,x,y,theta,scale,width,height,x1,y1,x2,y2,x3,y3,x4,y4,confidence,status,"
+        "milliseconds"
+    )
+    found = rows(folder / "out" / "track.csv")
+    assert [int(row["frame"]) for row in found] == list(range(FRAMES))
+    given = [float(found[0][k]) for k in ("x", "y", "width", "height", "x1", "y1", "x3", "y3")]
+    assert given == [55, 40, 30, 20, 40, 30, 70, 50]
+    last = found[-1]
+    assert float(last["x"]) == pytest.approx(55 + 2 * (FRAMES - 1), abs=1.5)
+    assert last["status"] == "LOCKED"
+    assert float(last["time"]) == pytest.approx((FRAMES - 1) / 30, abs=1e-6)
+
+
+def test_the_same_seed_gives_the_same_track(monkeypatch, capfd, folder):
+    for name in ("a", "b"):
+        call(monkeypatch, capfd, "in", "--region", REGION, "--out", name, "--seed", "4", "-q")
+    one, two = read(folder / "a" / "track.csv"), read(folder / "b" / "track.csv")
+    np.testing.assert_array_equal(one.corners, two.corners)
+
+
+def test_a_truth_beside_the_pictures_gives_region_and_measures(monkeypatch, capfd, folder):
+    (folder / "seq").mkdir()
+    (folder / "in").rename(folder / "seq" / "img")
+    lines = [f"{41 + 2 * k},31,30,20" for k in range(FRAMES)]
+    (folder / "seq" / "groundtruth_rect.txt").write_text("\n".join(lines))
+    settings = ["--tracker", "mean_shift", "--set", "tracker.levels=16"]
+    code, out, _ = call(monkeypatch, capfd, "seq", "--out", "out", *settings)
+    assert code == 0
+    report = json.loads((folder / "out" / "report.json").read_text())
+    assert report["tracker"] == {"kind": "mean_shift", "levels": 16}
+    assert report["frames"] == FRAMES
+    assert report["measures"]["auc"] > 0.85
+    assert report["measures"]["mean_error_px"] < 1.0
+    assert "mean_error_px" in out
+
+
+def test_a_region_may_be_turned_about_its_centre():
+    region, state = region_of("40,30,30,20,90")
+    assert (region.width, region.height, state.x, state.y) == (30, 20, 55, 40)
+    assert state.theta == pytest.approx(np.pi / 2)
+    corners = region.corners(state)
+    np.testing.assert_allclose(corners[0], [65, 25], atol=1e-9)  # what was top left is top right
+
+
+def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
+    (folder / "in" / "003.png").write_bytes(b"no picture")
+    cv2.imwrite(str(folder / "in" / "005.png"), image(5)[..., 0])
+    cv2.imwrite(str(folder / "in" / "006.png"), cv2.resize(image(6), (80, 50)))
+    code, _, err = call(
+        monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q", "--video"
+    )
+    assert code == 0
+    assert err == (
+        "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is looked "
+        "for at the same pixels\n"
+        f"servobench: 1 of {FRAMES} pictures cannot be decoded, the first is 003.png; their rows "
+        "are LOST\n"
+    )
+    found = rows(folder / "out" / "track.csv")
+    assert len(found) == FRAMES
+    assert (found[3]["status"], float(found[3]["confidence"])) == ("LOST", 0.0)
+    assert found[3]["x"] == found[2]["x"]
+    film = cv2.VideoCapture(str(folder / "out" / "track.mp4"))
+    assert int(film.get(cv2.CAP_PROP_FRAME_COUNT)) == FRAMES
+    assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FPS)) == (160, 30)
+
+
+def test_a_video_is_tracked_and_a_recording_written(monkeypatch, capfd, folder):
+    writer = cv2.VideoWriter("film.avi", cv2.VideoWriter.fourcc(*"MJPG"), 10, (160, 100))
+    for k in range(FRAMES):
+        writer.write(image(k))
+    writer.release()
+    arguments = ["film.avi", "--region", REGION, "--out", "out", "--rerun", "--frames", "5", "-q"]
+    assert call(monkeypatch, capfd, *arguments)[0] == 0
+    found = rows(folder / "out" / "track.csv")
+    assert len(found) == 5
+    assert float(found[4]["time"]) == pytest.approx(0.4)
+    assert (folder / "out" / "track.rrd").read_bytes()[:3] == b"RRF"
+
+
+BAD = {
+    "no region": (["in"], "in: there is no truth beside it; give --region X,Y,W,H[,DEG]"),
+    "an empty region": (
+        ["in", "--region", "40,30,0,20"],
+        "the region is 0 x 20 px; both sides must be at least 4 px",
+    ),
+    "a region outside": (
+        ["in", "--region", "150,30,30,20"],
+        "the region spans 150..180 x 30..50 px, most of it outside the image of 160 x 100 px",
+    ),
+    "no numbers": (
+        ["in", "--region", "40,30,big,20"],
+        "--region 40,30,big,20: this should be X,Y,W,H or X,Y,W,H,DEG in px",
+    ),
+    "too many numbers": (
+        ["in", "--region", "1,2,3,4,5,6"],
+        "--region 1,2,3,4,5,6: this should be X,Y,W,H or X,Y,W,H,DEG in px",
+    ),
+    "another section": (
+        ["in", "--region", REGION, "--set", "camera.fx=3"],
+        "--set camera.fx=3: here only tracker.KEY=VALUE can be set",
+    ),
+    "an unknown preset": (
+        ["in", "--region", REGION, "--set", "tracker.preset=book"],
+        "tracker.preset: there is no preset 'book'; there is paper",
+    ),
+    "a first picture that is none": (
+        ["broken", "--region", REGION],
+        "0.png: the first picture cannot be decoded",
+    ),
+    "a truth that is none": (
+        ["in", "--region", REGION, "--truth", "in/000.png"],
+        "in/000.png: cannot read this truth: it is not text",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_mistake_is_one_sentence_and_leaves_nothing(monkeypatch, capfd, folder, case):
+    (folder / "broken").mkdir()
+    (folder / "broken" / "0.png").write_bytes(b"no picture")
+    arguments, message = BAD[case]
+    code, _, err = call(monkeypatch, capfd, *arguments)
+    assert (code, err) == (2, f"servobench: {message}\n")
+    assert not (folder / "runs").exists()
+
+
+def test_what_is_no_track_is_refused(tmp_path):
+    (tmp_path / "t.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ValueError, match="this is not a track: its columns are a, b"):
+        read(tmp_path / "t.csv")
+    assert len(HEADER) == 19
