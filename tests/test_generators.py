@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from sim import plugins
-from tracking.evaluation.contact_sheet import TILE, sheet
+from tracking.evaluation.contact_sheet import FOUND, TILE, TRUE, sheet
 from tracking.evaluation.generators.clutter import LEVELS, RADIUS
+from tracking.evaluation.sources import Painted
 from tracking.types import State
 
 FOLDER = "tracking.evaluation.generators"
@@ -102,10 +103,10 @@ def test_texture_changes_size_and_speed_over_its_own_colour():
 
 
 def test_a_contact_sheet_shows_truth_white_and_estimate_green():
-    sequence = build("clutter", 0, level="d")
-    plain = sheet(sequence.source, sequence.truth, None, count=4)
-    drawn = sheet(sequence.source, sequence.truth, sequence.truth + 30, count=4)
-    assert plain.shape == (TILE * 3 // 4 + 8, 4 * (TILE + 4) + 4, 3)
-    # Lines are smoothed: count what is nearly green.
-    green = [(np.abs(p.astype(int) - (60, 220, 60)).max(axis=2) < 60).sum() for p in (plain, drawn)]
-    assert green[1] > green[0] + 200
+    grey = Painted(lambda _: np.full((120, 160, 3), 90, np.uint8), 9)
+    truth = np.tile(np.array([[40, 30], [90, 30], [90, 70], [40, 70]], float), (9, 1, 1))
+    sheets = [sheet(grey, truth, found, count=4) for found in (None, truth + 20)]
+    assert sheets[0].shape == (TILE * 3 // 4 + 8, 4 * (TILE + 4) + 4, 3)
+    for colour, counts in ((TRUE, (True, True)), (FOUND, (False, True))):
+        seen = [(np.abs(s.astype(int) - colour).max(axis=2) < 90).sum() > 60 for s in sheets]
+        assert tuple(seen) == counts

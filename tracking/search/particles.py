@@ -82,9 +82,11 @@ class ParticleFilter:
             particles=self.cloud(),
         )
 
-    def resample(self) -> None:
-        """Draw the samples anew, as often as their weights say."""
-        self.samples = self.samples[sampling.systematic(self.weights, self._rng)]
+    def resample(self, power: float = 1.0) -> None:
+        """Draw the samples anew, as often as their weights, raised to a power, say."""
+        weights = self.weights**power
+        drawn = sampling.systematic(weights / weights.sum(), self._rng)
+        self.samples = self.samples[drawn]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
     def shift(self, correction: Array) -> None:

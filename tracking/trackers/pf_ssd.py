@@ -70,6 +70,9 @@ class Config(Learning):
     trust: Annotated[float, Gt(0)] = 0.6
     """The descent is believed up to this distance from the filter's mean, over the target's size.
     """
+    hidden: Annotated[float, Ge(0), Le(1)] = 0.5
+    """Power of the weights in resampling while the target is not seen: 75 particles would gather on
+    what hides it, and miss it when it comes out."""
     lock: LockConfig = field(default_factory=LockConfig)
     """When the target counts as hidden or lost."""
     widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
@@ -114,13 +117,18 @@ class PfSsd:
         self._filter.weigh(-c.gamma * self._cells.energy(image, self._filter.samples))
         proposed = self._filter.mean()
         descended = self._descend(frame, proposed)
+        evaluations = len(self._filter.samples) + descended.evaluations
+        if self._status is not Status.LOCKED:
+            # A hidden target comes out away from the mean: the best particle may be nearer.
+            other = self._descend(frame, self._filter.best())
+            evaluations += other.evaluations
+            descended = min(descended, other, key=lambda end: end.distance)
         self._status = self._lock.judge(descended.distance, frame.time)
         state = descended.state if self._status is Status.LOCKED else proposed
-        evaluations = len(self._filter.samples) + descended.evaluations
         estimate = self._filter.estimate(state, descended.distance, self._status, evaluations)
-        self._filter.resample()
         # While the target is hidden the velocity stays; the mean moves by it and by chance.
         seen = self._status is Status.LOCKED
+        self._filter.resample(1.0 if seen else c.hidden)
         if seen:
             self._filter.shift(state.vector - proposed.vector)
             self._cells.learn(image, state)

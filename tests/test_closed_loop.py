@@ -1,0 +1,79 @@
+"""Every tracker steers the camera: what it follows is servoed, the rest is held."""
+
+import csv
+
+import pytest
+
+from servo import cli
+from servo.loop_bench import LoopJob
+from servo.papers.claim import contender
+from sim import plugins
+from tracking import create
+
+TRACKERS = [kind for kind in plugins.kinds("tracking.trackers") if kind != "frozen"]
+SHORT = ("run.duration=4.0", "measure.after=3.0")
+MOST_PX = 4.0
+"""The camera ends this near the target; OpenCV's whole-pixel boxes are the worst, at 2.9."""
+
+
+@pytest.mark.parametrize("scenario", ["still", "line"])
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_every_tracker_closes_the_loop(tmp_path, kind, scenario):
+    result = LoopJob(contender(kind), scenario, 0, SHORT).run(tmp_path)
+    assert result["outcome"] == "CONVERGED"
+    assert result["measures"]["servo_rms_px"] < MOST_PX
+
+
+def test_the_baseline_does_not_close_it(tmp_path):
+    result = LoopJob(contender("frozen"), "still", 0, SHORT).run(tmp_path)
+    assert result["outcome"] != "CONVERGED"
+
+
+def test_what_a_tracker_follows_is_told(tmp_path):
+    told = {
+        kind: LoopJob(contender(kind), "still", 0, ("run.duration=0.2",)).run(tmp_path)["follows"]
+        for kind in ("kams", "annealed", "pf_ssd")
+    }
+    assert told == {"kams": "x, y", "annealed": "x, y, s", "pf_ssd": "x, y, theta, s"}
+
+
+def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["bench", "closed_loop", "--trackers", "mk_ssd,frozen", "--seeds", "1"]
+    monkeypatch.setattr("sys.argv", ["servobench", *arguments, "--workers", "1", "--out", "out"])
+    monkeypatch.setattr("servo.loop_bench.SCENARIOS", ("still",))
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 0
+    out = capfd.readouterr().out
+    assert "mk_ssd" in out
+    assert "1/1" in out
+    with (tmp_path / "out" / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {r["tracker"]: r["outcome"] for r in rows}["mk_ssd"] == "CONVERGED"
+    assert float(rows[0]["servo_rms_px"]) < 0.6
+
+
+def test_presets_are_the_papers_settings():
+    for kind in plugins.kinds("tracking.trackers"):
+        for name, settings in plugins.presets("tracking.trackers", kind).items():
+            config = plugins.config_of("tracking.trackers", kind)(**settings)
+            assert name == "paper"
+            assert getattr(config, "contrast", 0.0) == 0.0
+            assert not getattr(config, "discriminate", False)
+    papers = {k: plugins.preset("tracking.trackers", k, "paper") for k in TRACKERS if "cv_" not in k
+              and k != "camshift"}  # fmt: skip
+    assert len(papers) == 12
+    assert papers["kams"]["schedule"] == "fixed"
+    assert papers["annealed"]["particles"] == papers["condensation"]["particles"] == 40
+    assert papers["hybrid"]["velocity_memory"] == 0.0
+    assert papers["annealed"]["velocity_memory"] == 1.0
+    assert papers["texture_pf"]["least_texture"] == 0.05
+
+
+def test_settings_go_before_the_preset():
+    tracker = create("kams", preset="paper", particles=7)
+    assert tracker._config.particles == 7
+    assert tracker._config.gamma == 20.0
+    with pytest.raises(ValueError, match="there is no preset 'book'; 'frozen' has none"):
+        create("frozen", preset="book")
