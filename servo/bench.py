@@ -32,7 +32,8 @@ LEGEND = (
     "share never lost;\nlost: ROC area of 1 - confidence; reads: histograms a frame; z, p: McNemar "
     "on frames until loss\nagainst the first, p after Holm"
 )
-MOST_FAMILIES = 14
+WIDE = 7
+"""So many columns of a table fit beside its names."""
 LARGE = 100
 
 
@@ -84,16 +85,24 @@ def print_rows(console: Console, rows: Sequence[summary.Row]) -> None:
     console.print(table)
     plain(console, LEGEND)
     families = list(rows[0].families)
-    if not 1 < len(families) <= MOST_FAMILIES:
-        return
+    labels = [row.tracker for row in rows]
+    success = [[f"{row.families.get(f, 0):.2f}" for f in families] for row in rows]
+    if 1 < len(families) <= WIDE:
+        _print_families(console, ("tracker", *families), labels, success)
+    elif len(families) > 1 and len(rows) <= WIDE:
+        turned = [list(column) for column in zip(*success, strict=True)]
+        _print_families(console, ("sequence", *labels), families, turned)
+
+
+def _print_families(
+    console: Console, titles: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]
+) -> None:
     console.print("\nsuccess AUC by sequence")
     table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for title in ("tracker", *families):
-        table.add_column(
-            escape(title), justify="left" if title == "tracker" else "right", overflow="fold"
-        )
-    for row in rows:
-        table.add_row(escape(row.tracker), *(f"{row.families.get(f, 0):.2f}" for f in families))
+    for i, title in enumerate(titles):
+        table.add_column(escape(title), justify="right" if i else "left")
+    for name, row in zip(names, cells, strict=True):
+        table.add_row(escape(name), *row)
     console.print(table)
 
 

@@ -27,6 +27,14 @@ def servo_data() -> Path:
 
 
 @pytest.fixture(scope="session")
+def shared_sequences() -> Path:
+    folder = DATA / "sequences"
+    if not folder.is_dir():
+        pytest.skip(f"the annotated sequences are not on this machine ({folder})")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def smooth_image():
     """A colourful random picture (120, 160, 3) without sharp edges."""
     noise = np.random.default_rng(0).normal(128, 90, (120, 160, 3))

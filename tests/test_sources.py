@@ -87,3 +87,11 @@ def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):
 def test_a_folder_without_sequences_is_refused(tmp_path):
     with pytest.raises(ValueError, match="there is no sequence"):
         read_all(tmp_path, 30.0)
+
+
+def test_the_shared_sequences_are_read(shared_sequences):
+    found = {s.name: s for s in read_all(shared_sequences, 30.0)}
+    assert len(found) == 13
+    assert int(np.isnan(found["tld_pedestrian3"].truth[:, 0, 0]).sum()) == 28
+    assert found["otb_girl"].start.x == pytest.approx(56 + 31 / 2)
+    assert found["vot13_car"].region.width == 57
