@@ -193,7 +193,7 @@ def view(
     """Open a recording in the Rerun viewer, or draw it into a PNG."""
     from servo.recording import view as viewer
 
-    path = recording / "run.rrd" if recording.is_dir() else recording
+    path = viewer.recording_in(recording) if recording.is_dir() else recording
     viewer.check(path)
     if png is not None:
         viewer.picture(path, png, at, panel)

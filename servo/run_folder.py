@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -15,6 +14,7 @@ from servo.measures import Report, Violation
 from servo.parsing import Mistake
 from servo.scenario import Scenario
 from servo.steps_table import TABLE, StepsTable
+from tracking.evaluation.bench import number
 
 RECORDING, REPORT = "run.rrd", "report.json"
 VERSIONED = (
@@ -102,8 +102,3 @@ def _summary(scenario: Scenario, report: Report, missed: Sequence[Violation]) ->
         "settings": json.loads(json.dumps(scenario.settings(), default=lambda e: e.value)),
         "versions": {name: metadata.version(name) for name in VERSIONED},
     }
-
-
-def number(value: float) -> float | None:
-    """JSON has no infinity: a time that never came is null."""
-    return value if math.isfinite(value) else None

@@ -16,11 +16,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo.parsing import Mistake, fill_plugin
-from servo.run_folder import REPORT, VERSIONED, number, prepare
+from servo.run_folder import REPORT, VERSIONED, prepare
 from servo.scenario import override
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar
 from sim.types import Array
 from tracking.evaluation import truth as truths
+from tracking.evaluation.bench import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
 from tracking.evaluation.sequence import CAMERA, source_of, truths_in
 from tracking.evaluation.sources import Source

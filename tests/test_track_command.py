@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from servo import cli
+from servo.recording.view import recording_in
 from servo.track import region_of
 from tracking.evaluation.track_file import HEADER, read
 
@@ -129,6 +130,7 @@ def test_a_video_is_tracked_and_a_recording_written(monkeypatch, capfd, folder):
     found = rows(folder / "out" / "track.csv")
     assert len(found) == 5
     assert float(found[4]["time"]) == pytest.approx(0.4)
+    assert recording_in(folder / "out") == folder / "out" / "track.rrd"
     assert (folder / "out" / "track.rrd").read_bytes()[:3] == b"RRF"
 
 

@@ -33,7 +33,7 @@ class TrackLog:
         """Write a picture and its numbers."""
         rec, estimate = self._rec, shot.estimate
         rec.set_time("frame", sequence=shot.index)
-        rec.set_time("time", duration=shot.picture.time)
+        rec.set_time("sim_time", duration=shot.picture.time)  # as in runs, for `servobench view`
         if shot.picture.image is not None:
             bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
             _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

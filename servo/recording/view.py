@@ -23,6 +23,12 @@ DRAWN_AFTER = 3.0
 """Time for a first drawing of a scene on a machine without a GPU [s]."""
 
 
+def recording_in(folder: Path) -> Path:
+    """The recording of a folder that `run` or `track` wrote."""
+    track = folder / "track.rrd"
+    return track if track.exists() else folder / "run.rrd"
+
+
 def check(path: Path) -> None:
     """Refuse what is not a recording.
 
