@@ -15,10 +15,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo import scenario as scenarios
-from servo.episode import Episode, Step
+from servo.episode import Episode
 from servo.measures import Report, Violation, check_expect, summarise, violations
 from servo.run_folder import VERSIONED, RunFolder, prepare
 from servo.scenario import Scenario
+from servo.step import Step
 from servo.terminal import COMPILING, STOPPED, WAITING, plain, progress_bar
 from sim import gl
 

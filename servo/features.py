@@ -61,14 +61,35 @@ def facing_plane(m: Moments, root_area: float) -> Plane:
         m: What is seen.
         root_area: Square root of the metric area [m].
     """
-    return Plane.parallel(root_area / float(np.sqrt(m.area)))
+    return plane_of_size(m, root_area, np.array([0.0, 0.0, 1.0]))
+
+
+def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
+    """The plane with this normal (3,) in which a target of known metric area has these moments.
+
+    A small piece S of the plane n P = 1 has the image area a = S (n r)^3 / |n|, where r = (xg, yg,
+    1): this gives |n|, and with it the depth, from size alone.
+    """
+    unit = normal / np.linalg.norm(normal)
+    facing = float(unit @ (m.xg, m.yg, 1.0))
+    inverse_depth = np.sqrt(m.area / facing) / root_area
+    return _plane(unit * inverse_depth / facing)
+
+
+def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
+    """The plane with this normal (3,), at a depth [m] where the target's centre is seen."""
+    return _plane(normal / (depth * float(normal @ (m.xg, m.yg, 1.0))))
 
 
 def plane_of(T_camera_target: Pose, height: float) -> Plane:
     """The plane at a height [m] over the target's origin, level in the target's frame."""
     normal = T_camera_target.rotation[:, 2]
     through = T_camera_target.translation + height * normal
-    A, B, C = (normal / (normal @ through)).tolist()
+    return _plane(normal / (normal @ through))
+
+
+def _plane(n: Array) -> Plane:
+    A, B, C = n.tolist()
     return Plane(A, B, C)
 
 

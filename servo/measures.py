@@ -10,11 +10,11 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.episode import Step
 from servo.features import half_turn
 from servo.parsing import Mistake, unknown
 from servo.scenario import Scenario
 from servo.settings import MeasureConfig
+from servo.step import Step
 from sim.types import Array
 from tracking.types import Status
 
@@ -60,6 +60,11 @@ MEANINGS = {
     "tracking_angle_rms_deg": ("deg", "estimated against true angle, rms"),
     "tracking_scale_rms_pct": ("%", "estimated against true size, rms"),
     "tilt_peak_deg": ("deg", "optical axis against straight down, largest"),
+    "joint_range_peak_pct": (
+        "%",
+        "limited joint from the middle of its range, largest; 100: limit",
+    ),
+    "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target"),
     "lost_pct": ("%", "frames in which the tracker said LOST"),
@@ -122,6 +127,8 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "tracking_angle_rms_deg": _rms(angle),
         "tracking_scale_rms_pct": _rms(scale),
         "tilt_peak_deg": np.degrees(max(s.tilt for s in steps)),
+        "joint_range_peak_pct": 100 * max(_range_used(s) for s in steps),
+        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([s.estimate.status is not Status.LOCKED for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
@@ -175,6 +182,22 @@ def _tracking_angle(step: Step) -> float:
     return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth.theta))))
 
 
+def _range_used(step: Step) -> float:
+    """How far the joint nearest to a limit is from the middle of its range, over half of that."""
+    p = step.posture
+    limited = np.isfinite(p.lower) & np.isfinite(p.upper)
+    half = (p.upper[limited] - p.lower[limited]) / 2
+    return float(np.max(1 - step.margins[limited] / half, initial=0.0))
+
+
+def _speed(step: Step) -> float:
+    return float(np.linalg.norm(step.posture.twist[:3]))
+
+
+def _final(steps: Sequence[Step]) -> list[Step]:
+    return [s for s in steps if s.frame.time > steps[-1].frame.time - FINAL_SPAN]
+
+
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -203,7 +226,7 @@ def _settling_time(steps: Sequence[Step], turned: Array, grown: Array) -> float:
 
 def _outcome(steps: Sequence[Step]) -> Outcome:
     last = steps[-1]
-    final = [s for s in steps if s.frame.time > last.frame.time - FINAL_SPAN]
+    final = _final(steps)
     height, width = last.frame.image.shape[:2]
     inside = np.all((last.truth.centre >= 0) & (last.truth.centre <= (width, height)))
     if last.estimate.status is Status.LOST:

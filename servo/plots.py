@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from servo.episode import Step
+from servo.step import Step
 from servo.types import FEATURES
 from tracking.types import Status
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from servo import plots
-from servo.episode import Episode, Step
+from servo.episode import Episode
 from servo.measures import Report, Violation
 from servo.parsing import Mistake
 from servo.scenario import Scenario
+from servo.step import Step
 from servo.steps_table import TABLE, StepsTable
 from tracking.evaluation.bench import number
 

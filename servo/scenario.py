@@ -35,6 +35,7 @@ SECTIONS: dict[str, type[Any]] = {
     "measure": MeasureConfig,
 }
 PLUGINS = {
+    "robot": ("sim.robots", "gantry"),
     "motion": ("sim.motions", "still"),
     "tracker": ("tracking.trackers", "pf_ssd"),
     "estimator": ("servo.estimators", "kalman_cv"),
@@ -60,6 +61,7 @@ class Scenario:
     region: RegionConfig
     features: FeaturesConfig
     measure: MeasureConfig
+    robot: Any
     motion: Any
     tracker: Any
     estimator: Any

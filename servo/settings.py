@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from servo.features import Scaling
@@ -25,6 +26,9 @@ class RunConfig:
     """Frames until a command acts: what frame k asks for moves the camera from frame k + latency
     on.
     """
+    ego: bool = False
+    """Tell the tracker how the measured camera motion has moved the target in the image: its
+    prediction then needs to guess the target's own motion only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,17 @@ class GoalConfig:
     """Direction of the target's nose, from right towards down [deg]."""
     depth: Annotated[float, Gt(0)] = 1.0
     """Distance of the target's reference rectangle [m]."""
+    depth_to: Annotated[float, Gt(0)] | None = None
+    """Another distance to go to [m]; by default the goal stays."""
+    change_start: Annotated[float, Ge(0)] = 3.0
+    """When the goal begins to change [s]."""
+    change_duration: Annotated[float, Gt(0)] = 3.0
+    """How long it changes, at constant speed [s]."""
+
+    def depth_at(self, time: float) -> float:
+        """The distance asked for at a time [s]."""
+        done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
+        return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +92,14 @@ class FeaturesConfig:
 
     scaling: Scaling = Scaling.METRIC
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
-    plane: Literal["parallel", "known"] = "parallel"
-    """The target's plane: "parallel" to the image at the depth its size tells, or "known" from the
-    poses of camera and table."""
+    plane: Literal["parallel", "known", "estimated"] = "parallel"
+    """Normal of the target's plane: "parallel" to the image, "known" from the poses of camera and
+    table, or "estimated" from where the target has been seen to drive."""
+    depth: Literal["size", "known"] = "size"
+    """Depth of the target, for the interaction matrix: from its metric "size" and its area in the
+    image, or "known" from the poses of camera and table."""
+    depth_factor: Annotated[float, Gt(0)] = 1.0
+    """The matrix is told a depth wrong by this factor: the translations' gain is too."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from servo.episode import Step
-from servo.types import DOF
+from servo.step import Step
+from servo.types import DOF, FEATURES
 from sim.robot import Robot
 
 STREAM, TABLE = "steps.arrows", "steps.parquet"
@@ -43,6 +43,7 @@ def columns(joints: tuple[str, ...], units: tuple[str, ...]) -> list[Column]:
     return [
         Column("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
         Column("time_s", "simulated time", lambda s: s.frame.time),
+        Column("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
         *_state_columns(),
         *_feature_columns(),
         *_vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
@@ -51,8 +52,12 @@ def columns(joints: tuple[str, ...], units: tuple[str, ...]) -> list[Column]:
                  lambda s: s.twist_measured, DOF, TWIST_UNITS),
         *_vector("joint", "position", lambda s: s.joints, joints, units),
         *_vector("rate", "velocity", lambda s: s.rates, joints, tuple(f"{u}_s" for u in units)),
+        *_vector("margin", "way to the nearer limit, inf where there is none",
+                 lambda s: s.margins, joints, units),
         Column("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
-        Column("command_saturated", "a speed limit shortened it", _saturated, FLAG),
+        Column("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
+        Column("command_saturated", "a limit of speed or acceleration changed it",
+               lambda s: s.command.saturated, FLAG),
         Column("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
         Column("visible", "fraction of target seen", lambda s: s.truth.visible),
         *(_seconds_column(stage) for stage in ("render", "track", "control", "physics")),
@@ -86,15 +91,21 @@ def _feature_columns() -> Iterator[Column]:
     for name, meaning, of in (
         ("feature", "as seen", lambda s: s.command.features),
         ("error", "e = s - s*", lambda s: s.command.error),
+        ("error_ahead", "e when the command acts", lambda s: s.command.outlook.error),
         ("motion_measured", "target's de/dt: raw", lambda s: s.command.target_motion_measured),
         ("motion_estimated", "target's de/dt: estimated", lambda s: s.command.target_motion),
         ("motion_true", "target's de/dt: true", lambda s: s.target_motion_true),
     ):
         yield from _vector(name, meaning, of, FEATURE_NAMES)
-
-
-def _saturated(step: Step) -> bool:
-    return step.command.saturated
+    yield from _vector(
+        "innovation",
+        "of the estimator's filter: measured minus expected",
+        lambda s: s.command.outlook.innovation,
+        FEATURE_NAMES,
+    )
+    yield from _vector(
+        "nis", "innovation squared over its variance", lambda s: s.command.outlook.nis, FEATURES
+    )
 
 
 def _part(of: Callable[[Step], Any], part: str) -> Callable[[Step], Any]:

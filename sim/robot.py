@@ -10,29 +10,64 @@ centre is the site `eye`.
 # MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import mujoco
 import numpy as np
+from annotated_types import Ge, Gt
 
 from sim.geometry import log_se3
 from sim.render import VISION_FROM_MUJOCO
-from sim.types import Array, Pose
+from sim.types import Array, Pose, Posture
 
 EYE = "eye"
-DAMPING = 1e-3
-"""Damping of the pseudo-inverse: bounds the rates near a singular pose and is invisible elsewhere.
-"""
 STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
-SOLVE_STEPS, SOLVE_TOLERANCE = 200, 1e-10
+SOLVE_STEPS, SOLVE_TOLERANCE, SOLVE_DAMPING = 200, 1e-10, 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Drives:
+    """How a camera twist becomes joint rates."""
+
+    weakest: Annotated[float, Ge(0)] = 0.1
+    """Near a singular pose: below this smallest singular value of the Jacobian [m/s or rad/s of the
+    camera per unit of joint rate] the inverse is damped."""
+    damping: Annotated[float, Gt(0)] = 0.1
+    """Damping in a singular pose; the camera then moves less than asked for, and another way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A robot before it is built."""
+
+    model: str
+    """Its MJCF file in scenes/."""
+    home: tuple[float, ...]
+    """Joint positions from which all others are sought [m or rad]."""
+    drives: Drives
+
+
+def damped_inverse(J: Array, drives: Drives) -> Array:
+    """The inverse (n, 6) of a Jacobian (6, n), damped near singular poses.
+
+    After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`,
+    lambda^2 = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 +
+    lambda^2).
+    """
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    missing = max(0.0, 1.0 - (s[-1] / drives.weakest) ** 2) if drives.weakest > 0 else 0.0
+    return (Vt.T * (s / (s**2 + missing * drives.damping**2))) @ U.T
 
 
 class Robot:
     """The chain of joints between the world and the camera."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model = model
+    def __init__(self, model: mujoco.MjModel, design: Design) -> None:
+        self._model, self._design = model, design
         self._site = model.site(EYE).id
         joints = model.actuator_trnid[:, 0]
         self.names = tuple(model.joint(j).name for j in joints)
@@ -44,6 +79,13 @@ class Robot:
         self.lower = np.where(limited, model.jnt_range[joints, 0], -np.inf)
         self.upper = np.where(limited, model.jnt_range[joints, 1], np.inf)
         self.fastest = model.actuator_ctrlrange[:, 1].copy()
+
+    def posture(self, data: mujoco.MjData, twist: Array) -> Posture:
+        """What the robot knows of itself, as of the last kinematics; twist is its mean since the
+        last frame.
+        """
+        J = self.jacobian(data)
+        return Posture(self._eye(data), twist, self.joints(data), self.lower, self.upper, J)
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""
@@ -69,8 +111,7 @@ class Robot:
         One factor slows all joints, so that a saturated camera still moves in the direction asked
         for.
         """
-        J = self.jacobian(data)
-        wanted = J.T @ np.linalg.solve(J @ J.T + DAMPING**2 * np.eye(6), twist)
+        wanted = damped_inverse(self.jacobian(data), self._design.drives) @ twist
         q = data.qpos[self._qpos]
         most = np.minimum(self.fastest, STOP_GAIN * np.maximum(self.upper - STOP_MARGIN - q, 0.0))
         least = np.maximum(
@@ -84,17 +125,19 @@ class Robot:
 
     def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> bool:
         """Set the joints so that the camera takes this pose; whether the limits allow it."""
+        data.qpos[self._qpos] = self._design.home
         for _ in range(SOLVE_STEPS):
-            error = log_se3(self._pose(data).inverse() @ T_world_camera)
+            mujoco.mj_kinematics(self._model, data)
+            mujoco.mj_comPos(self._model, data)
+            error = log_se3(self._eye(data).inverse() @ T_world_camera)
             if np.linalg.norm(error) < SOLVE_TOLERANCE:
                 q = data.qpos[self._qpos]
                 return bool(np.all((q >= self.lower) & (q <= self.upper)))
             J = self.jacobian(data)
-            data.qpos[self._qpos] += J.T @ np.linalg.solve(J @ J.T + DAMPING**2 * np.eye(6), error)
+            damped = J @ J.T + SOLVE_DAMPING**2 * np.eye(6)
+            data.qpos[self._qpos] += J.T @ np.linalg.solve(damped, error)
         return False
 
-    def _pose(self, data: mujoco.MjData) -> Pose:
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_comPos(self._model, data)
+    def _eye(self, data: mujoco.MjData) -> Pose:
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())

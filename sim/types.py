@@ -77,6 +77,35 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
+class Posture:
+    """What a robot knows of itself at one moment, from its joints."""
+
+    T_base_camera: Pose
+    """Pose of the camera (x right, y down, z forward) over the robot's base, whose z is up."""
+    twist: Array
+    """Mean camera twist (6,) since the last frame [m/s, rad/s]."""
+    joints: Array
+    """Joint positions (n,) [m or rad]."""
+    lower: Array
+    """Their lower limits (n,); -inf where there is none."""
+    upper: Array
+    """Their upper limits (n,); inf where there is none."""
+    jacobian: Array
+    """Camera twist per joint rate (6, n)."""
+
+    @staticmethod
+    def of_twist(twist: Array) -> Posture:
+        """Of a robot that tells nothing but its camera's twist (6,), and that it looks down."""
+        level = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+        return Posture(level, twist, np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
+
+    @property
+    def down(self) -> Array:
+        """The direction straight down (3,), in the camera frame."""
+        return -self.T_base_camera.rotation[2]
+
+
+@dataclass(frozen=True, slots=True)
 class Frame:
     """One picture. It never carries the truth."""
 
@@ -86,6 +115,8 @@ class Frame:
     """Simulated time [s]."""
     index: int
     """Number of the frame, from 0."""
+    fresh: bool = True
+    """False where the camera delivered nothing: the image is then the last one that came."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +140,41 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
+class Spot:
+    """A cone of light from above onto the table."""
+
+    x: float
+    """Its middle on the table [m]."""
+    y: float
+    """Its middle on the table [m]."""
+    strength: float
+    """Brightness, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
 class Effect:
     """What disturbs the world at one moment."""
 
     gain: float = 1.0
     """Factor on the brightness of the image."""
+    lamp: float = 1.0
+    """Factor on the brightness of the lamp."""
+    spot: Spot | None = None
+    """A spot light."""
     board: float | None = None
     """Sideways distance of the board from the line of sight to the target [m]; None: parked."""
+    other: Pose | None = None
+    """Pose of a second car on the table; None: there is none."""
+    dropped: bool = False
+    """Whether the camera drops this frame."""
 
     def __or__(self, other: Effect) -> Effect:
-        """Both at once."""
-        return Effect(self.gain * other.gain, self.board if other.board is None else other.board)
+        """Both at once; of what there is one only, the later one's."""
+        return Effect(
+            gain=self.gain * other.gain,
+            lamp=self.lamp * other.lamp,
+            spot=other.spot or self.spot,
+            board=self.board if other.board is None else other.board,
+            other=other.other or self.other,
+            dropped=self.dropped or other.dropped,
+        )

@@ -57,9 +57,9 @@ BAD = {
         ["run", "still", "--set", "region.width=0"],
         "still: first frame: the region is 0 x 34.8 px; both sides must be at least 4 px",
     ),
-    "a start the gantry cannot reach": (
+    "a start the robot cannot reach": (
         ["run", "still", "--set", "goal.depth=4"],
-        "still: start: the gantry cannot bring the camera where this picture is taken",
+        "still: start: the robot cannot bring the camera where this picture is taken",
     ),
     "an .rrd that is none": (
         ["view", "fake.rrd"],
@@ -75,8 +75,9 @@ BAD = {
     ),
     "a kind that does not exist": (
         ["list", "magic"],
-        "there is no kind 'magic'; there is circle, line, reversal, sine, still, wander, "
-        f"{TRACKERS}, difference, kalman_ca, kalman_cv, none, hold, ibvs, board, brightness, "
+        "there is no kind 'magic'; there is arm, gantry, circle, line, reversal, sine, spin, "
+        f"still, stop_and_go, wander, {TRACKERS}, difference, error_kalman, imm, jump, kalman_ca, "
+        "kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, spot, "
         "clutter, similarity, texture",
     ),
     "a folder that is full": (

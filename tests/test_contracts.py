@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from servo.scenario import LISTS, PLUGINS
-from servo.types import Sight, Task
+from servo.types import OwnMotion, Sight, Task
 from sim import plugins
-from sim.types import Effect, Frame, Pose
+from sim.types import Effect, Frame, Pose, Posture
 from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
@@ -16,6 +16,7 @@ TRACKERS = plugins.kinds("tracking.trackers")
 ESTIMATORS = plugins.kinds("servo.estimators")
 CONTROLLERS = plugins.kinds("servo.controllers")
 FIRST = State(80.0, 60.0, 0.3, 1.0)
+STILL = Posture.of_twist(np.zeros(6))
 
 
 def build(folder, kind, seed=0):
@@ -93,14 +94,22 @@ def test_trackers_refuse_an_empty_region(kind):
 
 
 @pytest.mark.parametrize("kind", ESTIMATORS)
-def test_estimators_begin_at_zero_end_finite_and_keep_their_value_over_a_gap(kind):
+def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
     estimator, rng = build("servo.estimators", kind), np.random.default_rng(1)
-    assert estimator.update(np.zeros(4), np.zeros(4), 0.1).tolist() == [0.0] * 4
-    for k in range(1, 30):
-        value = estimator.update(0.01 * k * np.ones(4) + rng.normal(0, 1e-3, 4), np.zeros(4), 0.1)
-    assert value.shape == (4,)
-    np.testing.assert_array_equal(estimator.skip(), value)
-    np.testing.assert_array_equal(estimator.update(np.full(4, 99.0), np.zeros(4), 0.1), value)
+    rest, speed = OwnMotion.of(np.zeros(4)), np.array([0.1, -0.1, 0.05, 0.2])
+    first = estimator.update(np.zeros(4), rest, 0.1)
+    assert first.motion.tolist() == [0.0] * 4
+    for k in range(1, 60):
+        estimator.update(0.1 * k * speed + rng.normal(0, 1e-5, 4), rest, 0.1)
+    known = np.zeros(4) if kind == "none" else speed
+    for _ in range(5):
+        outlook = estimator.skip(rest, 0.1)
+        np.testing.assert_allclose(outlook.motion, known, atol=0.01)
+        assert np.all(np.isfinite(outlook.error))
+        assert np.all(np.isnan(outlook.innovation))
+    after = estimator.update(0.1 * 65 * speed, rest, 0.1)
+    np.testing.assert_allclose(after.motion, known, atol=0.01)
+    assert np.all(np.isfinite(after.error))
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)
@@ -114,7 +123,7 @@ def test_controllers_give_finite_twists_seen_or_unseen(kind):
     controller = build("servo.controllers", kind)
     controller.start(Task(sight, 0.14, build("servo.estimators", "none")))
     for seen in (None, sight, None, sight):
-        command = controller.command(seen, np.zeros(6), 0.1)
+        command = controller.command(seen, STILL, 0.1)
         assert command.twist.shape == (6,)
         assert np.all(np.isfinite(command.twist))
         assert np.all(np.isfinite(command.error))
@@ -136,5 +145,6 @@ def test_an_unknown_kind_lists_what_there_is():
     with pytest.raises(plugins.UnknownKind) as refused:
         plugins.config_of("servo.estimators", "magic")
     assert str(refused.value) == (
-        "there is no kind 'magic'; there is difference, kalman_ca, kalman_cv, none"
+        "there is no kind 'magic'; there is difference, error_kalman, imm, jump, "
+        "kalman_ca, kalman_cv, none"
     )

@@ -6,12 +6,14 @@ from servo.controllers.hold import Config as HoldConfig
 from servo.controllers.ibvs import Config
 from servo.estimators import difference, none
 from servo.types import Sight, Task
+from sim.types import Posture
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)
 ROOT_AREA = float(np.sqrt(0.02))
 SQUARE = Region(0.2, 0.1)
 DT = 1 / 30
+STILL = Posture.of_twist(np.zeros(6))
 
 
 def sight(x=0.0, y=0.0, theta=0.0, depth=1.0):
@@ -26,13 +28,13 @@ def started(config, estimator=none, scale=ROOT_AREA):
 
 
 def test_at_the_goal_nothing_moves():
-    command = started(Config()).command(sight(), np.zeros(6), DT)
+    command = started(Config()).command(sight(), STILL, DT)
     np.testing.assert_allclose(command.twist, 0.0, atol=1e-12)
 
 
 def test_features_are_made_to_decay_with_the_gain():
     controller, seen = started(Config(gain=2.0)), sight(0.05, -0.03, 0.2, 1.1)
-    command = controller.command(seen, np.zeros(6), DT)
+    command = controller.command(seen, STILL, DT)
     from servo.interaction import interaction
 
     rate = interaction(seen.moments, seen.plane, ROOT_AREA) @ command.twist
@@ -42,7 +44,7 @@ def test_features_are_made_to_decay_with_the_gain():
 def test_both_scalings_command_the_same_motion():
     seen = sight(0.05, -0.03, 0.2, 1.1)
     metric, paper = (
-        started(Config(), scale=s).command(seen, np.zeros(6), DT).twist for s in (ROOT_AREA, 1.0)
+        started(Config(), scale=s).command(seen, STILL, DT).twist for s in (ROOT_AREA, 1.0)
     )
     np.testing.assert_allclose(metric, paper, atol=1e-12)
 
@@ -52,7 +54,7 @@ def test_the_matrix_is_taken_where_it_was_asked_for(matrix):
     from servo.interaction import interaction
 
     seen = sight(0.1, 0.05, 0.3, 1.2)
-    command = started(Config(matrix=matrix)).command(seen, np.zeros(6), DT)
+    command = started(Config(matrix=matrix)).command(seen, STILL, DT)
     here, there = (interaction(s.moments, s.plane, ROOT_AREA) for s in (seen, sight()))
     L = {"current": here, "desired": there, "mean": (here + there) / 2}[matrix][:, [0, 1, 2, 5]]
     twist = np.zeros(6)
@@ -62,8 +64,8 @@ def test_the_matrix_is_taken_where_it_was_asked_for(matrix):
 
 def test_masked_degrees_of_freedom_stay_zero_and_all_six_would_tilt():
     seen = sight(0.2, 0.1)
-    masked = started(Config()).command(seen, np.zeros(6), DT).twist
-    full = started(Config(dof=("vx", "vy", "vz", "wx", "wy", "wz"))).command(seen, np.zeros(6), DT)
+    masked = started(Config()).command(seen, STILL, DT).twist
+    full = started(Config(dof=("vx", "vy", "vz", "wx", "wy", "wz"))).command(seen, STILL, DT)
     np.testing.assert_array_equal(masked[3:5], 0.0)
     # SERVO.md: half of every lateral motion is then done by rotation.
     assert np.abs(full.twist[3:5]).max() > 0.3 * np.abs(masked[:2]).max()
@@ -71,7 +73,7 @@ def test_masked_degrees_of_freedom_stay_zero_and_all_six_would_tilt():
 
 def drive(controller, x, k, step):
     """The target moves by `step` a frame in x; the camera stands still."""
-    return controller.command(sight(x + k * step), np.zeros(6), DT)
+    return controller.command(sight(x + k * step), STILL, DT)
 
 
 def test_the_targets_motion_is_fed_forward_for_the_chosen_features():
@@ -88,8 +90,8 @@ def test_the_targets_motion_is_fed_forward_for_the_chosen_features():
 
 def test_the_cameras_own_motion_is_not_taken_for_the_targets():
     controller, twist = started(Config(), difference), np.array([0.1, 0, 0, 0, 0, 0])
-    controller.command(sight(0.0), np.zeros(6), DT)
-    moved = controller.command(sight(-0.1 * DT), twist, DT)
+    controller.command(sight(0.0), STILL, DT)
+    moved = controller.command(sight(-0.1 * DT), Posture.of_twist(twist), DT)
     np.testing.assert_allclose(moved.target_motion, 0.0, atol=1e-9)
 
 
@@ -97,15 +99,15 @@ def test_without_sight_it_coasts_on_the_estimate_then_holds():
     controller = started(Config(coast=0.1), difference)
     for k in range(2):
         drive(controller, 0.01, k, 0.1 * DT)
-    blind = [controller.command(None, np.zeros(6), DT).twist[0] for _ in range(5)]
+    blind = [controller.command(None, STILL, DT).twist[0] for _ in range(5)]
     np.testing.assert_allclose(blind[:3], 0.1, rtol=1e-3)
     np.testing.assert_allclose(blind[3:], 0.0)
 
 
 def test_a_fast_command_is_shortened_in_its_direction():
     seen = sight(0.4, 0.3)
-    slow = started(Config(gain=1.0, fastest=99.0)).command(seen, np.zeros(6), DT)
-    fast = started(Config(gain=1.0, fastest=0.1)).command(seen, np.zeros(6), DT)
+    slow = started(Config(gain=1.0, fastest=99.0)).command(seen, STILL, DT)
+    fast = started(Config(gain=1.0, fastest=0.1)).command(seen, STILL, DT)
     assert not slow.saturated
     assert fast.saturated
     assert np.linalg.norm(fast.twist[:3]) == pytest.approx(0.1)
@@ -125,7 +127,7 @@ def closed_loop(gain, delay, steps=400):
     controller, x, waiting = started(Config(gain=gain)), 0.01, [0.0] * delay
     errors = []
     for _ in range(steps):
-        waiting.append(controller.command(sight(x), np.zeros(6), DT).twist[0])
+        waiting.append(controller.command(sight(x), STILL, DT).twist[0])
         x -= waiting.pop(0) * DT
         errors.append(abs(x))
     return max(errors[-steps // 4 :])
@@ -140,15 +142,15 @@ def test_features_that_are_not_known_are_left_as_they_are():
     from dataclasses import replace
 
     seen = replace(sight(0.05, 0.02, 0.3, 1.2), known=(True, True, False, False))
-    twist = started(Config()).command(seen, np.zeros(6), DT).twist
+    twist = started(Config()).command(seen, STILL, DT).twist
     np.testing.assert_array_equal(twist[2:], 0.0)
     assert twist[0] > 0.05
-    whole = started(Config()).command(sight(0.05, 0.02, 0.3, 1.2), np.zeros(6), DT).twist
+    whole = started(Config()).command(sight(0.05, 0.02, 0.3, 1.2), STILL, DT).twist
     assert np.all(np.abs(whole[[2, 5]]) > 0.1)
 
 
 def test_a_fast_turn_is_shortened_too():
     seen = sight(0.0, 0.0, 1.0)
-    command = started(Config(gain=1.0, fastest_turn=0.2)).command(seen, np.zeros(6), DT)
+    command = started(Config(gain=1.0, fastest_turn=0.2)).command(seen, STILL, DT)
     assert command.saturated
     assert abs(command.twist[5]) == pytest.approx(0.2)

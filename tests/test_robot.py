@@ -2,17 +2,22 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.assembly import build_model
 from sim.geometry import log_se3
 from sim.render import CameraConfig, camera_pose
-from sim.robot import EYE, Robot
-from sim.world import build_model
+from sim.robot import EYE, Drives, Robot, damped_inverse
+from sim.robots import arm, gantry
+
+
+def built(kind):
+    design = kind.Config().build(np.random.default_rng(0))
+    model = build_model(480.0, CameraConfig(), design)
+    return Robot(model, design), model, mujoco.MjData(model)
 
 
 @pytest.fixture
 def robot():
-    model = build_model(480.0, CameraConfig())
-    data = mujoco.MjData(model)
-    return Robot(model), model, data
+    return built(gantry)
 
 
 def pose_at(model, data, q):
@@ -23,9 +28,10 @@ def pose_at(model, data, q):
     return camera_pose(data, model.camera(EYE).id)
 
 
+@pytest.mark.parametrize("kind", [gantry, arm])
 @pytest.mark.parametrize("seed", range(5))
-def test_jacobian_agrees_with_finite_differences(robot, seed):
-    machine, model, data = robot
+def test_jacobian_agrees_with_finite_differences(kind, seed):
+    machine, model, data = built(kind)
     q = np.random.default_rng(seed).uniform(-0.5, 0.5, 6)
     h, J = 1e-6, np.zeros((6, 6))
     for i in range(6):
@@ -35,13 +41,35 @@ def test_jacobian_agrees_with_finite_differences(robot, seed):
     np.testing.assert_allclose(machine.jacobian(data), J, atol=1e-8)
 
 
+def test_the_inverse_is_exact_where_it_can_be_and_bounded_where_it_cannot():
+    rng, drives = np.random.default_rng(0), Drives(weakest=0.1, damping=0.1)
+    U, V = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
+    strong, weak = (U @ np.diag([1, 1, 1, 1, 1, s]) @ V.T for s in (0.2, 1e-9))
+    np.testing.assert_allclose(damped_inverse(strong, drives) @ strong, np.eye(6), atol=1e-12)
+    # Nakamura and Hanafusa: at s = 0 the other directions lose damping^2, this one moves nothing.
+    kept = U.T @ weak @ damped_inverse(weak, drives) @ U
+    np.testing.assert_allclose(np.diag(kept), [1 / 1.01] * 5 + [0.0], atol=1e-6)
+    assert np.linalg.norm(damped_inverse(weak, drives), 2) < 1.0
+
+
+def test_the_posture_tells_pose_twist_joints_and_down(robot):
+    machine, model, data = robot
+    pose = pose_at(model, data, np.array([0.1, -0.2, 0.1, 0.7, 0.2, -0.1]))
+    posture = machine.posture(data, np.arange(6.0))
+    np.testing.assert_allclose(posture.T_base_camera.rotation, pose.rotation, atol=1e-12)
+    np.testing.assert_allclose(pose.rotation @ posture.down, [0, 0, -1], atol=1e-12)
+    np.testing.assert_array_equal(posture.joints, [0.1, -0.2, 0.1, 0.7, 0.2, -0.1])
+    np.testing.assert_array_equal(posture.twist, np.arange(6.0))
+    assert posture.upper[0] == 1.3
+
+
 def test_rates_make_the_twist(robot):
     machine, model, data = robot
     pose_at(model, data, np.array([0.1, -0.2, 0.1, 0.7, 0.2, -0.1]))
     twist = np.array([0.1, 0.05, -0.02, 0.1, -0.2, 0.3])
     rates, limited = machine.rates(data, twist)
     assert not limited
-    np.testing.assert_allclose(machine.jacobian(data) @ rates, twist, atol=1e-5)
+    np.testing.assert_allclose(machine.jacobian(data) @ rates, twist, atol=1e-12)
 
 
 def test_saturation_keeps_the_direction(robot):

@@ -30,7 +30,8 @@ BAD = {
     ),
     "unknown key without a near one": (
         "[goal]\nzzz = 3\n",
-        "mine.toml: goal: there is no key 'zzz'; there is x, y, angle_deg, depth",
+        "mine.toml: goal: there is no key 'zzz'; there is x, y, angle_deg, depth, depth_to, "
+        "change_start, change_duration",
     ),
     "nested unknown key": (
         '[tracker]\nkind = "pf_ssd"\nlock = { flor = 0.1 }\n',
@@ -70,7 +71,8 @@ BAD = {
     ),
     "a disturbance without kind": (
         "[[disturbances]]\nstart = 1.0\n",
-        "mine.toml: disturbances[0] needs a kind: one of board, brightness",
+        "mine.toml: disturbances[0] needs a kind: one of board, brightness, dropped_frames, "
+        "second_car, spot",
     ),
     "a wrong choice": (
         '[controller]\nkind = "ibvs"\ndof = ["vx", "up"]\n',
@@ -162,7 +164,7 @@ def test_defaults_are_those_of_the_kinds():
     assert plain.tracker == pf_ssd.Config()
     assert plain.settings()["tracker"]["kind"] == "pf_ssd"
     assert plain.settings()["tracker"]["lock"]["patience"] == 1.0
-    assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1}
+    assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1, "ego": False}
 
 
 @pytest.mark.parametrize("name", s.shipped())

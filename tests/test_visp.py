@@ -12,7 +12,7 @@ from servo.controllers.ibvs import Config
 from servo.estimators import difference, kalman_ca, kalman_cv, none
 from servo.types import DOF, Plane, Sight, Task
 from sim.geometry import exp_se3
-from sim.types import Pose
+from sim.types import Pose, Posture
 
 RECTANGLE = np.array([[-0.1, -0.05, 0], [0.1, -0.05, 0], [0.1, 0.05, 0], [-0.1, 0.05, 0]])
 ROOT_AREA = float(np.sqrt(0.02))
@@ -71,7 +71,7 @@ def test_closed_loop(runs, index):
         points = T_camera_target.apply(RECTANGLE)
         m = moments.of_polygon(points[:, :2] / points[:, 2:])
         seen = Sight(m, features.plane_of(T_camera_target, 0.0))
-        command = controller.command(seen, twist, dt)
+        command = controller.command(seen, Posture.of_twist(twist), dt)
         where = f"step {k} of {run['scenario']}, {run['comp']}"
         np.testing.assert_allclose(command.error, run["e"][k], rtol=0, atol=1e-8, err_msg=where)
         np.testing.assert_allclose(command.twist, run["v"][k], rtol=0, atol=1e-8, err_msg=where)

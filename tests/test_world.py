@@ -3,10 +3,12 @@ import warnings
 import numpy as np
 import pytest
 
+from sim.assembly import steps_between
 from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.render import CameraConfig
-from sim.world import World, WorldConfig, steps_between
+from sim.robots import gantry
+from sim.world import World, WorldConfig
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
 
@@ -14,6 +16,7 @@ STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
 def make(camera=None, motion=STILL, disturbances=(), **world):
     return World(
         WorldConfig(**world),
+        gantry.Config().build(np.random.default_rng()),
         camera or CameraConfig(),
         motion,
         disturbances,
@@ -104,7 +107,7 @@ def test_measured_twist_is_the_twist_that_was_asked_for(world):
     for _ in range(15):
         world.step(asked)
     # Velocity servos with friction stay 1 to 4 % below what they are asked for.
-    np.testing.assert_allclose(world.twist_measured(), asked, rtol=0.05, atol=2e-3)
+    np.testing.assert_allclose(world.posture().twist, asked, rtol=0.05, atol=2e-3)
 
 
 def test_measured_twist_explains_how_the_truth_moves(world):
@@ -114,7 +117,7 @@ def test_measured_twist_explains_how_the_truth_moves(world):
         before = world.truth()
         world.step(np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
     moved = world.truth().centre - before.centre
-    vx = world.twist_measured()[0]
+    vx = world.posture().twist[0]
     assert moved[0] == pytest.approx(-vx / 30 * world.camera.fx / 1.0, rel=1e-3)
 
 

@@ -34,6 +34,10 @@ class State:
         """(x, y, theta, ln scale): the coordinates in which filters and searches work."""
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
+    def moved(self, change: Array | None) -> State:
+        """The state after a change (4,) of (x, y, theta, ln scale), if any."""
+        return self if change is None else State.of(self.vector + change)
+
     @staticmethod
     def of(vector: Array) -> State:
         """The state of a vector (x, y, theta, ln scale)."""
@@ -106,8 +110,14 @@ class Tracker(Protocol):
         """Learn the target from the first frame."""
         ...
 
-    def update(self, frame: Frame) -> Estimate:
-        """Find the target in the next frame."""
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Find the target in the next frame.
+
+        Args:
+            frame: It.
+            ego: How the camera's motion since the last frame has moved a target that stood still:
+                change (4,) of (x, y, theta, ln scale); None where nobody knows.
+        """
         ...
 
 

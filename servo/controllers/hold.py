@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import final
 
@@ -9,8 +10,8 @@ import numpy as np
 
 from servo.controllers.ibvs import Config as IbvsConfig
 from servo.controllers.ibvs import Ibvs
-from servo.types import Command, Sight, Task
-from sim.types import Array
+from servo.types import Command, Mode, Sight, Task
+from sim.types import Posture
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +32,14 @@ class Hold:
 
     def start(self, task: Task) -> None:
         """Begin a task."""
-        self._eyes.start(task)
+        # Nothing that was asked for is on its way.
+        self._eyes.start(dataclasses.replace(task, latency=0))
 
-    def command(self, seen: Sight | None, twist_measured: Array, dt: float) -> Command:
+    def aim(self, goal: Sight) -> None:
+        """Go on with another goal."""
+        self._eyes.aim(goal)
+
+    def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """No motion."""
-        asked = self._eyes.command(seen, twist_measured, dt)
-        return Command(
-            twist=np.zeros(6),
-            features=asked.features,
-            error=asked.error,
-            target_motion=asked.target_motion,
-            target_motion_measured=asked.target_motion_measured,
-            saturated=False,
-        )
+        asked = self._eyes.command(seen, posture, dt)
+        return dataclasses.replace(asked, twist=np.zeros(6), saturated=False, mode=Mode.HOLDING)

@@ -10,6 +10,7 @@ from typing import final
 import numpy as np
 
 from servo.features import half_turn
+from servo.types import Outlook, OwnMotion
 from sim.types import Array
 
 
@@ -17,9 +18,9 @@ from sim.types import Array
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Difference:
+    def build(self, rng: np.random.Generator) -> Plain:
         """The estimator; draws nothing."""
-        return Difference()
+        return Plain()
 
 
 @final
@@ -33,8 +34,8 @@ class Difference:
         self._last: Array | None = None
         self.value = np.zeros(4)
 
-    def update(self, error: Array, own: Array, dt: float) -> Array:
-        """The estimate (4,); zero until there are two frames in a row."""
+    def measure(self, error: Array, own: Array, dt: float) -> Array:
+        """The difference (4,) after a frame; zero until there are two frames in a row."""
         if self._last is not None:
             change = error - self._last
             change[3] = half_turn(change[3])
@@ -42,12 +43,28 @@ class Difference:
         self._last = error
         return self.value
 
-    def skip(self) -> Array:
-        """The last estimate (4,); the next difference begins anew."""
+    def forget(self) -> None:
+        """The target was not seen: the next difference begins anew."""
         self._last = None
-        return self.value
 
     @property
     def ready(self) -> bool:
-        """Whether an error is at hand from which the next update can measure."""
+        """Whether an error is at hand from which the next one can be measured."""
         return self._last is not None
+
+
+@final
+class Plain:
+    """The difference as it is."""
+
+    def __init__(self) -> None:
+        self._difference = Difference()
+
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+        """The last measurement."""
+        return Outlook.plain(error, self._difference.measure(error, own.past, dt))
+
+    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+        """The last measurement, kept."""
+        self._difference.forget()
+        return Outlook.plain(np.zeros(4), self._difference.value)

@@ -14,7 +14,11 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Lt
 
-from servo.estimators._kalman import FeatureFilters, Model
+from servo.estimators._kalman import FeatureFilters, Model, between, difference_variance
+
+VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ = 0.03, 1.0
+ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ = 3e-3, 0.1
+"""Tuned sQ / sR and sQ2 T^2 / sR: a slow camera sees a faster changing velocity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +27,12 @@ class Config:
 
     rho: Annotated[float, Ge(0), Lt(1)] = 0.5
     """Memory of the velocity's change from frame to frame."""
-    state_variance: Annotated[float, Gt(0)] = 1e-4
-    """sQ, per frame [(1/s)^2]."""
-    acceleration_variance: Annotated[float, Gt(0)] = 1e-4
-    """sQ2, per frame [(1/s^2)^2]."""
-    measure_variance: Annotated[float, Gt(0)] = 1e-3
-    """sR [(1/s)^2]."""
+    state_variance: Annotated[float, Gt(0)] | None = None
+    """sQ, per frame [(1/s)^2]; by default what suits the camera's rate."""
+    acceleration_variance: Annotated[float, Gt(0)] | None = None
+    """sQ2, per frame [(1/s^2)^2]; by default what suits the camera's rate."""
+    measure_variance: Annotated[float, Gt(0)] | None = None
+    """sR [(1/s)^2]; by default that of a good tracker's differences at the camera's rate."""
 
     def build(self, rng: np.random.Generator) -> FeatureFilters:
         """The estimator; draws nothing."""
@@ -36,10 +40,14 @@ class Config:
 
     def model(self, dt: float) -> Model:
         """The filter of one feature at a frame interval [s]."""
-        sR, rho, T = self.measure_variance, self.rho, dt
-        s = self.state_variance / (1 - rho**2)
+        sR, rho, T = self.measure_variance or difference_variance(dt), self.rho, dt
+        sQ = self.state_variance or sR * between(VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ, dt)
+        sQ2 = self.acceleration_variance or (
+            sR * between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / T**2
+        )
+        s = sQ / (1 - rho**2)
         F = np.array([[1.0, 1.0, T], [0.0, rho, 0.0], [0.0, 0.0, 1.0]])
-        Q = np.diag([0.0, self.state_variance, self.acceleration_variance])
+        Q = np.diag([0.0, sQ, sQ2])
         P = np.array(
             [
                 [sR, 0.0, sR / T],

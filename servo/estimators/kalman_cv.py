@@ -6,7 +6,7 @@ ViSP's model; for each feature by itself, with the plain difference z as measure
     F = [[1, 1], [0, rho]]    H = [1, 0]    Q = diag(0, sQ)    R = sR
 
 A slow filter is worse than none where the target reverses, so the constants must fit the camera's
-rate: those that are not given come from `tuned`.
+rate: those that are not given come from two tuned rates.
 """
 
 from __future__ import annotations
@@ -17,17 +17,11 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Lt
 
-from servo.estimators._kalman import FeatureFilters, Model
+from servo.estimators._kalman import FeatureFilters, Model, between, difference_variance
 
 RHO = 0.6
 RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.03, 3.0
 """Tuned sQ / sR: a slow camera sees a faster changing velocity."""
-
-
-def tuned(dt: float) -> float:
-    """The ratio sQ / sR for a frame interval [s]: a power of it through the two tuned rates."""
-    exponent = np.log(RATIO_AT_5_HZ / RATIO_AT_30_HZ) / np.log(30 / 5)
-    return float(RATIO_AT_30_HZ * (30 * dt) ** exponent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +32,8 @@ class Config:
     """Memory of the velocity's change from frame to frame."""
     state_variance: Annotated[float, Gt(0)] | None = None
     """sQ, per frame [(1/s)^2]; by default what suits the camera's rate."""
-    measure_variance: Annotated[float, Gt(0)] = 1e-3
-    """sR [(1/s)^2]."""
+    measure_variance: Annotated[float, Gt(0)] | None = None
+    """sR [(1/s)^2]; by default that of a good tracker's differences at the camera's rate."""
 
     def build(self, rng: np.random.Generator) -> FeatureFilters:
         """The estimator; draws nothing."""
@@ -47,7 +41,7 @@ class Config:
 
     def model(self, dt: float) -> Model:
         """The filter of one feature at a frame interval [s]."""
-        sR, rho = self.measure_variance, self.rho
-        sQ = tuned(dt) * sR if self.state_variance is None else self.state_variance
+        sR, rho = self.measure_variance or difference_variance(dt), self.rho
+        sQ = self.state_variance or sR * between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
         F = np.array([[1.0, 1.0], [0.0, rho]])
         return Model(F, np.diag([0.0, sQ]), sR, np.diag([sR, sQ / (1 - rho**2)]))

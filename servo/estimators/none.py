@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from servo.types import Outlook, OwnMotion
 from sim.types import Array
 
 
@@ -23,10 +24,10 @@ class Config:
 class Nothing:
     """Always zero."""
 
-    def update(self, error: Array, own: Array, dt: float) -> Array:
-        """Zero (4,)."""
-        return np.zeros(4)
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+        """No motion."""
+        return Outlook.plain(error, np.zeros(4))
 
-    def skip(self) -> Array:
-        """Zero (4,)."""
-        return np.zeros(4)
+    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+        """No motion."""
+        return Outlook.plain(np.zeros(4), np.zeros(4))

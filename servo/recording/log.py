@@ -11,10 +11,12 @@
 | plots/features | feature errors e = s - s* |
 | plots/motion/xn, yn, an, theta | de/dt of the target: measured, estimated, true |
 | plots/twist/linear, angular | camera twist: commanded, measured |
+| plots/nis | innovation of the estimator's filter, squared, over its variance |
 | plots/joints, plots/range | joint positions; limited joints within their range, -1..1 |
+| plots/tilt | optical axis against straight down [deg] |
 | plots/distance, plots/ess | Bhattacharyya distance; effective sample size |
 | plots/ms | stage times |
-| events | occluded, lost, found again, saturated |
+| events | occluded, lost, coasting, searching, found again, saturated |
 
 Timelines: `frame` and `sim_time`. Images go out frame by frame, all numbers in columns once a
 second.
@@ -30,9 +32,10 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from servo.episode import Episode, Step
+from servo.episode import Episode
 from servo.events import Event, events
 from servo.recording.parts import IMAGE, blueprint, goal_corners, outline, solids
+from servo.step import Step
 from servo.types import DOF, FEATURES
 from sim.shapes import shapes_of, table_top
 from sim.types import Array
@@ -44,7 +47,9 @@ XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 FRUSTUM = 0.15
 """How far from the camera its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
-LEVELS = {Event.OCCLUDED: "WARN", Event.LOST: "ERROR", Event.SATURATED: "WARN"}
+LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
+    (Event.OCCLUDED, Event.SATURATED, Event.HOLDING, Event.SEARCHING), "WARN"
+)
 
 
 class RerunLog:
@@ -152,7 +157,9 @@ class RerunLog:
             "plots/features": command.error,
             "plots/twist/linear": np.concatenate([command.twist[:3], measured[:3]]),
             "plots/twist/angular": np.concatenate([command.twist[3:], measured[3:]]),
+            "plots/nis": command.outlook.nis,
             "plots/joints": step.joints,
+            "plots/tilt": [np.degrees(step.tilt)],
             "plots/range": self._within_range(step.joints),
             "plots/distance": [step.estimate.distance],
             "plots/ess": [step.estimate.ess],
@@ -186,6 +193,8 @@ class RerunLog:
             ),
             "joints": (list(self._robot.names), [*XYZ, AMBER, WHITE, GREY]),
             "range": ([*limited, "lower limit", "upper limit"], [*XYZ, AMBER, WHITE, RED, RED]),
+            "nis": (list(FEATURES), [*XYZ, AMBER]),
+            "tilt": (["tilt"], [GREEN]),
             "distance": (["distance"], [GREEN]),
             "ess": (["effective sample size"], [GREEN]),
             "ms": (list(STAGES), [*XYZ, AMBER]),

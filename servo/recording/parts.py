@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from servo.episode import Step
+from servo.step import Step
 from servo.types import FEATURES
 from sim.shapes import Shape
 from sim.types import Array
@@ -86,7 +86,7 @@ def blueprint() -> rrb.Blueprint:
 
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
-        rrb.Spatial3DView(origin="world", name="Gantry", eye_controls=eye, line_grid=False),
+        rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=False),
     )
     motion = {f: plot(f"motion/{f}", f"Target motion, {f}") for f in FEATURES}
     numbers = rrb.Vertical(
@@ -95,6 +95,8 @@ def blueprint() -> rrb.Blueprint:
             plot("features", "Feature errors"),
             plot("range", "Joints within their range"),
             plot("joints", "Joints"),
+            plot("tilt", "Tilt of the camera [deg]"),
+            plot("nis", "Innovation squared over its variance"),
         ),
         rrb.Horizontal(
             rrb.Tabs(motion["xn"], motion["an"]), rrb.Tabs(motion["yn"], motion["theta"])

@@ -33,6 +33,8 @@ class Config:
 class Board:
     """In from one side, out to the other."""
 
+    props: tuple[str, ...] = ()
+
     def __init__(self, config: Config) -> None:
         c = config
         # Fully hidden means within the board's own rim, which its slide has passed a moment before

@@ -33,6 +33,8 @@ class Config:
 class Brightness:
     """A trapezoid over time."""
 
+    props: tuple[str, ...] = ()
+
     def __init__(self, config: Config) -> None:
         c = config
         self._times = np.cumsum([c.start, c.ramp, c.duration, c.ramp])

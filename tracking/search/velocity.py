@@ -1,4 +1,7 @@
-"""Constant velocity: how the target moved from frame to frame, remembered."""
+"""Constant velocity: how the target moved from frame to frame, remembered.
+
+Where the camera's own part of it is told (ego), only the rest is remembered.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,13 @@ class Velocity:
         """
         self._last, self._memory = state.vector, memory
         self.value = np.zeros(4)
+
+    def step(self, ego: Array | None) -> Array:
+        """The expected change (4,) until the next frame, the camera's part included if told."""
+        if ego is None:
+            return self.value
+        self._last = self._last + ego
+        return self.value + ego
 
     def learn(self, state: State, *, seen: bool) -> None:
         """Take the next state; the velocity of a target that is not seen stays."""

@@ -78,7 +78,7 @@ class Annealed:
         self._velocity = Velocity(state, c.velocity_memory)
         self._lock, self._status = Lock(c.lock), Status.LOCKED
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Anneal, estimate, resample."""
         c = self._config
         self._evaluations = 0
@@ -91,7 +91,7 @@ class Annealed:
 
         widen = c.widen_when_lost if self._status is Status.LOST else 1.0
         layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
-        anneal(self._cloud, self._velocity.value, likelihood, layers, widen)
+        anneal(self._cloud, self._velocity.step(ego), likelihood, layers, widen)
         state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
         distance = float(self._model.distances(frame.image, state.vector[None])[0])
         self._status = self._lock.judge(distance, frame.time)

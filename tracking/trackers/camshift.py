@@ -8,7 +8,7 @@ from typing import final
 import cv2
 import numpy as np
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.trackers._opencv import HueModel, HueSettings, box_of
 from tracking.types import Estimate, Region, State, check_region
@@ -47,8 +47,11 @@ class Camshift:
             else (fitted[2], state.scale)
         )
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Shift and fit the box; where nothing looks like the target it stays."""
+        if ego is not None:
+            x, y, width, height = self._box
+            self._box = (x + round(ego[0]), y + round(ego[1]), width, height)
         fitted = self._fit(frame)
         if fitted is not None:
             x, y, area = fitted

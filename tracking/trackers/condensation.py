@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
@@ -57,11 +57,11 @@ class Condensation:
         self._velocity = Velocity(state, c.velocity_memory)
         self._lock, self._status = Lock(c.lock), Status.LOCKED
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, estimate, resample."""
         c, image = self._config, frame.image
         widen = c.widen_when_lost if self._status is Status.LOST else 1.0
-        self._cloud.predict(self._velocity.value, widen)
+        self._cloud.predict(self._velocity.step(ego), widen)
         self._cloud.weigh(c.log_likelihood(self._model.energy(image, self._cloud.samples)))
         state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
         distance = float(self._model.distances(image, state.vector[None])[0])

@@ -8,7 +8,7 @@ from typing import final
 import cv2
 import numpy as np
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.trackers._opencv import HueModel, HueSettings, box_of
 from tracking.types import Estimate, Region, State, check_region
@@ -36,9 +36,9 @@ class CvMeanShift:
         self._region, self._state, self._lock = region, state, Lock(self._config.lock)
         self._model = HueModel(frame.image, region, state, self._config)
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Shift the box."""
-        box = box_of(self._region, self._state, frame.image)
+        box = box_of(self._region, self._state.moved(ego), frame.image)
         ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, self._config.steps, 1)
         _, box = cv2.meanShift(self._model.back_projection(frame.image), box, ends)
         x, y, width, height = (int(v) for v in box)

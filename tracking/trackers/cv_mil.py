@@ -13,7 +13,7 @@ from typing import Any, final
 import cv2
 import numpy as np
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.trackers._opencv import HueModel, HueSettings, box_of
 from tracking.types import Estimate, Region, State, check_region
@@ -50,8 +50,10 @@ class CvMil:
         self._mil: Any = cv2.TrackerMIL.create()
         self._mil.init(np.ascontiguousarray(frame.image), box)
 
-    def update(self, frame: Frame) -> Estimate:
-        """Classify around the last box; a picture of another size cannot be compared."""
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Classify around the last box, which nobody can move: OpenCV's tracker takes no ego. A
+        picture of another size cannot be compared.
+        """
         if frame.image.shape == self._size:
             found, (x, y, width, height) = self._mil.update(np.ascontiguousarray(frame.image))
             if found:

@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.types import Estimate, Region, State, Status, check_region
 
 
@@ -31,6 +31,7 @@ class Frozen:
         check_region(frame, region, state)
         self._state, self._since = state, frame.time
 
-    def update(self, frame: Frame) -> Estimate:
-        """The first state; UNSURE, because nobody looked."""
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """The first state, carried along if told; UNSURE, because nobody looked."""
+        self._state = self._state.moved(ego)
         return Estimate(self._state, np.zeros((4, 4)), 1.0, Status.UNSURE)

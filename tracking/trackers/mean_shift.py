@@ -56,10 +56,10 @@ class MeanShift:
         self._state, self._lock = state, Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Climb, and around the target if it looks wrong; keep the best."""
         c = self._config
-        begin = self._state.vector + self._velocity.value
+        begin = self._state.vector + self._velocity.step(ego)
         found, distances, evaluations = self._climb(frame, self._sizes(begin))
         if 1 - distances.min() < c.confidence:
             more, others, work = self._climb(frame, self._around(begin))

@@ -11,7 +11,7 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel
 from tracking.search.velocity import Velocity
@@ -62,13 +62,13 @@ class MkSsd:
         self._state, self._lock = state, Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, descend, and stay if the descent ended on something else."""
-        begin = State.of(self._state.vector + self._velocity.value * self._lock.locked)
+        expected = self._velocity.step(ego)
+        begin = self._state.moved(expected if self._lock.locked else ego)
         ended = self._kernels.refine(frame.image, begin, most=self._config.steps)
         status = self._lock.judge(ended.distance, frame.time)
-        if status is Status.LOCKED:
-            self._state = ended.state
+        self._state = ended.state if status is Status.LOCKED else self._state.moved(ego)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         nothing = np.zeros((4, 4))
         return Estimate(self._state, nothing, ended.distance, status, evaluations=ended.evaluations)

@@ -17,7 +17,7 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from sim.types import Frame
+from sim.types import Array, Frame
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.reference import Learning
 from tracking.appearance.sampled import cell_model
@@ -108,11 +108,11 @@ class PfSsd:
         self._lock, self._status = Lock(c.lock), Status.LOCKED
         self._velocity = Velocity(state, c.velocity_memory)
 
-    def update(self, frame: Frame) -> Estimate:
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
         c, image = self._config, frame.image
         self._filter.predict(
-            self._velocity.value, c.widen_when_lost if self._status is Status.LOST else 1.0
+            self._velocity.step(ego), c.widen_when_lost if self._status is Status.LOST else 1.0
         )
         self._filter.weigh(-c.gamma * self._cells.energy(image, self._filter.samples))
         proposed = self._filter.mean()

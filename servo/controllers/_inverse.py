@@ -1,0 +1,44 @@
+"""The weighted pseudo-inverse of an interaction matrix, and the motions that it leaves free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array
+
+RANK_TOLERANCE = 1e-6
+"""Singular values below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inverse:
+    """What takes a wanted de/dt to a camera twist."""
+
+    pseudo: Array
+    """L# (6, 4): of all twists that give the wanted de/dt, the one least in weighted norm."""
+    free: Array
+    """I - L# L (6, 6): takes any twist to the part of it that changes no feature."""
+
+    @staticmethod
+    def of(L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array) -> Inverse:
+        """The inverse over some features and some degrees of freedom.
+
+        W (L W)+ minimises |W^-1 v|: a degree of freedom with a small weight moves little, with the
+        weight zero not at all.
+
+        Args:
+            L: Interaction matrix (4, 6).
+            rows: Features (4,) that are known; the others get no say.
+            moves: Degrees of freedom (6,) that may move.
+            weights: Weights (6,) of the degrees of freedom.
+        """
+        chosen = L[np.ix_(rows, moves)]
+        W = weights[moves]
+        inverse = W[:, None] * np.linalg.pinv(chosen * W, rcond=RANK_TOLERANCE)
+        pseudo, free = np.zeros((6, 4)), np.zeros((6, 6))
+        pseudo[np.ix_(moves, rows)] = inverse
+        free[np.ix_(moves, moves)] = np.eye(len(W)) - inverse @ chosen
+        return Inverse(pseudo, free)

@@ -1,0 +1,65 @@
+"""Kalman filter on the error itself, with the measured camera motion as known input.
+
+A difference of two frames doubles the noise and is half a frame old; this filter has neither fault.
+It knows the commands that are under way, so it predicts the error over the delay, and goes on
+predicting where the target is not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from servo.estimators import _error
+from servo.estimators._kalman import VARIANCE
+from servo.features import half_turn
+from servo.types import Outlook, OwnMotion
+from sim.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Config(_error.ErrorSettings):
+    """Constants of the filter."""
+
+    def build(self, rng: np.random.Generator) -> ErrorKalman:
+        """The estimator; draws nothing."""
+        return ErrorKalman(self)
+
+
+@final
+class ErrorKalman:
+    """One filter for all four features."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._filter: KalmanFilter | None = None
+
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+        """The first error starts the filter."""
+        c = self._config
+        if self._filter is None:
+            self._filter = f = _error.error_filter(VARIANCE, c.noise(dt), c.rho, dt)
+            f.x = np.kron(error, [1.0, 0.0, 0.0])[:, None]
+            return _error.unseen(_states(f), own, c.rho, dt)
+        f = self._filter
+        f.predict(own.past[:, None])
+        expected = f.x[:: _error.ORDER, 0]
+        gap = error - expected
+        gap[3] = half_turn(gap[3])
+        f.update(expected + gap)
+        ahead = _error.look_ahead(_states(f), own, c.rho, dt)
+        return Outlook(*ahead, gap, gap**2 / np.diag(f.S))
+
+    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+        """The prediction."""
+        if self._filter is None:
+            return Outlook.plain(np.zeros(4), np.zeros(4))
+        self._filter.predict(own.past[:, None])
+        return _error.unseen(_states(self._filter), own, self._config.rho, dt)
+
+
+def _states(f: KalmanFilter) -> Array:
+    return f.x.reshape(-1, _error.ORDER).copy()

@@ -1,0 +1,52 @@
+"""The filter of kalman_cv, restarted where the target's velocity jumps (CUSUM, Page 1954).
+
+Two sums for each feature run over the innovation nu, divided by its standard deviation:
+
+    g+ = max(0, g+ + nu - drift)    g- = max(0, g- - nu - drift)
+
+Where one passes the threshold the velocity has jumped: the filter begins anew from the measurement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from servo.estimators import kalman_cv
+from servo.estimators._kalman import FEATURES, FeatureFilters
+from sim.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Config(kalman_cv.Config):
+    """The filter's constants, and those of the test."""
+
+    drift: Annotated[float, Ge(0)] = 1.0
+    """What the innovation may be without being summed, in standard deviations."""
+    threshold: Annotated[float, Gt(0)] = 4.0
+    """The sum that is a jump, in standard deviations."""
+
+    def build(self, rng: np.random.Generator) -> FeatureFilters:
+        """The estimator; draws nothing."""
+        return FeatureFilters(self.model, Cusum(self.drift, self.threshold))
+
+
+@final
+class Cusum:
+    """Cumulative sums in both directions."""
+
+    def __init__(self, drift: float, threshold: float) -> None:
+        self._drift, self._threshold = drift, threshold
+        self._sums = np.zeros((2, FEATURES))
+
+    def rings(self, normalised: Array) -> NDArray[np.bool_]:
+        """Where a sum passed the threshold (4,); it is zero again then."""
+        both = np.stack([normalised, -normalised])
+        self._sums = np.maximum(0.0, self._sums + both - self._drift)
+        found = np.any(self._sums > self._threshold, axis=0)
+        self._sums[:, found] = 0.0
+        return found

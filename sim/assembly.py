@@ -1,0 +1,73 @@
+"""The scene put together: a robot in its room, the target, props, compiled for a camera."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib import resources
+
+import mujoco
+import numpy as np
+
+from sim.render import CameraConfig
+from sim.robot import EYE, Design
+from sim.types import Array
+
+OUTLINE = "target/outline"
+TARGET, OTHER = "target/car", "other/car"
+PROPS = {"car": "other/"}
+"""What a disturbance may need beside the target: MJCF models in scenes/, by the prefix of their
+names in the scene.
+"""
+WHOLE = 1e-9
+"""Tolerance for a ratio of rates to count as whole."""
+
+
+def build_model(
+    physics_rate: float, camera: CameraConfig, robot: Design, props: Iterable[str] = ()
+) -> mujoco.MjModel:
+    """The robot's scene with the car in it, compiled for a camera."""
+    scenes = resources.files("scenes")
+    with resources.as_file(scenes) as folder:
+        spec = mujoco.MjSpec.from_file(str(folder / robot.model))
+        for name, prefix in [("car", "target/"), *((p, PROPS[p]) for p in sorted(set(props)))]:
+            model = mujoco.MjSpec.from_file(str(folder / f"{name}.xml"))
+            spec.attach(model, prefix=prefix, frame=spec.worldbody.add_frame())
+        spec.option.timestep = 1.0 / physics_rate
+        spec.camera(EYE).fovy = camera.fovy_deg
+        spec.visual.global_.offwidth = camera.width * camera.supersample
+        spec.visual.global_.offheight = camera.height * camera.supersample
+        return spec.compile()
+
+
+def outline_of(model: mujoco.MjModel) -> Array:
+    """Corners (4, 3) of the target's reference rectangle in its own frame [m]."""
+    site = model.site(OUTLINE)
+    a, b, _ = site.size
+    return site.pos + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
+
+
+def steps_between(physics_rate: float, rate: float, name: str) -> int:
+    """Physics steps in one period of a rate.
+
+    Raises:
+        ValueError: They are not a whole number; the message gives both rates.
+    """
+    steps = physics_rate / rate
+    if steps < 1 or abs(steps - round(steps)) > WHOLE * steps:
+        raise ValueError(
+            f"{name} = {rate:g} Hz does not divide world.physics_rate = {physics_rate:g} Hz "
+            f"into whole steps ({steps:.6g} steps each)"
+        )
+    return round(steps)
+
+
+def exposure_steps(camera: CameraConfig, steps: int) -> frozenset[int]:
+    """The physics steps of a frame interval at which a sub-frame is taken, besides the one at its
+    end.
+    """
+    if camera.exposure == 0:
+        return frozenset()
+    before_end = np.linspace(0, camera.exposure * steps, camera.subframes)[1:]
+    return frozenset(int(k) for k in np.clip(np.rint(steps - before_end), 0, steps - 1))

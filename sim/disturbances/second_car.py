@@ -1,0 +1,52 @@
+"""A second car, the target's twin, drives straight across the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.motions import line
+from sim.types import Effect
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """When it comes, and how it drives."""
+
+    start: Annotated[float, Ge(0)] = 3.0
+    """When it appears [s]."""
+    duration: Annotated[float, Ge(0)] = 6.0
+    """How long it is there [s]."""
+    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    """Where it appears [m]."""
+    y: Annotated[float, Ge(-5), Le(5)] = -0.6
+    """Where it appears [m]."""
+    heading_deg: float = 90.0
+    """Direction of the drive, from world x towards y [deg]."""
+    speed: Annotated[float, Ge(-5), Le(5)] = 0.2
+    """Speed [m/s]."""
+
+    def build(self, rng: np.random.Generator) -> SecondCar:
+        """The disturbance; draws nothing."""
+        return SecondCar(self)
+
+
+@final
+class SecondCar:
+    """There for a while, driving."""
+
+    props: tuple[str, ...] = ("car",)
+
+    def __init__(self, config: Config) -> None:
+        c = self._config = config
+        self._drive = line.Line(line.Config(c.x, c.y, c.heading_deg, c.speed))
+
+    def at(self, time: float) -> Effect:
+        """The effect at a time [s]."""
+        since = time - self._config.start
+        if not 0 <= since <= self._config.duration:
+            return Effect()
+        return Effect(other=self._drive.at(since))

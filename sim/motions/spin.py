@@ -1,0 +1,61 @@
+"""The target turns on the spot, drives a leg, turns on the spot again, and so on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, radians, sin
+from typing import Annotated, final
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from sim.types import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Turns and legs."""
+
+    x: Annotated[float, Ge(-5), Le(5)] = -0.1
+    """Start [m]."""
+    y: Annotated[float, Ge(-5), Le(5)] = -0.1
+    """Start [m]."""
+    heading_deg: float = -90.0
+    """Direction of the nose at first, from world x towards y [deg]."""
+    turn_deg: float = 90.0
+    """Each turn, from world x towards y [deg]."""
+    turn_duration: Annotated[float, Gt(0)] = 2.0
+    """How long a turn lasts [s]."""
+    speed: Annotated[float, Ge(-5), Le(5)] = 0.1
+    """Speed on a leg [m/s]."""
+    leg_duration: Annotated[float, Gt(0)] = 2.0
+    """How long a leg lasts [s]."""
+
+    def build(self, rng: np.random.Generator) -> Spin:
+        """The motion; draws nothing."""
+        return Spin(self)
+
+
+@final
+class Spin:
+    """A polygon with turns in its corners."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+
+    def at(self, time: float) -> Pose:
+        """T_world_target at a time [s]."""
+        c = self._config
+        rounds, rest = divmod(time, c.turn_duration + c.leg_duration)
+        way = complex(c.x, c.y)
+        for k in range(int(rounds)):
+            way += c.leg_duration * c.speed * self._direction(k + 1)
+        turned = min(rest / c.turn_duration, 1.0)
+        nose = self._direction(rounds + turned)
+        way += max(rest - c.turn_duration, 0.0) * c.speed * nose
+        return Pose.planar(way.real, way.imag, float(np.angle(nose)))
+
+    def _direction(self, turns: float) -> complex:
+        """The nose's direction after so many turns."""
+        angle = radians(self._config.heading_deg + turns * self._config.turn_deg)
+        return complex(cos(angle), sin(angle))

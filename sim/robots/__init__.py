@@ -1,0 +1,3 @@
+"""Robots that carry the camera, one a file: `Config.build(rng)` gives a `Design`, which names its
+MJCF model in scenes/.
+"""

@@ -1,0 +1,93 @@
+"""Puts what moves by itself where it is at a time: target, board, second car, lights."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from operator import or_
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from sim.assembly import OTHER, TARGET
+from sim.types import Effect, Pose
+
+BOARD, LAMP, SPOT = "board", "lamp", "spot"
+BOARD_NEARNESS = 0.3
+"""Where the board crosses the line of sight, as a fraction of the way from target to camera."""
+BELOW = -0.2
+"""Height at which a prop waits under the table [m]."""
+
+
+class Motion(Protocol):
+    """Where the target is at any time."""
+
+    def at(self, time: float) -> Pose:
+        """T_world_target at a time [s]."""
+        ...
+
+
+class Disturbance(Protocol):
+    """What disturbs the world at any time."""
+
+    props: tuple[str, ...]
+    """Models that it needs in the scene: see sim.assembly.PROPS."""
+
+    def at(self, time: float) -> Effect:
+        """The effect at a time [s]."""
+        ...
+
+
+class Stage:
+    """Moves mocap bodies and dims lights; the rest of the scene is the robot's and physics'."""
+
+    def __init__(
+        self, model: mujoco.MjModel, motion: Motion, disturbances: Sequence[Disturbance]
+    ) -> None:
+        self._model, self._motion, self._disturbances = model, motion, tuple(disturbances)
+        self._has_other = any("car" in d.props for d in disturbances)
+        self._lamp = model.light(LAMP).diffuse.copy()
+
+    def effect(self, time: float) -> Effect:
+        """All that disturbs at a time [s]."""
+        return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
+
+    def target(self, time: float) -> Pose:
+        """T_world_target at a time [s]."""
+        return self._motion.at(time)
+
+    def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
+        """Put everything where it is at a time [s], for a camera that is at `eye`."""
+        effect, target = self.effect(time), self._motion.at(time)
+        self._put(data, TARGET, target)
+        self._place_board(data, effect.board, target, eye)
+        if self._has_other:
+            self._put(data, OTHER, effect.other or _below())
+        spot, lamp = self._model.light(SPOT), self._model.light(LAMP)
+        lamp.diffuse = self._lamp * effect.lamp
+        spot.active = effect.spot is not None
+        if effect.spot is not None:
+            spot.pos[:2] = effect.spot.x, effect.spot.y
+            spot.diffuse = effect.spot.strength
+
+    def _place_board(
+        self, data: mujoco.MjData, sideways: float | None, target: Pose, eye: Pose
+    ) -> None:
+        if sideways is None:
+            data.mocap_pos[self._model.body(BOARD).mocapid] = self._model.body(BOARD).pos
+            return
+        point = target.translation + BOARD_NEARNESS * (eye.translation - target.translation)
+        across = eye.rotation @ np.array([sideways, 0.0, 0.0])
+        self._put(data, BOARD, Pose(np.eye(3), point + across))
+
+    def _put(self, data: mujoco.MjData, body: str, pose: Pose) -> None:
+        index = self._model.body(body).mocapid[0]
+        data.mocap_pos[index] = pose.translation
+        mujoco.mju_mat2Quat(data.mocap_quat[index], pose.rotation.flatten())
+
+
+def _below() -> Pose:
+    return Pose(np.eye(3), np.array([0.0, 0.0, BELOW]))
