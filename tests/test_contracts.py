@@ -58,6 +58,34 @@ def test_trackers_give_finite_estimates_and_leave_the_frame_alone(kind):
         assert 0.0 <= estimate.distance <= 1.0
 
 
+def jerked(kind, told, jump=(24, -16), count=8):
+    """Largest error of the centre where the camera jerks to and fro [px]."""
+    tracker, worst, before = build("tracking.trackers", kind), 0.0, np.zeros(2, int)
+    for k, frame in enumerate(frames(count)):
+        shift = np.array(jump) * (k % 2)
+        image = np.roll(frame.image, (shift[1], shift[0]), axis=(0, 1))
+        image.setflags(write=False)
+        moved, before = shift - before, shift
+        if k == 0:
+            tracker.start(Frame(image, 0.0, 0), Region(40.0, 20.0), FIRST)
+            continue
+        ego = np.array([*moved, 0.0, 0.0]) if told else None
+        state = tracker.update(Frame(image, k * 0.1, k), ego).state
+        true = np.array([FIRST.x + k, FIRST.y]) + shift
+        worst = max(worst, float(np.hypot(*(true - [state.x, state.y]))))
+    return worst
+
+
+@pytest.mark.parametrize("kind", [k for k in TRACKERS if k not in ("cv_mil", "frozen")])
+def test_told_how_the_camera_jerked_trackers_stay_on_the_target(kind):
+    assert jerked(kind, told=True) < 6.0
+
+
+@pytest.mark.parametrize("kind", ["pf_ssd", "mk_ssd", "mk_pf", "mean_shift"])
+def test_not_told_they_do_worse(kind):
+    assert jerked(kind, told=False) > 2 * jerked(kind, told=True)
+
+
 @pytest.mark.parametrize("kind", TRACKERS)
 def test_trackers_repeat_bit_for_bit(kind):
     once, again = ([e.state for e in track(kind, seed=5)] for _ in range(2))

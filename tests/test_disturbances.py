@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from sim.disturbances import board, brightness
-from sim.types import Effect
+from sim.disturbances import board, brightness, dropped_frames, second_car, spot
+from sim.types import Effect, Spot
 
 RNG = np.random.default_rng(0)
 
@@ -25,3 +25,33 @@ def test_brightness_ramps_down_stays_and_comes_back():
 def test_effects_at_once_multiply_and_keep_the_board():
     assert Effect(gain=0.5, board=0.1) | Effect(gain=0.5) == Effect(gain=0.25, board=0.1)
     assert Effect(board=0.1) | Effect(board=0.2) == Effect(board=0.2)
+
+
+def test_a_board_that_stops_aside_goes_back_where_it_came_from():
+    disturbance = board.Config(start=2.0, duration=1.0, slide=0.2, offset=0.2).build(RNG)
+    assert [disturbance.at(t).board for t in (2.0, 2.5, 3.0)] == [-0.2] * 3
+    assert disturbance.at(3.1).board == pytest.approx(-0.4)
+
+
+def test_a_second_car_comes_drives_and_goes():
+    disturbance = second_car.Config(start=3.0, duration=2.0, x=0.1, y=-0.5, speed=0.2).build(RNG)
+    assert disturbance.props == ("car",)
+    assert disturbance.at(2.9).other is None
+    np.testing.assert_allclose(disturbance.at(4.0).other.translation, [0.1, -0.3, 0.0], atol=1e-12)
+    assert disturbance.at(5.1).other is None
+
+
+def test_a_spot_fades_in_while_the_lamp_dims():
+    disturbance = spot.Config(start=3.0, ramp=1.0, duration=2.0, x=0.2, strength=0.4, lamp=0.5)
+    at = disturbance.build(RNG).at
+    assert at(2.0) == Effect()
+    assert at(3.5) == Effect(lamp=0.75, spot=Spot(0.2, 0.0, 0.2))
+    assert at(5.0) == Effect(lamp=0.5, spot=Spot(0.2, 0.0, 0.4))
+
+
+def test_frames_are_dropped_as_often_as_asked_and_alike_at_every_rate():
+    drops = dropped_frames.Config(share=0.3, length=0.05, start=1.0).build(np.random.default_rng(4))
+    assert not any(drops.at(t).dropped for t in np.linspace(0, 0.99, 50))
+    found = [drops.at(1.0 + 0.05 * k).dropped for k in range(2000)]
+    assert np.mean(found) == pytest.approx(0.3, abs=0.04)  # four standard deviations of 2000 draws
+    assert drops.at(1.01 + 0.05 * 7).dropped == drops.at(1.04 + 0.05 * 7).dropped

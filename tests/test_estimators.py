@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from servo.estimators import difference, kalman_ca, kalman_cv
-from servo.estimators._kalman import between
+from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
+from servo.estimators._kalman import NOISE, between
 from servo.estimators.difference import Difference
+from servo.estimators.jump import Cusum
 from servo.types import OwnMotion
 
 RNG = np.random.default_rng(0)
@@ -107,3 +108,94 @@ def test_kalman_with_acceleration_agrees_with_the_textbook_written_out():
         np.testing.assert_allclose(
             estimator.update(errors[k], OwnMotion.of(own[k]), T).motion, x[0], atol=1e-8
         )
+
+
+def follow(estimator, speeds, dt=1 / 30, seed=0):
+    """Outlooks for a target whose speed per frame is given, measured with the usual noise."""
+    rng, error, found = np.random.default_rng(seed), np.zeros(4), []
+    for speed in speeds:
+        error = error + dt * speed
+        seen = error + rng.normal(0, NOISE)
+        found.append(estimator.update(seen, OwnMotion.of(np.zeros(4)), dt))
+    return found
+
+
+STEP = np.repeat([0.1, -0.1], 60)
+
+
+def test_after_a_jump_cusum_begins_anew_and_the_plain_filter_lags():
+    plain, watchful = (
+        [o.motion[0] for o in follow(kind.Config().build(RNG), STEP)] for kind in (kalman_cv, jump)
+    )
+    assert abs(watchful[61] + 0.1) < 0.02
+    assert abs(plain[61] + 0.1) > 0.08
+    np.testing.assert_allclose(watchful[30:59], plain[30:59], atol=0.02)
+
+
+def test_cusum_sums_what_passes_the_drift_in_either_direction():
+    test = Cusum(drift=1.0, threshold=4.0)
+    up = np.array([3.0, -3.0, 1.0, 0.0])
+    assert test.rings(up).tolist() == [False] * 4  # 2
+    assert test.rings(up).tolist() == [False] * 4  # 4
+    assert test.rings(up).tolist() == [True, True, False, False]  # 6
+    assert test.rings(up).tolist() == [False] * 4  # anew
+
+
+@pytest.mark.parametrize("kind", [error_kalman, imm])
+def test_filters_on_the_error_smooth_follow_and_predict_over_the_delay(kind):
+    dt = 1 / 30
+    outlooks = follow(kind.Config().build(RNG), np.full(120, 0.1))
+    motions = np.array([o.motion[0] for o in outlooks[60:]])
+    assert motions.mean() == pytest.approx(0.1, abs=2e-3)
+    assert motions.std() < 0.4 * np.sqrt(2) * NOISE[0] / dt  # of the plain difference
+    late, rest, steady = kind.Config().build(RNG), np.zeros(4), np.full(4, 0.1)
+    coming = np.array([[-0.2] * 4, [0.3] * 4])
+    for k in range(60):
+        outlook = late.update(dt * k * steady, OwnMotion(rest, coming), dt)
+    # Two intervals with the commands under way, and the target's own motion.
+    expected = dt * (59 * 0.1 + (0.1 - 0.2) + (0.1 + 0.3))
+    np.testing.assert_allclose(outlook.error, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", [error_kalman, imm])
+def test_filters_on_the_error_know_what_the_camera_did(kind):
+    estimator, dt = kind.Config().build(RNG), 1 / 30
+    rng, error = np.random.default_rng(0), np.zeros(4)
+    for _ in range(100):
+        own = rng.normal(0, 0.2, 4)
+        error = error + dt * (own + 0.1)
+        outlook = estimator.update(error, OwnMotion.of(own), dt)
+    np.testing.assert_allclose(outlook.motion, 0.1, atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", [error_kalman, imm])
+def test_filters_on_the_error_pass_the_wrap_and_coast(kind):
+    estimator, dt, rest = kind.Config().build(RNG), 1 / 30, OwnMotion.of(np.zeros(4))
+    for k in range(60):
+        angle = 1.4 + 0.5 * dt * k
+        wrapped = angle - np.pi if angle > np.pi / 2 else angle
+        outlook = estimator.update(np.array([0, 0, 0, wrapped]), rest, dt)
+    assert outlook.motion[3] == pytest.approx(0.5, abs=0.01)
+    for _ in range(15):
+        blind = estimator.skip(rest, dt)
+    assert blind.error[3] - outlook.error[3] == pytest.approx(15 * dt * 0.5, abs=0.01)
+
+
+def test_the_mixture_is_as_smooth_as_the_smooth_model_and_as_fast_as_the_other():
+    smooth, mixed = (
+        [o.motion[0] for o in follow(kind.Config(acceleration=1e-3).build(RNG), STEP)]
+        for kind in (error_kalman, imm)
+    )
+    assert np.std(mixed[40:59]) < 3 * np.std(smooth[40:59])
+    late_smooth, late_mixed = (np.linalg.norm(np.add(m[60:80], 0.1)) for m in (smooth, mixed))
+    assert late_mixed < 0.6 * late_smooth
+
+
+@pytest.mark.parametrize("kind", [kalman_cv, kalman_ca, jump, error_kalman, imm])
+def test_innovations_over_their_variance_are_about_one_for_the_noise_they_expect(kind):
+    outlooks = follow(kind.Config().build(RNG), np.full(600, 0.05))
+    nis = np.array([o.nis for o in outlooks[100:]])
+    # Differences in a row share a frame: their noise is not white, and counts for somewhat more.
+    assert np.all((nis.mean(axis=0) > 0.5) & (nis.mean(axis=0) < 2.0))
+    innovations = np.array([o.innovation for o in outlooks[100:]])
+    assert np.all(np.abs(innovations.mean(axis=0)) < 0.2 * innovations.std(axis=0))

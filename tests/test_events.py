@@ -7,6 +7,7 @@ import pytest
 from servo.episode import Episode
 from servo.events import Event, events
 from servo.scenario import load
+from servo.types import Mode
 from tracking.types import Status
 
 
@@ -41,3 +42,25 @@ def test_limits_come_and_go_once(step):
     assert events(speed, step) == [Event.FREE]
     assert events(None, joint) == [Event.SATURATED]
     assert events(None, step) == []
+
+
+def doing(step, mode):
+    return replace(step, command=replace(step.command, mode=mode))
+
+
+def test_what_the_controller_begins_to_do_is_an_event(step):
+    coasting, holding, searching = (
+        doing(step, m) for m in (Mode.COASTING, Mode.HOLDING, Mode.SEARCHING)
+    )
+    assert events(step, coasting) == [Event.COASTING]
+    assert events(coasting, coasting) == []
+    assert events(coasting, holding) == [Event.HOLDING]
+    assert events(holding, searching) == [Event.SEARCHING]
+    assert events(searching, step) == []
+    assert Event.SEARCHING.value == Mode.SEARCHING.value
+
+
+def test_a_dropped_frame_is_an_event_and_no_occlusion(step):
+    dropped = replace(seen(step, Status.UNSURE), frame=replace(step.frame, fresh=False))
+    assert events(step, dropped) == [Event.DROPPED]
+    assert events(dropped, dropped) == []

@@ -168,3 +168,13 @@ def test_colour_labels_agree_with_numpy(bits):
     expected = (red << 2 * bits) | (green << bits) | blue
     np.testing.assert_array_equal(colour.labels(image, 4, 3, 29, 17, bits), expected)
     assert colour.labels(image, 9, 9, 9, 5, bits).shape == (0, 0)
+
+
+def test_evened_colours_agree_and_hardly_depend_on_the_light():
+    image = RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    whole = image.max(axis=2, keepdims=True).astype(int) + 8
+    np.testing.assert_array_equal(colour.evened(image, 8), 255 * image.astype(int) // whole)
+    bright = np.array([[[200, 120, 40]]], np.uint8)
+    dim = (bright * 0.7).astype(np.uint8)
+    change = colour.evened(dim, 8).astype(int) - colour.evened(bright, 8)
+    assert np.abs(change).max() <= 5  # of 60 without

@@ -2,11 +2,14 @@ import numpy as np
 import pytest
 
 from servo import features, moments
+from servo.controllers._secondary import FAR
 from servo.controllers.hold import Config as HoldConfig
-from servo.controllers.ibvs import Config
-from servo.estimators import difference, none
-from servo.types import Sight, Task
-from sim.types import Posture
+from servo.controllers.ibvs import Config, adaptive_gain
+from servo.estimators import difference, error_kalman, none
+from servo.interaction import interaction
+from servo.types import DOF, Mode, Sight, Task
+from sim.geometry import exp_so3
+from sim.types import Pose, Posture
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)
@@ -21,9 +24,9 @@ def sight(x=0.0, y=0.0, theta=0.0, depth=1.0):
     return Sight(m, features.facing_plane(m, ROOT_AREA))
 
 
-def started(config, estimator=none, scale=ROOT_AREA):
+def started(config, estimator=none, scale=ROOT_AREA, latency=0):
     controller = config.build(RNG)
-    controller.start(Task(sight(), scale, estimator.Config().build(RNG)))
+    controller.start(Task(sight(), scale, estimator.Config().build(RNG), latency))
     return controller
 
 
@@ -35,8 +38,6 @@ def test_at_the_goal_nothing_moves():
 def test_features_are_made_to_decay_with_the_gain():
     controller, seen = started(Config(gain=2.0)), sight(0.05, -0.03, 0.2, 1.1)
     command = controller.command(seen, STILL, DT)
-    from servo.interaction import interaction
-
     rate = interaction(seen.moments, seen.plane, ROOT_AREA) @ command.twist
     np.testing.assert_allclose(rate, -2.0 * command.error, atol=1e-12)
 
@@ -51,8 +52,6 @@ def test_both_scalings_command_the_same_motion():
 
 @pytest.mark.parametrize("matrix", ["current", "desired", "mean"])
 def test_the_matrix_is_taken_where_it_was_asked_for(matrix):
-    from servo.interaction import interaction
-
     seen = sight(0.1, 0.05, 0.3, 1.2)
     command = started(Config(matrix=matrix)).command(seen, STILL, DT)
     here, there = (interaction(s.moments, s.plane, ROOT_AREA) for s in (seen, sight()))
@@ -154,3 +153,143 @@ def test_a_fast_turn_is_shortened_too():
     command = started(Config(gain=1.0, fastest_turn=0.2)).command(seen, STILL, DT)
     assert command.saturated
     assert abs(command.twist[5]) == pytest.approx(0.2)
+
+
+def test_the_gain_adapts_as_visp_has_it():
+    config = Config(gain=4.0, gain_far=0.4, gain_slope=30.0)
+    assert adaptive_gain(config, 0.0) == pytest.approx(4.0)
+    assert adaptive_gain(config, 100.0) == pytest.approx(0.4)
+    h = 1e-6
+    slope = (adaptive_gain(config, h) - adaptive_gain(config, 0.0)) / h
+    assert slope == pytest.approx(-30.0, rel=1e-4)
+    assert adaptive_gain(Config(gain=2.0), 0.3) == 2.0
+    near, far = (started(config).command(sight(x), STILL, DT).twist[0] / x for x in (1e-4, 0.3))
+    assert near == pytest.approx(4.0, rel=0.02)
+    assert far == pytest.approx(adaptive_gain(config, 0.3), rel=0.15)
+    assert far < 0.8
+
+
+def test_a_smooth_start_fades_in_from_rest():
+    soft, hard = started(Config(smooth_start=4.0)), started(Config())
+    seen = sight(0.05, -0.02, 0.1)
+    first = soft.command(seen, STILL, DT).twist
+    np.testing.assert_allclose(first, 0.0, atol=1e-12)
+    whole = hard.command(seen, STILL, DT).twist
+    for k in range(1, 30):
+        twist = soft.command(seen, STILL, DT).twist
+        np.testing.assert_allclose(twist, (1 - np.exp(-4.0 * k * DT)) * whole, atol=1e-12)
+
+
+def test_weights_say_what_moves_and_the_features_decay_all_the_same():
+    seen = sight(0.1, 0.05)
+    for weight, share in ((1.0, 0.5), (0.1, 0.01)):
+        weights = (1.0, 1.0, 1.0, weight, weight, 1.0)
+        command = started(Config(dof=DOF, weights=weights)).command(seen, STILL, DT)
+        rate = interaction(seen.moments, seen.plane, ROOT_AREA) @ command.twist
+        np.testing.assert_allclose(rate, -2.0 * command.error, atol=1e-12)
+        # A small rectangle 1 m away: vx and wy move xn alike, so they share it as w^2 : 1.
+        assert command.twist[4] / 0.2 == pytest.approx(share, rel=0.15)
+
+
+def tilted(by=0.2):
+    """A level camera turned about its x axis, looking at its own base."""
+    pose = Pose(np.diag([1.0, -1.0, -1.0]) @ exp_so3(np.array([by, 0.0, 0.0])), np.zeros(3))
+    return Posture(pose, np.zeros(6), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
+
+
+def test_levelling_turns_the_camera_down_and_leaves_the_features_alone():
+    seen = sight()
+    config = Config(dof=DOF, secondary=("level",), secondary_gain=1.5)
+    command = started(config).command(seen, tilted(0.2), DT)
+    rate = interaction(seen.moments, seen.plane, ROOT_AREA) @ command.twist
+    np.testing.assert_allclose(rate, 0.0, atol=1e-12)
+    assert command.twist[3] < -0.1  # back about x
+    # Without six degrees of freedom nothing is free.
+    masked = started(Config(secondary=("level",))).command(seen, tilted(0.2), DT)
+    np.testing.assert_allclose(masked.twist, 0.0, atol=1e-12)
+
+
+def with_joints(places):
+    """A robot whose joints are the camera's own axes, each from -1 to 1."""
+    rest, one = STILL, np.ones(6)
+    return Posture(rest.T_base_camera, rest.twist, np.array(places), -one, one, np.eye(6))
+
+
+def test_joints_go_to_their_middles_or_away_from_limits_only_where_features_allow():
+    seen, places = sight(), [0.0, 0.0, 0.0, 0.5, -0.9, 0.0]
+    L = interaction(seen.moments, seen.plane, ROOT_AREA)
+    centre, avoid = (
+        started(Config(dof=DOF, secondary=(task,))).command(seen, with_joints(places), DT).twist
+        for task in ("centre", "avoid_limits")
+    )
+    for twist in (centre, avoid):
+        np.testing.assert_allclose(L @ twist, 0.0, atol=1e-12)
+    assert centre[3] < -0.1
+    assert centre[4] > 0.2
+    assert abs(avoid[3]) < 0.02  # half way out is not near a limit
+    assert 0.02 < avoid[4] < 0.9 - FAR + 0.02
+
+
+def test_acceleration_is_limited_in_the_direction_of_the_change():
+    controller = started(Config(acceleration=0.6, acceleration_turn=99.0))
+    seen, before = sight(0.2, 0.1), np.zeros(6)
+    wanted = started(Config()).command(seen, STILL, DT).twist
+    for _ in range(5):
+        command = controller.command(seen, STILL, DT)
+        change = command.twist - before
+        assert np.linalg.norm(change[:3]) == pytest.approx(0.6 * DT)
+        np.testing.assert_allclose(np.cross(change[:3], (wanted - before)[:3]), 0.0, atol=1e-12)
+        assert command.saturated
+        before = command.twist
+
+
+def test_it_coasts_holds_and_searches_in_this_order_and_forgets_when_it_sees():
+    config = Config(coast=0.1, search_after=0.1, search_speed=0.05)
+    controller = started(config, difference)
+    for k in range(2):
+        drive(controller, 0.01, k, 0.1 * DT)
+    blind = [controller.command(None, STILL, DT) for _ in range(12)]
+    modes = [c.mode for c in blind]
+    assert modes == [Mode.COASTING] * 3 + [Mode.HOLDING] * 3 + [Mode.SEARCHING] * 6
+    assert np.linalg.norm(blind[-1].twist) == pytest.approx(0.05)
+    assert controller.command(sight(), STILL, DT).mode is Mode.SERVOING
+    assert controller.command(None, STILL, DT).mode is Mode.COASTING
+
+
+def test_the_search_is_a_spiral_that_ends():
+    controller = started(Config(coast=0.0, search_after=0.0, search_speed=0.5))
+    place, places = np.zeros(2), []
+    for _ in range(3000):
+        command = controller.command(None, STILL, DT)
+        place = place + DT * command.twist[:2]
+        places.append(place)
+    away = np.linalg.norm(places, axis=1)
+    assert away.max() == pytest.approx(0.6, abs=0.1)
+    assert command.mode is Mode.HOLDING
+    # Windings 0.12 m apart: the way is pi r^2 / 0.12 long.
+    length = sum(np.linalg.norm(np.diff(places, axis=0), axis=1))
+    assert length == pytest.approx(np.pi * 0.6**2 / 0.12, rel=0.1)
+
+
+def test_the_commands_under_way_are_counted_in():
+    """With two frames of latency the filter on the error sees where they will have led."""
+    controller, x = started(Config(gain=2.0), error_kalman, latency=2), 0.05
+    waiting, past = [np.zeros(6)] * 2, np.zeros(6)
+    for k in range(60):
+        command = controller.command(sight(x), Posture.of_twist(past), DT)
+        if k > 5:
+            expected = x - DT * sum(w[0] for w in waiting)
+            assert command.outlook.error[0] == pytest.approx(expected, abs=1e-4)
+        waiting.append(command.twist)
+        past = waiting.pop(0)
+        x -= DT * past[0]
+    assert abs(x) < 2e-3
+
+
+def test_another_goal_is_gone_to():
+    controller = started(Config())
+    assert controller.command(sight(), STILL, DT).twist[2] == pytest.approx(0.0, abs=1e-9)
+    controller.aim(sight(depth=0.8))
+    command = controller.command(sight(), STILL, DT)
+    assert command.error[2] == pytest.approx(0.2)
+    assert command.twist[2] == pytest.approx(0.4, rel=1e-6)

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 
 from sim import plugins
-from sim.motions import circle, line, reversal, sine, wander
+from sim.motions import circle, line, reversal, sine, spin, stop_and_go, wander
 
 KINDS = plugins.kinds("sim.motions")
+
+RNG = np.random.default_rng(0)
 
 
 def build(kind, seed=0):
@@ -72,3 +74,19 @@ def test_wander_turns_gently_and_stays_near(seed):
 def test_wander_is_another_road_for_another_seed():
     here, there = (build("wander", seed).at(1.0).translation for seed in (0, 1))
     assert np.linalg.norm(here - there) > 1e-3
+
+
+def test_stop_and_go_drives_stands_and_drives_on():
+    motion = stop_and_go.Config(x=-0.5, speed=0.12, go=2.0, stop=1.5).build(RNG)
+    places = [motion.at(t).translation[0] for t in (0.0, 1.0, 2.0, 3.0, 3.5, 4.5)]
+    np.testing.assert_allclose(places, [-0.5, -0.38, -0.26, -0.26, -0.26, -0.14])
+
+
+def test_spin_turns_on_the_spot_and_drives_along_its_nose():
+    motion = spin.Config(
+        x=0.0, y=0.0, heading_deg=0.0, turn_deg=90.0, turn_duration=2.0, speed=0.1, leg_duration=2.0
+    ).build(RNG)
+    noses = [np.degrees(np.arctan2(*motion.at(t).rotation[[1, 0], 0])) for t in (0, 1, 2, 4, 5, 6)]
+    np.testing.assert_allclose(noses, [0, 45, 90, 90, 135, 180], atol=1e-9)
+    places = [motion.at(t).translation[:2] for t in (1.0, 2.0, 4.0, 6.0, 8.0)]
+    np.testing.assert_allclose(places, [[0, 0], [0, 0], [0, 0.2], [0, 0.2], [-0.2, 0.2]], atol=1e-9)

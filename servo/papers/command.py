@@ -12,13 +12,15 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo.batch import work
-from servo.papers import kams, kernels, servoing, texture
+from servo.papers import estimators, kams, kernels, servoing, texture
 from servo.papers.claim import Claim, Effort, Verdict
 from servo.parsing import Mistake, unknown
 from servo.terminal import plain
 from sim import gl
 
-CLAIMS = (*kams.CLAIMS, *kernels.CLAIMS, *servoing.CLAIMS, *texture.CLAIMS)
+CLAIMS = (
+    *kams.CLAIMS, *kernels.CLAIMS, *servoing.CLAIMS, *texture.CLAIMS, *estimators.CLAIMS,
+)  # fmt: skip
 FIGURES, SUMMARY = "figures", "papers.json"
 
 
@@ -37,7 +39,7 @@ def run(names: list[str], effort: Effort, workers: int, out: Path | None, *, qui
     chosen = [known[name] for name in names] if names else list(CLAIMS)
     folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
     console = Console(quiet=quiet)
-    if any(claim in servoing.CLAIMS for claim in chosen):
+    if any(claim in (*servoing.CLAIMS, *estimators.CLAIMS) for claim in chosen):
         gl.backend()
     verdicts: dict[str, Verdict] = {}
     worst = 0

@@ -5,16 +5,11 @@ Eck, section VI).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from servo import scenario as scenarios
-from servo.episode import Episode
-from servo.measures import summarise
 from servo.papers.claim import (
     COLOURS,
     Claim,
@@ -28,59 +23,19 @@ from servo.papers.claim import (
     save,
     words,
 )
-from servo.scenario import Scenario
+from servo.papers.loop_series import LoopSeries
 from sim.types import Array
-from tracking.evaluation.bench import number
 from tracking.evaluation.jobs import Job
 
 SEEDS = 5
 ESTIMATORS = ("none", "kalman_cv")
 LESS = 5.0
 """The paper's figure 10 without estimation: many times the error."""
-ALONG = 1
-"""The car goes back and forth along the image's y axis: yn."""
 SLOW = 0.02
 """A target slower than this has no sign worth telling [m/s]."""
 AGREE, WITHIN = 0.9, 1.0
 """Share of frames with the right sign, and time after a reversal to be back [s]."""
 BACK_PX = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class LoopSeries:
-    """One closed loop: its measures, and what the figures show over time."""
-
-    scenario: str
-    estimator: str
-    seed: int
-
-    @property
-    def key(self) -> str:
-        """SCENARIO-ESTIMATOR-SEED."""
-        return f"loop/{self.scenario}-{self.estimator}-{self.seed}"
-
-    def describe(self) -> dict[str, Any]:
-        """The scenario with all its settings, and the version."""
-        return {"scenario": self._scenario().table, "version": metadata.version("servobench")}
-
-    def run(self, folder: Path) -> dict[str, Any]:
-        """Measures and series."""
-        del folder
-        scenario = self._scenario()
-        with Episode(scenario) as episode:
-            steps = list(episode)
-        report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
-        return {
-            "scenario": self.scenario, "estimator": self.estimator, "seed": self.seed,
-            "measures": {m.name: number(m.value) for m in report.measures},
-            "time": [s.frame.time for s in steps],
-            "servo_error": [s.servo_error for s in steps],
-            "estimated": [float(s.command.target_motion[ALONG]) for s in steps],
-            "true": [number(float(s.target_motion_true[ALONG])) for s in steps],
-        }  # fmt: skip
-
-    def _scenario(self) -> Scenario:
-        return scenarios.load(self.scenario, [f"estimator.kind={self.estimator}"], self.seed)
 
 
 def _both(name: str, effort: Effort) -> Sequence[Job]:

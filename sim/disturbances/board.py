@@ -16,13 +16,17 @@ class Config:
     """When and how fast."""
 
     start: Annotated[float, Ge(0)] = 4.0
-    """When the target is fully hidden first [s]."""
+    """When it stands first [s]."""
     duration: Annotated[float, Ge(0)] = 0.5
-    """How long it stays fully hidden [s]."""
+    """How long it stands [s]."""
     slide: Annotated[float, Gt(0)] = 0.2
     """How long the board takes to slide in, and out [s]."""
     distance: float = 0.6
     """Where it comes from and goes to: sideways distance from the line of sight [m]."""
+
+    offset: Annotated[float, Ge(0)] = 0.0
+    """Where it stops: sideways from the line of sight [m]. Other than at 0 it goes back where
+    it came from; from 0.12 to 0.26 it hides a part of the target only."""
 
     def build(self, rng: np.random.Generator) -> Board:
         """The disturbance; draws nothing."""
@@ -45,7 +49,8 @@ class Board:
             c.start + c.duration,
             c.start + c.duration + c.slide,
         )
-        self._places = (-c.distance, 0.0, 0.0, c.distance)
+        end = c.distance if c.offset == 0 else -c.distance
+        self._places = (-c.distance, -c.offset, -c.offset, end)
 
     def at(self, time: float) -> Effect:
         """The effect at a time [s]."""

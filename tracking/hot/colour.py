@@ -1,4 +1,4 @@
-"""Compiled: bin numbers of the colours in a part of an image."""
+"""Compiled: bin numbers of the colours in a part of an image, and colours without brightness."""
 
 from __future__ import annotations
 
@@ -33,4 +33,23 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int
             found[i - top, j - left] = (
                 ((red >> shift) << 2 * bits) | ((green >> shift) << bits) | (blue >> shift)
             )
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def evened(image: Image, floor: int) -> Image:
+    """Each channel over the pixel's largest one: 255 c / (max + floor), rounded down (H, W, 3).
+
+    Args:
+        image: RGB (H, W, 3).
+        floor: Keeps dark pixels dark: their colour is noise.
+    """
+    found = np.empty_like(image)
+    for i in range(image.shape[0]):
+        for j in range(image.shape[1]):
+            red, green, blue = int(image[i, j, 0]), int(image[i, j, 1]), int(image[i, j, 2])
+            whole = max(red, green, blue) + floor
+            found[i, j, 0] = 255 * red // whole
+            found[i, j, 1] = 255 * green // whole
+            found[i, j, 2] = 255 * blue // whole
     return found

@@ -89,6 +89,15 @@ class ParticleFilter:
         self.samples = self.samples[drawn]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
+    def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
+        """Strew a share of the samples evenly over an image of this width and height [px], with a
+        state's angle and size: where nobody knows where the target is (Lenser, Veloso 2000).
+        """
+        count = round(share * len(self.samples))
+        places = self._rng.uniform((0.0, 0.0), size, (count, 2))
+        self.samples[:count, :2] = places
+        self.samples[:count, 2:] = state.vector[2:]
+
     def shift(self, correction: Array) -> None:
         """Move all samples by (4,)."""
         self.samples = self.samples + correction

@@ -17,16 +17,20 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from sim.types import Array, Frame
+from sim.types import Array, Frame, Image
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.reference import Learning
 from tracking.appearance.sampled import cell_model
+from tracking.hot.colour import evened
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN
 from tracking.types import Estimate, Region, State, Status, check_region
+
+DARK = 8
+"""Pixels about as dark as this have no colour worth the name."""
 
 PRESETS = {"paper": PLAIN | {"inset": 0.0, "density": 16}}
 
@@ -55,6 +59,9 @@ class Config(Learning):
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
+    even: bool = False
+    """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
+    light changes, at the price of telling bright things from dark ones less well."""
     span: Annotated[float, Gt(0)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
     inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
@@ -77,6 +84,8 @@ class Config(Learning):
     """When the target counts as hidden or lost."""
     widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""
+    scatter: Annotated[float, Ge(0), Le(1)] = 0.7
+    """Share of the particles that is strewn over the whole picture while the target is LOST."""
 
     def build(self, rng: np.random.Generator) -> PfSsd:
         """The tracker; its samples are drawn from the generator."""
@@ -93,7 +102,7 @@ class PfSsd:
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn both representations from the first frame."""
         check_region(frame, region, state)
-        c, image = self._config, frame.image
+        c, image = self._config, self._view(frame.image)
         self._size = float(np.sqrt(region.area(state)))
         self._cells = cell_model(
             image, region, state, ColourBins(c.levels), c,
@@ -105,22 +114,24 @@ class PfSsd:
         )
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
-        self._lock, self._status = Lock(c.lock), Status.LOCKED
+        self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
-        c, image = self._config, frame.image
-        self._filter.predict(
-            self._velocity.step(ego), c.widen_when_lost if self._status is Status.LOST else 1.0
-        )
+        c, image = self._config, self._view(frame.image)
+        lost = self._status is Status.LOST
+        self._filter.predict(self._velocity.step(ego), c.widen_when_lost if lost else 1.0)
+        if lost:
+            height, width = image.shape[:2]
+            self._filter.scatter(c.scatter, (width, height), self._found)
         self._filter.weigh(-c.gamma * self._cells.energy(image, self._filter.samples))
         proposed = self._filter.mean()
-        descended = self._descend(frame, proposed)
+        descended = self._descend(image, proposed)
         evaluations = len(self._filter.samples) + descended.evaluations
         if self._status is not Status.LOCKED:
             # A hidden target comes out away from the mean: the best particle may be nearer.
-            other = self._descend(frame, self._filter.best())
+            other = self._descend(image, self._filter.best())
             evaluations += other.evaluations
             descended = min(descended, other, key=lambda end: end.distance)
         self._status = self._lock.judge(descended.distance, frame.time)
@@ -132,13 +143,19 @@ class PfSsd:
         if seen:
             self._filter.shift(state.vector - proposed.vector)
             self._cells.learn(image, state)
-        self._velocity.learn(state, seen=seen)
+            self._found = state
+        # Where it was while it was lost says nothing about how it moves.
+        self._velocity.learn(state, seen=seen and not lost)
         return estimate
 
-    def _descend(self, frame: Frame, proposed: State) -> Refined:
+    def _view(self, image: Image) -> Image:
+        """The picture as the tracker sees it."""
+        return evened(image, DARK) if self._config.even else image
+
+    def _descend(self, image: Image, proposed: State) -> Refined:
         """The end of the descent from the proposal; the proposal itself if that is too far away."""
         c = self._config
-        refined = self._kernels.refine(frame.image, proposed, most=c.steps, hopeless=c.occluded)
+        refined = self._kernels.refine(image, proposed, most=c.steps, hopeless=c.occluded)
         moved = refined.state.vector - proposed.vector
         if float(np.hypot(moved[0], moved[1])) <= c.trust * self._size:
             return refined

@@ -1,0 +1,61 @@
+"""A closed loop as a job: its measures, and what the figures show over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from servo import scenario as scenarios
+from servo.episode import Episode
+from servo.measures import summarise
+from servo.scenario import Scenario
+from tracking.evaluation.bench import number
+
+ALONG = 1
+"""The car of `reversal` goes back and forth along the image's y axis: yn."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSeries:
+    """One scenario with one estimator and one seed."""
+
+    scenario: str
+    estimator: str
+    seed: int
+    changes: tuple[str, ...] = ()
+    """As with --set."""
+    label: str = ""
+    """Tells apart what differs in `changes`."""
+
+    @property
+    def key(self) -> str:
+        """SCENARIO-ESTIMATOR-SEED, and the label if any."""
+        parts = [self.scenario, self.label, self.estimator, str(self.seed)]
+        return "loop/" + "-".join(filter(None, parts))
+
+    def describe(self) -> dict[str, Any]:
+        """The scenario with all its settings, and the version."""
+        return {"scenario": self._scenario().table, "version": metadata.version("servobench")}
+
+    def run(self, folder: Path) -> dict[str, Any]:
+        """Measures and series."""
+        del folder
+        scenario = self._scenario()
+        with Episode(scenario) as episode:
+            steps = list(episode)
+        report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+        return {
+            "scenario": self.scenario, "estimator": self.estimator, "seed": self.seed,
+            "label": self.label,
+            "measures": {m.name: number(m.value) for m in report.measures},
+            "time": [s.frame.time for s in steps],
+            "servo_error": [s.servo_error for s in steps],
+            "estimated": [float(s.command.target_motion[ALONG]) for s in steps],
+            "true": [number(float(s.target_motion_true[ALONG])) for s in steps],
+        }  # fmt: skip
+
+    def _scenario(self) -> Scenario:
+        changes = [f"estimator.kind={self.estimator}", *self.changes]
+        return scenarios.load(self.scenario, changes, self.seed)
