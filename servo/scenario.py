@@ -184,8 +184,7 @@ def _read(name: str) -> tuple[str, str]:
     path = Path(name)
     if path.suffix != ".toml":
         if name not in shipped():
-            there = ", ".join(shipped())
-            raise Mistake(f"there is no scenario '{name}'; there is {there}, or give a .toml file")
+            raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
         path = Path(str(resources.files("scenes") / f"{name}.toml"))
     try:
         return path.read_text(encoding="utf-8-sig"), path.name

@@ -32,8 +32,7 @@ def elsewhere(monkeypatch, tmp_path):
 BAD = {
     "unknown scenario": (
         ["run", "sprial"],
-        "there is no scenario 'sprial'; there is circle, line, occlusion, reversal, reversal_5hz, "
-        "sine, still, wander, or give a .toml file",
+        "there is no scenario 'sprial'; did you mean 'spin'? (or give a .toml file)",
     ),
     "unknown key": (
         ["run", "still", "--set", "camera.widht=3"],

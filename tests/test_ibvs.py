@@ -2,14 +2,12 @@ import numpy as np
 import pytest
 
 from servo import features, moments
-from servo.controllers._secondary import FAR
 from servo.controllers.hold import Config as HoldConfig
 from servo.controllers.ibvs import Config, adaptive_gain
 from servo.estimators import difference, error_kalman, none
 from servo.interaction import interaction
-from servo.types import DOF, Mode, Sight, Task
-from sim.geometry import exp_so3
-from sim.types import Pose, Posture
+from servo.types import DOF, Sight, Task
+from sim.types import Posture
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)
@@ -189,86 +187,6 @@ def test_weights_say_what_moves_and_the_features_decay_all_the_same():
         np.testing.assert_allclose(rate, -2.0 * command.error, atol=1e-12)
         # A small rectangle 1 m away: vx and wy move xn alike, so they share it as w^2 : 1.
         assert command.twist[4] / 0.2 == pytest.approx(share, rel=0.15)
-
-
-def tilted(by=0.2):
-    """A level camera turned about its x axis, looking at its own base."""
-    pose = Pose(np.diag([1.0, -1.0, -1.0]) @ exp_so3(np.array([by, 0.0, 0.0])), np.zeros(3))
-    return Posture(pose, np.zeros(6), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
-
-
-def test_levelling_turns_the_camera_down_and_leaves_the_features_alone():
-    seen = sight()
-    config = Config(dof=DOF, secondary=("level",), secondary_gain=1.5)
-    command = started(config).command(seen, tilted(0.2), DT)
-    rate = interaction(seen.moments, seen.plane, ROOT_AREA) @ command.twist
-    np.testing.assert_allclose(rate, 0.0, atol=1e-12)
-    assert command.twist[3] < -0.1  # back about x
-    # Without six degrees of freedom nothing is free.
-    masked = started(Config(secondary=("level",))).command(seen, tilted(0.2), DT)
-    np.testing.assert_allclose(masked.twist, 0.0, atol=1e-12)
-
-
-def with_joints(places):
-    """A robot whose joints are the camera's own axes, each from -1 to 1."""
-    rest, one = STILL, np.ones(6)
-    return Posture(rest.T_base_camera, rest.twist, np.array(places), -one, one, np.eye(6))
-
-
-def test_joints_go_to_their_middles_or_away_from_limits_only_where_features_allow():
-    seen, places = sight(), [0.0, 0.0, 0.0, 0.5, -0.9, 0.0]
-    L = interaction(seen.moments, seen.plane, ROOT_AREA)
-    centre, avoid = (
-        started(Config(dof=DOF, secondary=(task,))).command(seen, with_joints(places), DT).twist
-        for task in ("centre", "avoid_limits")
-    )
-    for twist in (centre, avoid):
-        np.testing.assert_allclose(L @ twist, 0.0, atol=1e-12)
-    assert centre[3] < -0.1
-    assert centre[4] > 0.2
-    assert abs(avoid[3]) < 0.02  # half way out is not near a limit
-    assert 0.02 < avoid[4] < 0.9 - FAR + 0.02
-
-
-def test_acceleration_is_limited_in_the_direction_of_the_change():
-    controller = started(Config(acceleration=0.6, acceleration_turn=99.0))
-    seen, before = sight(0.2, 0.1), np.zeros(6)
-    wanted = started(Config()).command(seen, STILL, DT).twist
-    for _ in range(5):
-        command = controller.command(seen, STILL, DT)
-        change = command.twist - before
-        assert np.linalg.norm(change[:3]) == pytest.approx(0.6 * DT)
-        np.testing.assert_allclose(np.cross(change[:3], (wanted - before)[:3]), 0.0, atol=1e-12)
-        assert command.saturated
-        before = command.twist
-
-
-def test_it_coasts_holds_and_searches_in_this_order_and_forgets_when_it_sees():
-    config = Config(coast=0.1, search_after=0.1, search_speed=0.05)
-    controller = started(config, difference)
-    for k in range(2):
-        drive(controller, 0.01, k, 0.1 * DT)
-    blind = [controller.command(None, STILL, DT) for _ in range(12)]
-    modes = [c.mode for c in blind]
-    assert modes == [Mode.COASTING] * 3 + [Mode.HOLDING] * 3 + [Mode.SEARCHING] * 6
-    assert np.linalg.norm(blind[-1].twist) == pytest.approx(0.05)
-    assert controller.command(sight(), STILL, DT).mode is Mode.SERVOING
-    assert controller.command(None, STILL, DT).mode is Mode.COASTING
-
-
-def test_the_search_is_a_spiral_that_ends():
-    controller = started(Config(coast=0.0, search_after=0.0, search_speed=0.5))
-    place, places = np.zeros(2), []
-    for _ in range(3000):
-        command = controller.command(None, STILL, DT)
-        place = place + DT * command.twist[:2]
-        places.append(place)
-    away = np.linalg.norm(places, axis=1)
-    assert away.max() == pytest.approx(0.6, abs=0.1)
-    assert command.mode is Mode.HOLDING
-    # Windings 0.12 m apart: the way is pi r^2 / 0.12 long.
-    length = sum(np.linalg.norm(np.diff(places, axis=0), axis=1))
-    assert length == pytest.approx(np.pi * 0.6**2 / 0.12, rel=0.1)
 
 
 def test_the_commands_under_way_are_counted_in():

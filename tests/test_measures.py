@@ -92,6 +92,18 @@ def test_a_limit_of_joints_or_of_speed_saturates(steps):
     assert report(speed).value("saturated_pct") == pytest.approx(25.0)
 
 
+def test_a_joints_range_and_the_cameras_speed_at_the_end(steps):
+    at = steps[0].posture
+    half = (at.upper[0] - at.lower[0]) / 2
+    out = replace(at, joints=np.array([0.75 * half, 0.0, 0.0, 9.0, 0.0, 0.0]))
+    moving = replace(at, twist=np.array([0.03, 0.04, 0.0, 0.0, 0.0, 1.0]))
+    made = [replace(s, posture=out if s.frame.index == 7 else moving) for s in steps]
+    assert report(made).value("joint_range_peak_pct") == pytest.approx(75.0)
+    assert report(made).value("end_speed_mm_s") == pytest.approx(50.0)
+    assert made[7].margins[0] == pytest.approx(0.25 * half)
+    assert made[7].margins[3] == np.inf
+
+
 def test_outcomes(steps):
     near, far, out = ([off(s, pixels) for s in steps] for pixels in (5.0, 40.0, 400.0))
     assert report(near).outcome is Outcome.CONVERGED

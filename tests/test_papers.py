@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from servo import cli
-from servo.papers import kams, servoing
+from servo.papers import estimators, kams, servoing
 from servo.papers.claim import Effort
 from servo.papers.command import CLAIMS
 
-NAMES = ["P0-1", "P0-2", "P0-3", "P1-1", "P1-2", "P1-3", "P1-4", "P1-5", "P1-6", "P2-1", "P2-2"]
+NAMES = [
+    "P0-1", "P0-2", "P0-3", "P1-1", "P1-2", "P1-3", "P1-4", "P1-5", "P1-6", "P2-1", "P2-2",
+    "estimators",
+]  # fmt: skip
 
 
 def call(monkeypatch, capfd, *arguments):
@@ -98,3 +101,28 @@ def test_the_time_away_from_the_goal_is_the_longest_after_the_start():
     error = np.array([60, 20, 3, 2, 7, 8, 6, 2, 5, 1.0])
     run = {"time": (0.1 * np.arange(10)).tolist(), "servo_error": error.tolist()}
     assert servoing._longest_away(run) == pytest.approx(0.3)
+
+
+def loops(scale):
+    """Results of every estimator in every case, `scale` times its bound for kalman_cv."""
+    return [
+        {"scenario": job.scenario, "estimator": job.estimator, "seed": job.seed,
+         "label": job.label,
+         "measures": {c.measure: scale * (0.9 if job.estimator == "kalman_cv" else 0.5)
+                      * max(c.bounds.values())}}
+        for job in estimators.CLAIMS[0].jobs(Effort(quick=True, sequences=None))
+        for c in estimators.CASES
+        if (c.scenario, c.rate.replace(" ", "")) == (job.scenario, job.label)
+    ]  # fmt: skip
+
+
+def test_estimators_are_judged_by_their_bounds_rate_by_rate(tmp_path):
+    kept = estimators.CLAIMS[0].judge(loops(1.0), tmp_path)
+    assert kept.holds
+    assert kept.measured == "12 of 12 bounds kept"
+    missed = estimators.CLAIMS[0].judge(loops(1.2), tmp_path)
+    assert not missed.holds
+    assert "constant rms at 30 Hz, kalman_cv: 1.62 px instead of 1.5" in missed.measured
+    rates = [row[1] for row in kept.table]
+    assert rates.count("30 Hz") == rates.count("5 Hz") == 9  # seven estimators, two bounds
+    assert cv2.imread(str(kept.figures[0])).std() > 10

@@ -119,9 +119,24 @@ def test_a_descent_is_trusted_only_near_the_filter():
 def test_a_lost_target_is_looked_for_more_widely():
     frames = [paint(FIRST, k >= 10, k) for k in range(60)]
     wide, narrow = (
-        np.std(track(Config(widen_when_lost=w), frames)[-1].particles[:, 0]) for w in (4.0, 1.0)
+        np.std(track(Config(widen_when_lost=w, scatter=0.0), frames)[-1].particles[:, 0])
+        for w in (4.0, 1.0)
     )
     assert wide > 1.5 * narrow
+
+
+def test_a_lost_target_is_found_wherever_it_comes_out():
+    """Hidden at one place for longer than the patience, then seen 75 px away."""
+    away = State(175.0, 110.0, 0.2, 1.0)
+    frames = [paint(FIRST, 10 <= k < 45, k) for k in range(45)]
+    frames += [paint(away, index=k) for k in range(45, 65)]
+    estimates = track(Config(), frames)
+    for estimate in estimates[50:]:  # once found it stays found
+        assert estimate.status is Status.LOCKED
+        assert np.hypot(estimate.state.x - away.x, estimate.state.y - away.y) < 1.0
+    x = estimates[43].particles[:, 0]
+    assert np.std(x) > 0.7 * 240 / np.sqrt(12)  # strewn evenly over the picture, most of them
+    assert np.std(estimates[50].particles[:, 0]) < 15
 
 
 def test_the_cloud_moves_with_the_descent():

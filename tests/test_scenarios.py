@@ -1,10 +1,13 @@
 """Every shipped scenario meets its bounds, and repeats exactly."""
 
+import itertools
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from servo.episode import Episode, run, stream
+from servo.events import events
 from servo.measures import summarise, violations
 from servo.run_folder import RunFolder
 from servo.scenario import load, shipped
@@ -54,6 +57,46 @@ def test_more_latency_is_a_later_command():
     for k, step in enumerate(steps):
         expected = steps[k - 3].command.twist if k >= 3 else np.zeros(6)
         np.testing.assert_array_equal(step.twist_acting, expected)
+
+
+def test_levelling_takes_the_tilt_back_that_six_degrees_of_freedom_made():
+    tilts = [report_of(load(n)).value("tilt_peak_deg") for n in ("six_dof", "six_dof_levelled")]
+    assert tilts[0] > 20.0  # SERVO: 23 to 28 degrees for a drive of 1 m
+    assert tilts[1] < 2.0
+
+
+def test_a_small_weight_on_the_turns_keeps_the_camera_almost_level():
+    weights = ["controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]"]
+    assert report_of(load("six_dof", weights)).value("tilt_peak_deg") < 1.0
+
+
+def test_a_goal_that_moves_is_followed():
+    with Episode(load("approach", ["goal.change_start=1.0", "goal.change_duration=2.0"])) as loop:
+        steps = list(loop)
+    sizes = {round(s.frame.time, 3): s for s in steps}
+    assert sizes[1.0].goal_size == pytest.approx(loop.world.camera.fx / 1.1)
+    assert sizes[2.0].goal_size == pytest.approx(loop.world.camera.fx / (1.1 - 0.35 / 2))
+    end = steps[-1]
+    assert end.goal_size == pytest.approx(loop.world.camera.fx / 0.75)
+    assert end.truth.size == pytest.approx(end.goal_size, rel=0.02)
+
+
+def test_a_lost_car_is_searched_and_found_and_every_phase_is_told():
+    steps = list(run(load("found_again")))
+    told = [event.name for a, b in itertools.pairwise([None, *steps]) for event in events(a, b)]
+    assert told == [
+        "OCCLUDED", "COASTING", "LOST", "HOLDING", "SEARCHING", "FOUND",
+    ]  # fmt: skip
+
+
+def test_a_tracker_told_of_the_cameras_motion_follows_better():
+    """From far away the camera moves fast at first: that part of the motion need not be guessed."""
+    far = ["camera.rate=10.0", "run.duration=3.0", "measure.after=0.0", "tracker.kind=mean_shift"]
+    plain, told = (
+        report_of(load("start_far", [*far, f"run.ego={ego}"])).value("tracking_rms_px")
+        for ego in ("false", "true")
+    )
+    assert told < 0.6 * plain
 
 
 def test_the_same_seed_repeats_bit_for_bit(tmp_path):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sim.assembly import steps_between
-from sim.disturbances import board, brightness, dropped_frames, second_car, spot
+from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.render import CameraConfig
-from sim.robots import arm, gantry
+from sim.robots import gantry
 from sim.world import World, WorldConfig
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
@@ -239,63 +239,3 @@ def test_a_large_image_is_supersampled_whole():
     image = see(made, 640.0, 480.0)[0].image
     assert image[::40, ::40].max(axis=2).min() > 20  # no part of a table is black
     made.close()
-
-
-def test_a_dropped_frame_is_the_last_picture_again_and_says_so():
-    drops = dropped_frames.Config(share=1.0, start=0.01).build(np.random.default_rng(0))
-    world = make(motion=line.Config(x=0.0).build(np.random.default_rng()), disturbances=[drops])
-    see(world)
-    first = world.look()
-    assert first.fresh
-    world.step(np.zeros(6))
-    dropped = world.look()
-    assert not dropped.fresh
-    assert (dropped.index, dropped.time) == (1, world.period)
-    assert dropped.image is first.image
-    world.close()
-
-
-def test_a_second_car_is_seen_where_it_is_and_only_then():
-    twin = second_car.Config(start=0.05, x=0.25, y=0.0, speed=0.0).build(np.random.default_rng())
-    world = make(disturbances=[twin])
-    before, _ = see(world)
-    world.step(np.zeros(6))
-    world.step(np.zeros(6))
-    after = world.look()
-    changed = np.abs(before.image.astype(int) - after.image).max(axis=2) > 60
-    # 0.25 m away at 290 px/m, 20 x 10 cm large, turned by 90 degrees.
-    rows, columns = np.nonzero(changed)
-    turned = np.radians(10.0)
-    expected = np.array([160 + 72 * np.cos(turned), 120 + 72 * np.sin(turned)])
-    np.testing.assert_allclose([columns.mean(), rows.mean()], expected, atol=8)
-    assert 800 < changed.sum() < 2200
-    world.close()
-
-
-def test_a_spot_brightens_its_middle_over_the_dimmed_rest():
-    light = spot.Config(start=0.0, ramp=0.01, strength=0.45, lamp=0.4).build(
-        np.random.default_rng()
-    )
-    away = still.Config(x=0.0, y=0.3).build(np.random.default_rng())
-    lit, plain = make(motion=away, disturbances=[light]), make(motion=away)
-    pictures = []
-    for world in (lit, plain):
-        see(world, y=33.0)
-        world.step(np.zeros(6))
-        pictures.append(world.look().image.astype(float))
-        world.close()
-    ratio = pictures[0].mean(axis=2) / pictures[1].mean(axis=2)
-    assert np.median(ratio[110:130, 150:170]) > 1.25 * np.median(ratio[:, :20])
-    assert np.median(ratio[:, :20]) < 0.8
-
-
-def test_the_arm_looks_where_the_gantry_looks():
-    pictures, truths = [], []
-    for robot in (gantry, arm):
-        world = make(robot=robot)
-        frame, truth = see(world, theta=0.3)
-        pictures.append(frame.image.astype(int))
-        truths.append(truth.centre)
-        world.close()
-    np.testing.assert_allclose(truths[0], truths[1], atol=1e-6)
-    assert np.mean(np.abs(pictures[0] - pictures[1]).max(axis=2) > 8) < 0.01

@@ -35,7 +35,7 @@ def run(names: list[str], effort: Effort, workers: int, out: Path | None, *, qui
     known = {claim.name: claim for claim in CLAIMS}
     for name in names:
         if name not in known:
-            raise Mistake(f"papers: {unknown(name, known).replace('key', 'claim')}")
+            raise Mistake(f"papers: {unknown(name, known, 'claim')}")
     chosen = [known[name] for name in names] if names else list(CLAIMS)
     folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
     console = Console(quiet=quiet)

@@ -20,7 +20,6 @@ from servo.papers.claim import (
     group,
     mean_of,
     save,
-    words,
 )
 from servo.papers.loop_series import LoopSeries
 from sim import plugins
@@ -112,18 +111,21 @@ def _missed(found: Scores, i: int, case: Case) -> list[str]:
 
 def _table(found: Scores) -> list[list[str]]:
     """Rows of estimators, for one rate after the other, with the bounds below each."""
-    titles = [f"{c.title} [px]" for c in CASES if c.rate == FAST]
-    rows = [["rate", "estimator", *titles]]
+    rows = [["px", "rate", *(c.title for c in CASES if c.rate == FAST)]]
     for rate in AT:
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
         for name, intervals in found.items():
-            rows.append([rate, name, *(words(intervals[i]) for i in chosen)])
+            rows.append([name, rate, *(_short(intervals[i]) for i in chosen)])
         for bounded in ("kalman_cv", BEST):
             bounds = [CASES[i].bounds.get(bounded) for i in chosen]
-            rows.append(
-                [rate, f"bound, {bounded}", *("" if b is None else f"{b:g}" for b in bounds)]
-            )
+            cells = ("" if b is None else f"<= {b:g}" for b in bounds)
+            rows.append([f"({bounded})", rate, *cells])
     return rows
+
+
+def _short(i: Interval) -> str:
+    """A mean and half the width of its interval."""
+    return f"{i.value:.3g} ±{(i.high - i.low) / 2:.1g}"
 
 
 def _draw(found: Scores) -> Figure:

@@ -89,6 +89,10 @@ class ParticleFilter:
         self.samples = self.samples[drawn]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
+    def gather(self, state: State) -> None:
+        """Put all samples on one state, as at the start."""
+        self.samples = np.tile(state.vector, (len(self.samples), 1))
+
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
         """Strew a share of the samples evenly over an image of this width and height [px], with a
         state's angle and size: where nobody knows where the target is (Lenser, Veloso 2000).

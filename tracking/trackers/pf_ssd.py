@@ -141,7 +141,10 @@ class PfSsd:
         seen = self._status is Status.LOCKED
         self._filter.resample(1.0 if seen else c.hidden)
         if seen:
-            self._filter.shift(state.vector - proposed.vector)
+            if lost:
+                self._filter.gather(state)
+            else:
+                self._filter.shift(state.vector - proposed.vector)
             self._cells.learn(image, state)
             self._found = state
         # Where it was while it was lost says nothing about how it moves.

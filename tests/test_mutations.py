@@ -1,0 +1,101 @@
+"""A part of the loop broken on purpose, one at a time: the scenarios' bounds must notice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from servo import eyes, features, interaction
+from servo.controllers import ibvs
+from servo.episode import run
+from servo.measures import summarise, violations
+from servo.scenario import load
+from sim.robot import Robot
+from sim.world import World
+
+
+def missed(name):
+    scenario = load(name)
+    report = summarise(list(run(scenario)), scenario.measure, 1 / scenario.camera.rate)
+    return {violation.name for violation in violations(report, scenario.expect)}
+
+
+@pytest.mark.parametrize("row", ["row_xn", "row_yn", "row_an", "row_theta"])
+def test_a_row_with_the_wrong_sign(monkeypatch, row):
+    right = getattr(interaction, row)
+    monkeypatch.setattr(interaction, row, lambda *shape: -right(*shape))
+    assert missed("still")
+
+
+def test_the_camera_motion_of_the_frame_before(monkeypatch):
+    """The difference of features is paired with what moved one frame earlier."""
+    right, before = World.posture, [np.zeros(6)]
+
+    def late(world):
+        posture = right(world)
+        before.append(posture.twist)
+        return replace(posture, twist=before.pop(0))
+
+    monkeypatch.setattr(World, "posture", late)
+    assert missed("sine") or missed("stop_and_go")
+
+
+def test_a_command_that_acts_a_frame_later_than_the_controller_knows(monkeypatch):
+    right, waiting = World.step, [np.zeros(6)]
+
+    def late(world, twist):
+        waiting.append(twist)
+        return right(world, waiting.pop(0))
+
+    monkeypatch.setattr(World, "step", late)
+    assert missed("latency_3") or missed("reversal_5hz")
+
+
+def test_the_wrong_degrees_of_freedom(monkeypatch):
+    monkeypatch.setattr(ibvs, "DOF", ("vx", "vy", "vz", "wz", "wy", "wx"))
+    assert missed("still")
+
+
+def test_the_wrong_features_fed_forward(monkeypatch):
+    right = ibvs.Ibvs.__init__
+
+    def other(self, config):
+        right(self, config)
+        self._fed = np.roll(self._fed, 2)  # an and theta instead of xn and yn
+
+    monkeypatch.setattr(ibvs.Ibvs, "__init__", other)
+    assert "servo_rms_px" in missed("line")
+
+
+@pytest.mark.parametrize("factor", [290.0, 1 / 290.0])
+def test_an_in_pixels(monkeypatch, factor):
+    """SERVO's trap: with the area in px^2, an is off by the focal length."""
+    right = features.of_moments
+    monkeypatch.setattr(features, "of_moments", lambda m, K: right(m, K) * [1, 1, factor, 1])
+    assert missed("still")
+
+
+def test_theta_measured_with_y_up(monkeypatch):
+    right = features.of_moments
+    monkeypatch.setattr(features, "of_moments", lambda m, K: right(m, K) * [1, 1, 1, -1])
+    assert missed("still")
+
+
+def test_a_depth_that_is_three_times_too_large(monkeypatch):
+    """The translations' gain is off by beta = 3; compensation is stable below 2 only."""
+    right = eyes.Eyes._told
+    monkeypatch.setattr(
+        eyes.Eyes, "_told", lambda self, plane: right(self, type(plane)(*(plane.vector / 3)))
+    )
+    assert missed("still")
+
+
+def test_a_joint_that_drives_the_wrong_way(monkeypatch):
+    right = Robot.rates
+
+    def reversed_yaw(self, data, twist):
+        rates, limited = right(self, data, twist)
+        return rates * [1, 1, 1, -1, 1, 1], limited
+
+    monkeypatch.setattr(Robot, "rates", reversed_yaw)
+    assert missed("still")
