@@ -10,6 +10,7 @@ filters' constants and plots are not.
 from __future__ import annotations
 
 from enum import Enum
+from math import atan2, sqrt
 
 import numpy as np
 
@@ -39,8 +40,8 @@ class Scaling(Enum):
 
 def of_moments(m: Moments, scale: float) -> Array:
     """The features (4,) of a silhouette; scale is K."""
-    an = scale / float(np.sqrt(m.area))
-    theta = float(np.arctan2(2 * m.mu11, m.mu20 - m.mu02)) / 2
+    an = scale / sqrt(m.area)
+    theta = atan2(2 * m.mu11, m.mu20 - m.mu02) / 2
     return np.array([an * m.xg, an * m.yg, an, theta])
 
 
@@ -51,7 +52,9 @@ def moments_of(corners: Array, camera: Camera) -> Moments:
 
 def moments_of_state(state: State, region: Region, camera: Camera) -> Moments:
     """The moments of the rectangle in which a tracker sees the target."""
-    return moments_of(region.corners(state), camera)
+    x, y = (state.x - camera.cx) / camera.fx, (state.y - camera.cy) / camera.fy
+    width, height = state.scale * region.width, state.scale * region.height
+    return moments.of_rectangle(x, y, width, height, state.theta, (1 / camera.fx, 1 / camera.fy))
 
 
 def facing_plane(m: Moments, root_area: float) -> Plane:
@@ -70,27 +73,23 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
     A small piece S of the plane n P = 1 has the image area a = S (n r)^3 / |n|, where r = (xg, yg,
     1): this gives |n|, and with it the depth, from size alone.
     """
-    unit = normal / np.linalg.norm(normal)
-    facing = float(unit @ (m.xg, m.yg, 1.0))
-    inverse_depth = np.sqrt(m.area / facing) / root_area
-    return _plane(unit * inverse_depth / facing)
+    A, B, C = normal.tolist()
+    facing = (A * m.xg + B * m.yg + C) / sqrt(A * A + B * B + C * C)
+    return plane_of_depth(m, root_area / sqrt(m.area / facing), normal)
 
 
 def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
     """The plane with this normal (3,), at a depth [m] where the target's centre is seen."""
-    return _plane(normal / (depth * float(normal @ (m.xg, m.yg, 1.0))))
+    A, B, C = normal.tolist()
+    along = depth * (A * m.xg + B * m.yg + C)
+    return Plane(A / along, B / along, C / along)
 
 
 def plane_of(T_camera_target: Pose, height: float) -> Plane:
     """The plane at a height [m] over the target's origin, level in the target's frame."""
     normal = T_camera_target.rotation[:, 2]
     through = T_camera_target.translation + height * normal
-    return _plane(normal / (normal @ through))
-
-
-def _plane(n: Array) -> Plane:
-    A, B, C = n.tolist()
-    return Plane(A, B, C)
+    return Plane(*(normal / (normal @ through)).tolist())
 
 
 def half_turn(angle: float) -> float:

@@ -14,6 +14,7 @@ finite differences. Twist order: vx, vy, vz, wx, wy, wz.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, sqrt
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def row_theta(m: Moments, plane: Plane) -> Array:
     """
     d, total = m.mu20 - m.mu02, m.mu20 + m.mu02
     D = d**2 + 4 * m.mu11**2
-    root = np.sqrt(D)
+    root = sqrt(D)
     if root <= ROUND * total:
         raise ValueError("a shape with equal principal moments has no orientation to servo on")
     q, c, s = total / root, d / root, 2 * m.mu11 / root
@@ -90,9 +91,9 @@ def row_theta(m: Moments, plane: Plane) -> Array:
 
 def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
     """Whether the shape's long axis is more than this many times its short one."""
-    spread = float(np.hypot(m.mu20 - m.mu02, 2 * m.mu11))
+    spread = hypot(m.mu20 - m.mu02, 2 * m.mu11)
     total = m.mu20 + m.mu02
-    return bool(total + spread > elongation**2 * (total - spread))
+    return total + spread > elongation**2 * (total - spread)
 
 
 def interaction(m: Moments, plane: Plane, scale: float) -> Array:
@@ -100,6 +101,6 @@ def interaction(m: Moments, plane: Plane, scale: float) -> Array:
 
     The row of theta is zero for a round shape.
     """
-    an = scale / float(np.sqrt(m.area))
+    an = scale / sqrt(m.area)
     theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else np.zeros(6)
-    return np.stack([row_xn(m, plane, an), row_yn(m, plane, an), row_an(m, plane, an), theta])
+    return np.array([row_xn(m, plane, an), row_yn(m, plane, an), row_an(m, plane, an), theta])

@@ -1,6 +1,8 @@
-"""Exact moments of polygons."""
+"""Exact moments of polygons and rectangles."""
 
 from __future__ import annotations
+
+from math import cos, sin
 
 import numpy as np
 
@@ -16,31 +18,48 @@ def of_polygon(polygon: Array) -> Moments:
     """Moments up to third order of a simple polygon (n, 2) in normalised coordinates, whatever its
     sense.
     """
-    area, centre = _area_and_centre(polygon)
-    corners = polygon - centre
-    nodes, weights = _nodes(corners)
-    x, y = nodes.T
+    middle = polygon.mean(axis=0)
+    corners = polygon - middle
+    areas, after = _triangles(corners)
+    area = float(areas.sum())
+    offset = areas @ (corners + after) / (3 * area)
+    centre = middle + offset
+    corners = corners - offset
+    areas, after = _triangles(corners)
+    nodes = BARYCENTRIC[:, 1, None, None] * corners + BARYCENTRIC[:, 2, None, None] * after
+    x, y = nodes[..., 0].ravel(), nodes[..., 1].ravel()
+    xx, yy = x * x, y * y
+    powers = np.array([xx, x * y, yy, xx * x, xx * y, x * yy, yy * y])
+    mu = powers @ np.outer(WEIGHTS, areas).ravel() * np.sign(area)
+    return Moments(abs(area), *centre.tolist(), *mu.tolist())
 
-    def mu(p: int, q: int) -> float:
-        return float(np.sign(area) * np.sum(weights * x**p * y**q))
 
+def of_rectangle(
+    x: float, y: float, width: float, height: float, theta: float, stretch: tuple[float, float]
+) -> Moments:
+    """Moments of a turned rectangle, stretched along the axes afterwards.
+
+    Args:
+        x: Centre, stretched.
+        y: Centre, stretched.
+        width: Along its own x axis.
+        height: Along its own y axis.
+        theta: From +x towards +y [rad].
+        stretch: Factors along x and y, such as 1 / fx and 1 / fy for a rectangle in pixels.
+    """
+    c, s = cos(theta), sin(theta)
+    long, short, (fx, fy) = width**2 / 12, height**2 / 12, stretch
+    area = width * height * fx * fy
     return Moments(
-        area=abs(area), xg=float(centre[0]), yg=float(centre[1]),
-        mu20=mu(2, 0), mu11=mu(1, 1), mu02=mu(0, 2),
-        mu30=mu(3, 0), mu21=mu(2, 1), mu12=mu(1, 2), mu03=mu(0, 3),
+        area=area, xg=x, yg=y,
+        mu20=area * fx * fx * (long * c * c + short * s * s),
+        mu11=area * fx * fy * (long - short) * s * c,
+        mu02=area * fy * fy * (long * s * s + short * c * c),
+        mu30=0.0, mu21=0.0, mu12=0.0, mu03=0.0,
     )  # fmt: skip
 
 
-def _area_and_centre(polygon: Array) -> tuple[float, Array]:
-    origin = polygon.mean(axis=0)
-    nodes, weights = _nodes(polygon - origin)
-    area = float(weights.sum())
-    return area, origin + weights @ nodes / area
-
-
-def _nodes(corners: Array) -> tuple[Array, Array]:
-    """Quadrature nodes (m, 2) and weights (m,) of the triangles from the origin to each edge."""
-    after = corners[np.arange(1, len(corners) + 1) % len(corners)]
-    areas = (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2
-    nodes = BARYCENTRIC[:, 1, None, None] * corners + BARYCENTRIC[:, 2, None, None] * after
-    return nodes.reshape(-1, 2), np.outer(WEIGHTS, areas).ravel()
+def _triangles(corners: Array) -> tuple[Array, Array]:
+    """Signed areas (n,) of the triangles from the origin to each edge, and the edges' ends."""
+    after = np.concatenate([corners[1:], corners[:1]])
+    return (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2, after

@@ -35,10 +35,15 @@ class Inverse:
             moves: Degrees of freedom (6,) that may move.
             weights: Weights (6,) of the degrees of freedom.
         """
-        chosen = L[np.ix_(rows, moves)]
-        W = weights[moves]
-        inverse = W[:, None] * np.linalg.pinv(chosen * W, rcond=RANK_TOLERANCE)
-        pseudo, free = np.zeros((6, 4)), np.zeros((6, 6))
-        pseudo[np.ix_(moves, rows)] = inverse
-        free[np.ix_(moves, moves)] = np.eye(len(W)) - inverse @ chosen
+        chosen = L * rows[:, None] * moves  # what is left out is zero, and so is its inverse
+        pseudo = weights[:, None] * _pinv(chosen * weights)
+        free = np.diag(moves.astype(float)) - pseudo @ chosen
         return Inverse(pseudo, free)
+
+
+def _pinv(A: Array) -> Array:
+    """The pseudo-inverse; NumPy's, without its general cases."""
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    large = s > RANK_TOLERANCE * s[0]
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=large)
+    return (Vt.T * inverse) @ U.T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import final
 
 import numpy as np
@@ -40,4 +41,5 @@ class Limits:
 
 def _excess(twist: Array, speed: float, turn: float) -> float:
     """How many times as fast as allowed."""
-    return float(max(np.linalg.norm(twist[:3]) / speed, np.linalg.norm(twist[3:]) / turn))
+    vx, vy, vz, wx, wy, wz = twist.tolist()
+    return max(hypot(vx, vy, vz) / speed, hypot(wx, wy, wz) / turn)
