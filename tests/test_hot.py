@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import colour, sampled
+from tracking.hot import annealing, colour, sampled
 from tracking.hot import kernels as hot
 
 RNG = np.random.default_rng(5)
@@ -89,6 +89,34 @@ def test_coefficients_agree_with_numpy():
     np.testing.assert_allclose(
         sampled.coefficients(*case), coefficient_twin(*case), rtol=0, atol=1e-13
     )
+
+
+def test_histograms_agree_with_numpy():
+    window, states, points, parts, weights, root = sampled_case()
+    found = sampled.histograms(window, states[0], points, parts, weights, *root.shape)
+    labels, left, top = window
+    x, y, theta, log_scale = states[0]
+    c, s = np.exp(log_scale) * np.cos(theta), np.exp(log_scale) * np.sin(theta)
+    u = x - left + c * points[:, 0] - s * points[:, 1]
+    v = y - top + s * points[:, 0] + c * points[:, 1]
+    twin = np.zeros(root.shape)
+    for p in np.flatnonzero((u >= 0) & (v >= 0) & (u < labels.shape[1]) & (v < labels.shape[0])):
+        label = labels[int(v[p]), int(u[p])]
+        if label >= 0:
+            twin[parts[p], label] += weights[p]
+    np.testing.assert_allclose(found, twin, rtol=0, atol=1e-13)
+    assert twin.sum() > 1.0
+
+
+def test_the_exponent_agrees_with_numpy():
+    w, target = -RNG.gamma(2.0, 3.0, 50), 20.0
+    low, high = 0.0, 100.0
+    for _ in range(30):
+        middle = (low + high) / 2
+        weights = np.exp(middle * (w - w.max()))
+        weights /= weights.sum()
+        low, high = (middle, high) if 1 / np.sum(weights**2) > target else (low, middle)
+    assert annealing.exponent(w, target, 100.0, 30) == pytest.approx(low, rel=1e-9)
 
 
 def test_mean_shift_reports_the_coefficients_of_where_it_ends():

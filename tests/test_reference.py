@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tracking.appearance.bins import Labeller
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.layout import grid
 from tracking.appearance.reference import ANCHOR, RARE, SURROUNDINGS_RATE, Learning, Reference
@@ -18,7 +19,9 @@ def picture(left, right, ground):
 
 
 def reference(image, **settings):
-    return Reference(image, REGION, STATE, ColourBins(), grid(REGION, 1, 20), Learning(**settings))
+    return Reference(
+        image, REGION, STATE, Labeller(ColourBins()), grid(REGION, 1, 20), Learning(**settings)
+    )
 
 
 def weights(ref):

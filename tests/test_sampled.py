@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Window
+from tracking.appearance.bins import Labeller, Window
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.layout import disc, grid, histograms, ring
 from tracking.appearance.reference import Learning
@@ -44,7 +44,7 @@ def test_ring_lies_around_the_template():
 
 
 def test_histograms_sum_to_one(smooth_image):
-    parts = histograms(smooth_image, ColourBins(), grid(REGION, 3, 5), TRUE)
+    parts = histograms(smooth_image, Labeller(ColourBins()), grid(REGION, 3, 5), TRUE)
     np.testing.assert_allclose(parts.sum(axis=1), np.ones(9), rtol=1e-12)
 
 
@@ -66,8 +66,8 @@ def test_distance_is_least_at_the_true_state(smooth_image):
 
 def test_distance_is_the_root_mean_over_the_parts(smooth_image):
     cells, state = model(smooth_image), State(83.0, 61.0, 0.3, 1.0)
-    reference = histograms(smooth_image, ColourBins(), grid(REGION, 3, 20), TRUE)
-    seen = histograms(smooth_image, ColourBins(), grid(REGION, 3, 5), state)
+    reference = histograms(smooth_image, Labeller(ColourBins()), grid(REGION, 3, 20), TRUE)
+    seen = histograms(smooth_image, Labeller(ColourBins()), grid(REGION, 3, 5), state)
     rho = np.sqrt(reference * seen).sum(axis=1)
     distances = cells.distances(smooth_image, state.vector[None])
     assert distances[0] == pytest.approx(np.sqrt(1 - rho.mean()), rel=1e-12)
@@ -116,8 +116,8 @@ def test_mean_shift_climbs_to_the_target_and_never_down(smooth_image):
 
 def test_one_mean_shift_step_is_the_weighted_mean(smooth_image):
     layout, state = disc(REGION, 24), State(83.0, 61.0, 0.3, 1.0)
-    q = histograms(smooth_image, ColourBins(), disc(REGION, 96), TRUE)[0]
-    p = histograms(smooth_image, ColourBins(), layout, state)[0]
+    q = histograms(smooth_image, Labeller(ColourBins()), disc(REGION, 96), TRUE)[0]
+    p = histograms(smooth_image, Labeller(ColourBins()), layout, state)[0]
     c, s = np.cos(0.3), np.sin(0.3)
     at = layout.points @ np.array([[c, s], [-s, c]]) + (83.0, 61.0)
     labels = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
@@ -135,3 +135,37 @@ def test_weighting_target_and_candidate_alike_leaves_the_step_as_it_is():
     plain = np.sqrt(q / p)
     weighted = np.sqrt((v * q / (v * q).sum()) / (v * p / (v * p).sum()))
     np.testing.assert_allclose(weighted / plain, (weighted / plain)[0])
+
+
+class Counting:
+    """Colour bins that remember what they were asked to label."""
+
+    def __init__(self):
+        self.windows = []
+
+    @property
+    def count(self):
+        return ColourBins().count
+
+    def label(self, image, window):
+        self.windows.append(window)
+        return ColourBins().label(image, window)
+
+
+def test_a_picture_is_labelled_once_and_only_where_needed(smooth_image):
+    bins = Counting()
+    labeller = Labeller(bins)
+    labeller.expect(30.0)
+    near, far = TRUE.vector[None], TRUE.vector[None] + [40.0, 0, 0, 0]
+    labels, left, top = labeller.around(smooth_image, near, 20.0)
+    assert len(bins.windows) == 1
+    assert labels.shape[1] >= 60  # as far as was said to be needed later
+    again, _, _ = labeller.around(smooth_image, near, 30.0)
+    assert again is labels
+    labeller.around(smooth_image, far, 20.0)
+    assert len(bins.windows) == 2
+    labeller.around(smooth_image.copy(), far, 20.0)
+    assert len(bins.windows) == 3
+    whole = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
+    height, width = labels.shape
+    np.testing.assert_array_equal(labels, whole[top : top + height, left : left + width])

@@ -43,6 +43,15 @@ class Window:
             _whole(math.ceil(high[1] + reach), height),
         )
 
+    def holds(self, other: Window) -> bool:
+        """Whether the other one lies inside."""
+        return (
+            self.left <= other.left
+            and self.top <= other.top
+            and self.right >= other.right
+            and self.bottom >= other.bottom
+        )
+
 
 def _whole(at: int, most: int) -> int:
     return min(max(at, 0), most)
@@ -59,3 +68,34 @@ class Bins(Protocol):
     def label(self, image: Image, window: Window) -> Labels:
         """Bin numbers (h, w) of the pixels in a window; negative: in no bin."""
         ...
+
+
+class Labeller:
+    """Labels the pixels of one picture after another: each picture once, and only where needed."""
+
+    def __init__(self, bins: Bins) -> None:
+        self.bins = bins
+        self._farthest = 0.0
+        self._last: tuple[Image, Window, Labels] | None = None
+
+    def expect(self, radius: float) -> None:
+        """Label at least this far around any state [px], for who will ask next."""
+        self._farthest = max(self._farthest, radius)
+
+    def around(
+        self, image: Image, states: Array, radius: float, more: float = 0.0
+    ) -> tuple[Labels, int, int]:
+        """Labels (h, w), and the first column and row they stand for.
+
+        Args:
+            image: RGB (H, W, 3).
+            states: Around which (N, 4).
+            radius: How far, at scale 1 [px].
+            more: How much farther [px].
+        """
+        last, needed = self._last, Window.around(states, radius, image, more)
+        if last is None or last[0] is not image or not last[1].holds(needed):
+            window = Window.around(states, max(radius, self._farthest), image, more)
+            last = self._last = image, window, self.bins.label(image, window)
+        _, held, labels = last
+        return labels, held.left, held.top

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Image
-from tracking.appearance.bins import Bins, Window
+from tracking.appearance.bins import Labeller
+from tracking.hot import sampled as hot
 from tracking.types import Region, State
 
 TINY = 1e-12
@@ -31,16 +32,17 @@ class Layout:
     """Part of each point (P,)."""
     weights: Array
     """Kernel weight of each point (P,), summing to 1 over a part."""
+    radius: float
+    """Distance of the farthest point from the centre [px]."""
+    count: int
+    """Number of parts K."""
 
     @staticmethod
     def of(points: Array, parts: NDArray[np.int64], kernel: Array) -> Layout:
         """A layout with the kernel's values (P,) normalised over each part."""
-        return Layout(points, parts, kernel / np.bincount(parts, kernel)[parts])
-
-    @property
-    def radius(self) -> float:
-        """Distance of the farthest point from the centre [px]."""
-        return float(np.max(np.hypot(self.points[:, 0], self.points[:, 1])))
+        mass = np.bincount(parts, kernel)
+        radius = float(np.max(np.hypot(points[:, 0], points[:, 1])))
+        return Layout(points, parts, kernel / mass[parts], radius, len(mass))
 
 
 def grid(region: Region, per_side: int, density: int) -> Layout:
@@ -74,19 +76,10 @@ def ring(region: Region, width: float, density: int) -> Layout:
     return Layout.of(points, np.zeros(len(points), np.int64), np.ones(len(points)))
 
 
-def histograms(image: Image, bins: Bins, layout: Layout, state: State) -> Array:
+def histograms(image: Image, labeller: Labeller, layout: Layout, state: State) -> Array:
     """Normalised histograms (K, B) of the parts of a layout; points off the image are left out."""
-    vector = state.vector[None]
-    window = Window.around(vector, layout.radius, image)
-    labels = bins.label(image, window)
-    c, s = state.scale * np.cos(state.theta), state.scale * np.sin(state.theta)
-    turned = layout.points @ np.array([[c, s], [-s, c]])
-    column = np.floor(turned[:, 0] + state.x).astype(int) - window.left
-    row = np.floor(turned[:, 1] + state.y).astype(int) - window.top
-    inside = (column >= 0) & (column < labels.shape[1]) & (row >= 0) & (row < labels.shape[0])
-    counts = np.zeros((int(layout.parts.max()) + 1, bins.count))
-    seen = labels[row[inside], column[inside]].astype(np.int64)
-    counted = seen >= 0
-    at = (layout.parts[inside][counted], seen[counted])
-    np.add.at(counts, at, layout.weights[inside][counted])
+    vector = state.vector
+    window = labeller.around(image, vector[None], layout.radius)
+    at = (layout.points, layout.parts, layout.weights)
+    counts = hot.histograms(window, vector, *at, layout.count, labeller.bins.count)
     return counts / np.maximum(counts.sum(axis=1, keepdims=True), TINY)

@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
-from tracking.appearance.bins import Bins
+from tracking.appearance.bins import Labeller
 from tracking.appearance.layout import Layout, histograms, ring
 from tracking.types import Region, State
 
@@ -61,7 +61,7 @@ class Reference:
         image: Image,
         region: Region,
         state: State,
-        bins: Bins,
+        labeller: Labeller,
         layout: Layout,
         learning: Learning,
     ) -> None:
@@ -71,14 +71,16 @@ class Reference:
             image: First frame (H, W, 3).
             region: The template.
             state: Where the target is.
-            bins: What is counted.
+            labeller: What is counted.
             layout: Where the target is read.
             learning: What else is learned.
         """
-        self.learning, self._bins, self._layout = learning, bins, layout
+        self.learning, self._labeller, self._layout = learning, labeller, layout
         self._around = ring(region, SURROUNDINGS, SURROUNDINGS_DENSITY)
-        self._first = self._now = histograms(image, bins, layout, state)
-        self._background = histograms(image, bins, self._around, state)[0]
+        if learning.discriminate:
+            labeller.expect(self._around.radius)
+        self._first = self._now = self._read(image, layout, state)
+        self._background = self._read(image, self._around, state)[0]
         self._combine()
 
     def learn(self, image: Image, state: State) -> None:
@@ -93,7 +95,7 @@ class Reference:
             self._combine()
 
     def _read(self, image: Image, layout: Layout, state: State) -> Array:
-        return histograms(image, self._bins, layout, state)
+        return histograms(image, self._labeller, layout, state)
 
     def _combine(self) -> None:
         parts = _blend(self._now, self._first, ANCHOR)

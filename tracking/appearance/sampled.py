@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.appearance.bins import Bins, Window
+from tracking.appearance.bins import Bins, Labeller
 from tracking.appearance.layout import Layout, disc, grid, ring
 from tracking.appearance.reference import Learning, Reference
 from tracking.hot import sampled as hot
@@ -40,16 +40,18 @@ class SampledModel:
     does not see.
     """
 
-    def __init__(self, layout: Layout, around: Layout, bins: Bins, reference: Reference) -> None:
+    def __init__(
+        self, layout: Layout, around: Layout, labeller: Labeller, reference: Reference
+    ) -> None:
         """Put a model together.
 
         Args:
             layout: Where states are read.
             around: The ring, for the contrast.
-            bins: What is counted.
+            labeller: What is counted.
             reference: How the target looks.
         """
-        self._bins, self._layout, self._ring = bins, layout, around
+        self._labeller, self._layout, self._ring = labeller, layout, around
         self._reference = reference
         self._radius = max(layout.radius, around.radius)
 
@@ -96,8 +98,7 @@ class SampledModel:
         return hot.coefficients(window, states, *at, self._reference.root_parts)
 
     def _window(self, image: Image, states: Array, reach: float = 0.0) -> hot.Window:
-        window = Window.around(states, self._radius, image, reach)
-        return self._bins.label(image, window), window.left, window.top
+        return self._labeller.around(image, states, self._radius, reach)
 
 
 def cell_model(
@@ -113,8 +114,9 @@ def cell_model(
     """The template in per_side^2 cells, with a ring around it."""
     layout, dense = (grid(region, per_side, d) for d in (density, REFERENCE_DENSITY * density))
     around = ring(region, learning.ring, per_side * density)
-    reference = Reference(image, region, state, bins, dense, learning)
-    return SampledModel(layout, around, bins, reference)
+    labeller = Labeller(bins)
+    reference = Reference(image, region, state, labeller, dense, learning)
+    return SampledModel(layout, around, labeller, reference)
 
 
 def disc_model(
@@ -123,8 +125,9 @@ def disc_model(
     """The template under one Epanechnikov kernel, with a ring around it."""
     layout, dense = (disc(region, d) for d in (density, REFERENCE_DENSITY * density))
     around = ring(region, learning.ring, density)
-    reference = Reference(image, region, state, bins, dense, learning)
-    return SampledModel(layout, around, bins, reference)
+    labeller = Labeller(bins)
+    reference = Reference(image, region, state, labeller, dense, learning)
+    return SampledModel(layout, around, labeller, reference)
 
 
 def _distance(rho: Array) -> Array:

@@ -27,10 +27,11 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int
     """
     found = np.empty((max(bottom - top, 0), max(right - left, 0)), np.int16)
     shift = 8 - bits
-    for i in range(top, bottom):
-        for j in range(left, right):
-            red, green, blue = image[i, j, 0], image[i, j, 1], image[i, j, 2]
-            found[i - top, j - left] = (
+    part = image[top:bottom, left:right]
+    for i in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            red, green, blue = part[i, j, 0], part[i, j, 1], part[i, j, 2]
+            found[i, j] = (
                 ((red >> shift) << 2 * bits) | ((green >> shift) << bits) | (blue >> shift)
             )
     return found

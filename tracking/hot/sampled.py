@@ -27,24 +27,53 @@ def _read(
     points: Array,
     parts: NDArray[Any],
     weights: Array,
+    bins: int,
     histogram: Array,
     seen: NDArray[Any],
-) -> None:
-    """Add the points' weights to the histogram (K, B); write the label each point sees (P,)."""
+    used: NDArray[Any],
+) -> int:
+    """Add the points' weights to a flat histogram (K * bins,), which is zero.
+
+    Writes the place in it that each point falls on (P,), or -1, and the places that are no longer
+    zero; returns how many of these there are.
+    """
     labels, left, top = window
     h, w = labels.shape
     scale = np.exp(state[3])
     c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
     x0, y0 = state[0] - left, state[1] - top
+    count = 0
     for p in range(len(points)):
         seen[p] = -1
         u = x0 + c * points[p, 0] - s * points[p, 1]
         v = y0 + s * points[p, 0] + c * points[p, 1]
         if 0.0 <= u < w and 0.0 <= v < h:
-            label = labels[int(v), int(u)]
+            label = labels[np.uint32(v), np.uint32(u)]
             if label >= 0:
-                seen[p] = label
-                histogram[parts[p], label] += weights[p]
+                place = parts[p] * bins + label
+                if histogram[place] == 0.0:
+                    used[count] = place
+                    count += 1
+                histogram[place] += weights[p]
+                seen[p] = place
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def histograms(
+    window: Window,
+    state: Array,
+    points: Array,
+    parts: NDArray[Any],
+    weights: Array,
+    count: int,
+    bins: int,
+) -> Array:
+    """What each part of one state (4,) shows (count, bins), not normalised."""
+    found = np.zeros(count * bins)
+    seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
+    _read(window, state, points, parts, weights, bins, found, seen, used)
+    return found.reshape((count, bins))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -58,21 +87,19 @@ def coefficients(
         states: (N, 4).
         points: Template points (P, 2) [px].
         parts: Part of each point (P,), 0..K-1.
-        weights: Kernel weight of each point (P,), summing to 1 over a part.
+        weights: Kernel weight of each point (P,), above 0, summing to 1 over a part.
         root_q: Square roots of the reference histograms (K, B).
     """
     rho = np.zeros((len(states), len(root_q)))
-    histogram, seen = np.zeros(root_q.shape), np.empty(len(points), np.int64)
+    flat_q, bins = root_q.ravel(), root_q.shape[1]
+    histogram = np.zeros(len(flat_q))
+    seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
     for n in range(len(states)):
-        _read(window, states[n], points, parts, weights, histogram, seen)
-        for p in range(len(points)):
-            if seen[p] >= 0:
-                mass = histogram[parts[p], seen[p]]
-                if (
-                    mass > 0.0
-                ):  # the first of the points that share this bin counts it, and clears it
-                    rho[n, parts[p]] += root_q[parts[p], seen[p]] * np.sqrt(mass)
-                    histogram[parts[p], seen[p]] = 0.0
+        count = _read(window, states[n], points, parts, weights, bins, histogram, seen, used)
+        for i in range(count):
+            place = used[i]
+            rho[n, place // bins] += flat_q[place] * np.sqrt(histogram[place])
+            histogram[place] = 0.0
     return rho
 
 
@@ -86,21 +113,23 @@ def _mean_shift_step(
     root_q: Array,
     histogram: Array,
     seen: NDArray[Any],
+    used: NDArray[Any],
 ) -> tuple[float, float, float]:
     """Coefficient at a state, and the mean-shift vector in the image [px]."""
-    _read(window, state, points, parts, weights, histogram, seen)
-    mass = shift_x = shift_y = rho = 0.0
+    count = _read(window, state, points, parts, weights, 0, histogram, seen, used)
+    mass, shift_x, shift_y, rho = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):  # a bin's mass becomes the pull of its points
+        root = float(np.sqrt(histogram[used[i]]))
+        rho += float(root_q[used[i]] * root)
+        histogram[used[i]] = root_q[used[i]] / root
     for p in range(len(points)):
         if seen[p] >= 0:
-            found = histogram[0, seen[p]]
-            pull = root_q[0, seen[p]] / np.sqrt(found)
+            pull = histogram[seen[p]]
             mass += pull
             shift_x += pull * points[p, 0]
             shift_y += pull * points[p, 1]
-            rho += root_q[0, seen[p]] * weights[p] / np.sqrt(found)
-    for p in range(len(points)):
-        if seen[p] >= 0:
-            histogram[0, seen[p]] = 0.0
+    for i in range(count):
+        histogram[used[i]] = 0.0
     if mass == 0.0:
         return 0.0, 0.0, 0.0
     scale = np.exp(state[3])
@@ -135,11 +164,13 @@ def mean_shift(
     """
     found, rho, evaluations = states.copy(), np.zeros(len(states)), 0
     parts = np.zeros(len(points), np.int64)
-    histogram, seen = np.zeros(root_q.shape), np.empty(len(points), np.int64)
+    flat_q = root_q.ravel()
+    histogram = np.zeros(len(flat_q))
+    seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
     for n in range(len(states)):
         here = found[n]
         rho[n], dx, dy = _mean_shift_step(
-            window, here, points, parts, weights, root_q, histogram, seen
+            window, here, points, parts, weights, flat_q, histogram, seen, used
         )
         evaluations += 1
         left = most - 1
@@ -148,7 +179,7 @@ def mean_shift(
             there[0] += dx
             there[1] += dy
             better, next_x, next_y = _mean_shift_step(
-                window, there, points, parts, weights, root_q, histogram, seen
+                window, there, points, parts, weights, flat_q, histogram, seen, used
             )
             evaluations += 1
             left -= 1

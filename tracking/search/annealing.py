@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from sim.types import Array
-from tracking.search import sampling
+from tracking.hot import annealing as hot
 from tracking.search.particles import ParticleFilter
 
 BISECTIONS = 40
@@ -47,15 +47,8 @@ class Annealing:
 
 def exponent(log_likelihood: Array, survival: float) -> float:
     """The beta with which w^beta has an effective sample size of survival * N, by bisection."""
-    low, high = 0.0, LARGEST_BETA
     target = survival * len(log_likelihood)
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        if sampling.effective_size(sampling.normalised(middle * log_likelihood)) > target:
-            low = middle
-        else:
-            high = middle
-    return low
+    return hot.exponent(log_likelihood, target, LARGEST_BETA, BISECTIONS)
 
 
 def anneal(

@@ -1,0 +1,33 @@
+"""Compiled: the exponent that flattens a likelihood as much as wanted."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from sim.types import Array
+
+
+@numba.njit(cache=True, nogil=True)
+def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -> float:
+    """The beta below `highest` with which w^beta has a target effective sample size, by bisection.
+
+    Args:
+        log_likelihood: ln w (N,).
+        target: Effective sample size 1 / sum w^2 of the normalised weights.
+        highest: Largest beta.
+        steps: Bisections.
+    """
+    low, high, top = 0.0, highest, np.max(log_likelihood)
+    for _ in range(steps):
+        middle = (low + high) / 2
+        total = squares = 0.0
+        for w in log_likelihood:
+            weight = np.exp(middle * (w - top))
+            total += weight
+            squares += weight * weight
+        if total * total / squares > target:
+            low = middle
+        else:
+            high = middle
+    return low
