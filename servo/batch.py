@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from servo.parsing import Mistake
+from servo.mistake import Mistake
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar
 from tracking.evaluation.jobs import Done, Job, run_all
 

@@ -14,6 +14,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -212,7 +213,7 @@ def doctor() -> None:
 
 def main() -> None:
     """The entry point: a user's mistake is one sentence on stderr and exit code 2."""
-    from servo.parsing import Mistake
+    from servo.mistake import Mistake
     from sim.gl import NoRenderer
 
     try:

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from servo import catalogue
 from servo import scenario as scenarios
 from servo.episode import Episode
 from servo.measures import Report, Violation, check_expect, summarise, violations
@@ -67,7 +68,7 @@ def check_scenarios(
     names: Sequence[str], changes: list[str], seeds: Iterable[int], *, quiet: bool
 ) -> int:
     """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
-    chosen = list(names) or [n for n in scenarios.shipped() if scenarios.load(n).expect]
+    chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     runs = [(name, _load(name, changes, seed)) for name in chosen for seed in seeds]
     gl.backend()
     console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)

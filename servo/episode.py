@@ -12,7 +12,7 @@ import numpy as np
 
 from servo import features
 from servo.eyes import Eyes
-from servo.parsing import Mistake
+from servo.mistake import Mistake
 from servo.scenario import Scenario
 from servo.step import Seconds, Step
 from servo.types import Command, Sight, Task

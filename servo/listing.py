@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.parsing import Mistake
-from servo.scenario import LISTS, PLUGINS, shipped
+from servo.catalogue import LISTS, PLUGINS, shipped
+from servo.mistake import Mistake
 from sim import plugins
 
 FOLDERS = {

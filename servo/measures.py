@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.features import half_turn
-from servo.parsing import Mistake, unknown
+from servo.mistake import Mistake, unknown
 from servo.scenario import Scenario
 from servo.settings import MeasureConfig
 from servo.step import Step

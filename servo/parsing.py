@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import json
-from collections.abc import Iterable
 from typing import Any
 
 from pydantic import ConfigDict, ValidationError, create_model
 
+from servo.mistake import Mistake, unknown
 from sim import plugins
 
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
@@ -17,20 +16,6 @@ MESSAGES = {
     "missing": "a value is missing",
 }
 """Our words where pydantic's speak of Python."""
-
-
-class Mistake(ValueError):
-    """Something the user got wrong, in one sentence: what, where, and what would be right."""
-
-
-def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
-    """The sentence for a key, or something else, that does not exist."""
-    names = list(known)
-    if not names:
-        return f"there is no key '{key}'; this kind has no settings"
-    near = difflib.get_close_matches(key, names, n=1)
-    hint = f"did you mean '{near[0]}'?" if near else f"there is {', '.join(names)}"
-    return f"there is no {what} '{key}'; {hint}"
 
 
 def fill(config: type[Any], table: Any, place: str) -> Any:

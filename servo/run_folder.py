@@ -11,7 +11,7 @@ from typing import Any
 from servo import plots
 from servo.episode import Episode
 from servo.measures import Report, Violation
-from servo.parsing import Mistake
+from servo.mistake import Mistake
 from servo.scenario import Scenario
 from servo.step import Step
 from servo.steps_table import TABLE, StepsTable

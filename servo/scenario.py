@@ -11,7 +11,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from servo.parsing import Mistake, fill, fill_plugin, fill_plugins, unknown
+from servo.catalogue import LISTS, PLUGINS, shipped
+from servo.mistake import Mistake, unknown
+from servo.parsing import fill, fill_plugin, fill_plugins
 from servo.settings import (
     FeaturesConfig,
     GoalConfig,
@@ -34,15 +36,6 @@ SECTIONS: dict[str, type[Any]] = {
     "features": FeaturesConfig,
     "measure": MeasureConfig,
 }
-PLUGINS = {
-    "robot": ("sim.robots", "gantry"),
-    "motion": ("sim.motions", "still"),
-    "tracker": ("tracking.trackers", "pf_ssd"),
-    "estimator": ("servo.estimators", "kalman_cv"),
-    "controller": ("servo.controllers", "ibvs"),
-}
-"""Tables with a `kind`: the folder it is looked up in, and the kind where none is given."""
-LISTS = {"disturbances": "sim.disturbances"}
 KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect")
 
 
@@ -88,12 +81,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return dataclasses.asdict(value)
-
-
-def shipped() -> list[str]:
-    """Names of the scenarios in the package, sorted."""
-    files = resources.files("scenes").iterdir()
-    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
 
 def load(name: str, overrides: list[str] | None = None, seed: int | None = None) -> Scenario:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from servo.parsing import Mistake, fill_plugin, unknown
+from servo.mistake import Mistake, unknown
+from servo.parsing import fill_plugin
 from sim import plugins
 from tracking.evaluation.bench import Contender, Entry, Generated, Recorded
 from tracking.evaluation.sequence import read_all

@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.parsing import Mistake, fill_plugin
+from servo.mistake import Mistake
+from servo.parsing import fill_plugin
 from servo.run_folder import REPORT, VERSIONED, prepare
 from servo.scenario import override
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar

@@ -17,9 +17,11 @@ from sim.types import Array
 OUTLINE = "target/outline"
 TARGET, OTHER = "target/car", "other/car"
 PROPS = {"car": "other/"}
-"""What a disturbance may need beside the target: MJCF models in scenes/, by the prefix of their
-names in the scene.
-"""
+"""MJCF models in scenes/ that a disturbance may need, by the prefix of their names in the scene."""
+SPOT = "spot"
+"""The prop of a light that is not the same everywhere: MuJoCo lights corners and blends between
+them, so the table needs more of them."""
+FINE_QUADS = 8
 WHOLE = 1e-9
 """Tolerance for a ratio of rates to count as whole."""
 
@@ -31,9 +33,13 @@ def build_model(
     scenes = resources.files("scenes")
     with resources.as_file(scenes) as folder:
         spec = mujoco.MjSpec.from_file(str(folder / robot.model))
-        for name, prefix in [("car", "target/"), *((p, PROPS[p]) for p in sorted(set(props)))]:
+        wanted = set(props)
+        models = [("car", "target/"), *((p, PROPS[p]) for p in sorted(wanted & set(PROPS)))]
+        for name, prefix in models:
             model = mujoco.MjSpec.from_file(str(folder / f"{name}.xml"))
             spec.attach(model, prefix=prefix, frame=spec.worldbody.add_frame())
+        if SPOT in wanted:
+            spec.visual.quality.numquads = FINE_QUADS
         spec.option.timestep = 1.0 / physics_rate
         spec.camera(EYE).fovy = camera.fovy_deg
         spec.visual.global_.offwidth = camera.width * camera.supersample

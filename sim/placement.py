@@ -4,6 +4,8 @@ picture.
 
 from __future__ import annotations
 
+from math import atan2, sqrt
+
 import numpy as np
 
 from sim.types import Array, Camera, Pose, Truth
@@ -30,15 +32,15 @@ def truth(
         visible: Fraction of the silhouette that is seen, if known.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
-    corners = camera.project(T_camera_target.apply(outline))
-    middle = outline.mean(axis=0)
-    nose = (outline[1] + outline[2]) / 2
-    centre, front = camera.project(T_camera_target.apply(np.stack([middle, nose])))
+    top_left, top_right, low_right, _ = outline
+    middle, nose = (top_left + low_right) / 2, (top_right + low_right) / 2
+    seen = camera.project(T_camera_target.apply(np.stack([*outline, middle, nose])))
+    corners, centre, front = seen[:4], seen[4], seen[5]
     metric_area = abs(shoelace(outline[:, :2]))
     return Truth(
         centre=centre,
-        theta=float(np.arctan2(front[1] - centre[1], front[0] - centre[0])),
-        size=float(np.sqrt(abs(shoelace(corners)) / metric_area)),
+        theta=atan2(front[1] - centre[1], front[0] - centre[0]),
+        size=sqrt(abs(shoelace(corners)) / metric_area),
         corners=corners,
         T_world_camera=T_world_camera,
         T_world_target=T_world_target,
@@ -48,9 +50,8 @@ def truth(
 
 def shoelace(polygon: Array) -> float:
     """Signed area of a polygon (n, 2); positive for corners that turn from +x to +y."""
-    x, y = polygon.T
-    after = np.arange(1, len(x) + 1) % len(x)
-    return float(x @ y[after] - y @ x[after]) / 2
+    after = np.concatenate([polygon[1:], polygon[:1]])
+    return float(polygon[:, 0] @ after[:, 1] - polygon[:, 1] @ after[:, 0]) / 2
 
 
 def camera_above(

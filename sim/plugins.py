@@ -24,7 +24,8 @@ class UnknownKind(ValueError):
 
 def kinds(folder: str) -> list[str]:
     """The kinds a folder (a package such as 'tracking.trackers') has, sorted."""
-    paths = importlib.import_module(folder).__path__
+    spec = importlib.util.find_spec(folder)
+    paths = spec.submodule_search_locations if spec else None
     return sorted(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
 
 

@@ -12,10 +12,10 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from sim.assembly import OTHER, TARGET
+from sim.assembly import OTHER, SPOT, TARGET
 from sim.types import Effect, Pose
 
-BOARD, LAMP, SPOT = "board", "lamp", "spot"
+BOARD, LAMP = "board", "lamp"
 BOARD_NEARNESS = 0.3
 """Where the board crosses the line of sight, as a fraction of the way from target to camera."""
 BELOW = -0.2
@@ -34,7 +34,7 @@ class Disturbance(Protocol):
     """What disturbs the world at any time."""
 
     props: tuple[str, ...]
-    """Models that it needs in the scene: see sim.assembly.PROPS."""
+    """What it needs in the scene: "car" a second one, "spot" a finely lit table."""
 
     def at(self, time: float) -> Effect:
         """The effect at a time [s]."""

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from servo.scenario import LISTS, PLUGINS
+from servo.catalogue import LISTS, PLUGINS
 from servo.types import OwnMotion, Sight, Task
 from sim import plugins
 from sim.types import Effect, Frame, Pose, Posture

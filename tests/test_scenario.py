@@ -1,8 +1,9 @@
 import pytest
 
+from servo import catalogue
 from servo import scenario as s
 from servo.measures import check_expect
-from servo.parsing import Mistake
+from servo.mistake import Mistake
 from sim import plugins
 from tracking.trackers import pf_ssd
 
@@ -94,7 +95,7 @@ def test_an_unknown_scenario_lists_what_there_is():
     assert mistake(s.load, "revrsal") == (
         "there is no scenario 'revrsal'; did you mean 'reversal'? (or give a .toml file)"
     )
-    there = ", ".join(s.shipped())
+    there = ", ".join(catalogue.shipped())
     assert mistake(s.load, "zzz") == (
         f"there is no scenario 'zzz'; there is {there} (or give a .toml file)"
     )
@@ -170,7 +171,7 @@ def test_defaults_are_those_of_the_kinds():
     assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1, "ego": False}
 
 
-@pytest.mark.parametrize("name", s.shipped())
+@pytest.mark.parametrize("name", catalogue.shipped())
 def test_every_shipped_scenario_opens_with_its_command_and_has_bounds(name, root):
     lines = (root / "scenes" / f"{name}.toml").read_text().splitlines()
     assert lines[0] == f"# servobench run {name}"

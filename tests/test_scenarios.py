@@ -6,11 +6,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from servo.catalogue import shipped
 from servo.episode import Episode, run, stream
 from servo.events import events
 from servo.measures import summarise, violations
 from servo.run_folder import RunFolder
-from servo.scenario import load, shipped
+from servo.scenario import load
 from servo.steps_table import TIMED
 
 

@@ -5,12 +5,12 @@ They see frames, never the world behind them. `create` gives a tracker by its ki
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from sim import plugins
-from tracking.types import Tracker
+
+if TYPE_CHECKING:
+    from tracking.types import Tracker
 
 __all__ = ["create"]
 
@@ -30,6 +30,8 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
         UnknownKind: There is no such kind or preset; the message lists what there is.
         TypeError: There is no such setting.
     """
+    import numpy as np  # not before it is needed: `servobench list` only looks at files
+
     begin = {} if preset is None else plugins.preset(FOLDER, kind, preset)
     config = plugins.config_of(FOLDER, kind)(**begin | settings)
     return config.build(np.random.default_rng(seed))

@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo.batch import work
+from servo.mistake import Mistake, unknown
 from servo.papers import estimators, kams, kernels, servoing, texture
 from servo.papers.claim import Claim, Effort, Verdict
-from servo.parsing import Mistake, unknown
 from servo.terminal import plain
 from sim import gl
 

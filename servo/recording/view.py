@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
-from servo.parsing import Mistake
+from servo.mistake import Mistake
 
 MAGIC = (b"RRF2", b"RRIO")
 """How Rerun's files begin."""

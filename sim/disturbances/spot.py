@@ -39,7 +39,7 @@ class Config:
 class SpotLight:
     """A trapezoid over time."""
 
-    props: tuple[str, ...] = ()
+    props: tuple[str, ...] = ("spot",)
 
     def __init__(self, config: Config) -> None:
         c = self._config = config
