@@ -74,23 +74,31 @@ class Eyes:
 
     def _plane_at(self, m: Moments, truth: Truth, posture: Posture) -> Plane:
         c = self._config
-        T_camera_target = truth.T_world_camera.inverse() @ truth.T_world_target
-        table = features.plane_of(T_camera_target, self._height)
-        pose = posture.T_base_camera
-        normals = {
-            "parallel": lambda: FACING,
-            "known": lambda: table.vector,
-            "estimated": lambda: self._fit.normal(pose),
-        }
-        normal, ray = normals[c.plane](), np.array([m.xg, m.yg, 1.0])
+        normal, ray = self._normal(truth, posture), np.array([m.xg, m.yg, 1.0])
         if c.depth == "known":
-            plane = features.plane_of_depth(m, 1 / float(table.vector @ ray), normal)
+            depth = 1 / float(self._table(truth).vector @ ray)
+            plane = features.plane_of_depth(m, depth, normal)
         else:
             plane = features.plane_of_size(m, self._root_area, normal)
         if c.plane == "estimated":
-            self._fit.add(pose, ray / float(plane.vector @ ray))
+            self._fit.add(posture.T_base_camera, ray / float(plane.vector @ ray))
         return self._told(plane)
+
+    def _normal(self, truth: Truth, posture: Posture) -> Array:
+        match self._config.plane:
+            case "parallel":
+                return FACING
+            case "known":
+                return self._table(truth).vector
+            case "estimated":
+                return self._fit.normal(posture.T_base_camera)
+
+    def _table(self, truth: Truth) -> Plane:
+        """The plane of the target's reference rectangle, as a calibrated robot knows it."""
+        T_camera_target = truth.T_world_camera.inverse() @ truth.T_world_target
+        return features.plane_of(T_camera_target, self._height)
 
     def _told(self, plane: Plane) -> Plane:
         """What the matrix is told of a plane."""
-        return Plane(*(plane.vector / self._config.depth_factor).tolist())
+        f = self._config.depth_factor
+        return Plane(plane.A / f, plane.B / f, plane.C / f)

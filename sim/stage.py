@@ -49,7 +49,13 @@ class Stage:
     ) -> None:
         self._model, self._motion, self._disturbances = model, motion, tuple(disturbances)
         self._has_other = any("car" in d.props for d in disturbances)
-        self._lamp = model.light(LAMP).diffuse.copy()
+        self._mocap = {
+            name: int(model.body(name).mocapid[0])
+            for name in (TARGET, BOARD, *([OTHER] if self._has_other else []))
+        }
+        self._lamp, self._spot = model.light(LAMP).id, model.light(SPOT).id
+        self._lamp_diffuse = model.light(LAMP).diffuse.copy()
+        self._board_parked = model.body(BOARD).pos.copy()
 
     def effect(self, time: float) -> Effect:
         """All that disturbs at a time [s]."""
@@ -61,30 +67,33 @@ class Stage:
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
         """Put everything where it is at a time [s], for a camera that is at `eye`."""
-        effect, target = self.effect(time), self._motion.at(time)
+        target = self._motion.at(time)
         self._put(data, TARGET, target)
+        if not self._disturbances:
+            return
+        effect = self.effect(time)
         self._place_board(data, effect.board, target, eye)
         if self._has_other:
             self._put(data, OTHER, effect.other or _below())
-        spot, lamp = self._model.light(SPOT), self._model.light(LAMP)
-        lamp.diffuse = self._lamp * effect.lamp
-        spot.active = effect.spot is not None
-        if effect.spot is not None:
-            spot.pos[:2] = effect.spot.x, effect.spot.y
-            spot.diffuse = effect.spot.strength
+        model, spot = self._model, effect.spot
+        model.light_diffuse[self._lamp] = self._lamp_diffuse * effect.lamp
+        model.light_active[self._spot] = spot is not None
+        if spot is not None:
+            model.light_pos[self._spot][:2] = spot.x, spot.y
+            model.light_diffuse[self._spot] = spot.strength
 
     def _place_board(
         self, data: mujoco.MjData, sideways: float | None, target: Pose, eye: Pose
     ) -> None:
         if sideways is None:
-            data.mocap_pos[self._model.body(BOARD).mocapid] = self._model.body(BOARD).pos
+            data.mocap_pos[self._mocap[BOARD]] = self._board_parked
             return
         point = target.translation + BOARD_NEARNESS * (eye.translation - target.translation)
         across = eye.rotation @ np.array([sideways, 0.0, 0.0])
         self._put(data, BOARD, Pose(np.eye(3), point + across))
 
     def _put(self, data: mujoco.MjData, body: str, pose: Pose) -> None:
-        index = self._model.body(body).mocapid[0]
+        index = self._mocap[body]
         data.mocap_pos[index] = pose.translation
         mujoco.mju_mat2Quat(data.mocap_quat[index], pose.rotation.flatten())
 

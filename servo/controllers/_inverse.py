@@ -19,8 +19,15 @@ class Inverse:
 
     pseudo: Array
     """L# (6, 4): of all twists that give the wanted de/dt, the one least in weighted norm."""
-    free: Array
-    """I - L# L (6, 6): takes any twist to the part of it that changes no feature."""
+    chosen: Array
+    """L (4, 6) without what has no say: its rows and columns are zero."""
+    moves: NDArray[np.bool_]
+    """Degrees of freedom (6,) that may move."""
+
+    @property
+    def free(self) -> Array:
+        """I - L# L (6, 6): takes any twist to the part of it that changes no feature."""
+        return np.diag(self.moves.astype(float)) - self.pseudo @ self.chosen
 
     @staticmethod
     def of(L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array) -> Inverse:
@@ -37,8 +44,7 @@ class Inverse:
         """
         chosen = L * rows[:, None] * moves  # what is left out is zero, and so is its inverse
         pseudo = weights[:, None] * _pinv(chosen * weights)
-        free = np.diag(moves.astype(float)) - pseudo @ chosen
-        return Inverse(pseudo, free)
+        return Inverse(pseudo, chosen, moves)
 
 
 def _pinv(A: Array) -> Array:
