@@ -204,11 +204,15 @@ def view(
 
 
 @app.command()
-def doctor() -> None:
-    """Tell what this machine renders with, how fast, and in which versions."""
-    from servo.commands import examine
+def doctor(
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Also time rendering, loop, recording and trackers.")
+    ] = False,
+) -> None:
+    """Tell what this machine renders with, how fast, in which versions."""
+    from servo.doctor import examine
 
-    raise typer.Exit(examine())
+    raise typer.Exit(examine(bench=bench))
 
 
 def main() -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import platform
 import shlex
 import time
 from collections.abc import Iterable, Sequence
-from importlib import metadata
 from pathlib import Path
 from statistics import median
 
@@ -18,7 +16,7 @@ from servo import catalogue
 from servo import scenario as scenarios
 from servo.episode import Episode
 from servo.measures import Report, Violation, check_expect, summarise, violations
-from servo.run_folder import VERSIONED, RunFolder, prepare
+from servo.run_folder import RunFolder, prepare
 from servo.scenario import Scenario
 from servo.step import Step
 from servo.terminal import COMPILING, STOPPED, WAITING, plain, progress_bar
@@ -92,32 +90,6 @@ def check_scenarios(
     for missed, command in failures:
         _print_missed(Console(stderr=True), missed, command)
     return 1 if failures else 0
-
-
-def examine() -> int:
-    """Print back end, renderer, versions and speed of this machine."""
-    console = Console()
-    backend = gl.backend()
-    scenario = scenarios.load("still")
-    with Episode(scenario) as episode:
-        world = episode.world
-        world.look()
-        began = time.perf_counter()
-        for _ in range(FPS_FRAMES):
-            world.look()
-        rate = FPS_FRAMES / (time.perf_counter() - began)
-        rows = {
-            "OpenGL back end": backend,
-            "renderer": world.describe_renderer(),
-            "frames a second": f"{rate:.0f} at {scenario.camera.width} x {scenario.camera.height}",
-            "Python": platform.python_version(),
-            **{name: metadata.version(name) for name in VERSIONED},
-        }
-    table = Table(box=None, show_header=False, pad_edge=False)
-    for name, value in rows.items():
-        table.add_row(name, value)
-    console.print(table)
-    return 0
 
 
 def _load(name: str, changes: list[str], seed: int | None) -> Scenario:

@@ -95,7 +95,7 @@ class Episode:
         # The tracker has not said yet what it follows: angle and size wait for its first word.
         told = Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED, follows=(False, False))
         self._first = first, truth, told
-        self._eyes = Eyes(scenario.features, world.camera, self.region, world.outline)
+        self.eyes = Eyes(scenario.features, world.camera, self.region, world.outline)
         self._carried = np.zeros(4)
         self.controller = scenario.controller.build(stream(scenario.run.seed, "controller"))
         estimator = scenario.estimator.build(stream(scenario.run.seed, "estimator"))
@@ -110,7 +110,7 @@ class Episode:
         x, y = self.goal.tolist()
         state = State(x, y, self.goal_theta)
         m = features.moments_of_state(state, Region(length, width), self.world.camera)
-        return self._eyes.goal(m)
+        return self.eyes.goal(m)
 
     def __iter__(self) -> Iterator[Step]:
         world = self.world
@@ -148,7 +148,7 @@ class Episode:
         """The next estimate; a dropped frame leaves the last one, and nobody knows if it holds."""
         ego = None
         if self.scenario.run.ego:
-            self._carried += self._eyes.ego(before.state, posture.twist, self.world.period)
+            self._carried += self.eyes.ego(before.state, posture.twist, self.world.period)
             ego = self._carried
         if not frame.fresh:
             return dataclasses.replace(before, status=Status.UNSURE)
@@ -158,7 +158,7 @@ class Episode:
     def _command(self, frame: Frame, estimate: Estimate, truth: Truth, posture: Posture) -> Command:
         if self.scenario.goal.depth_to is not None:
             self.controller.aim(self._goal_sight(frame.time))
-        seen = self._eyes.see(estimate, truth, posture)
+        seen = self.eyes.see(estimate, truth, posture)
         return self.controller.command(seen, posture, self.world.period)
 
     def _true_state(self, truth: Truth) -> State:

@@ -102,7 +102,7 @@ def test_the_recording_holds_every_entity_for_every_frame(folder):
     assert rows[image, "EncodedImage:blob"] == 60
     for name in ("truth", "goal", "estimate"):
         assert rows[f"{image}/{name}", "LineStrips2D:strips"] == 60
-    assert rows[f"{image}/particles", "Points2D:positions"] == 59  # the first frame has none
+    assert rows[f"{image}/particles", "Points2D:positions"] == 60  # the first cloud is empty
     for name in (
         "error",
         "features",

@@ -18,8 +18,8 @@
 | plots/ms | stage times |
 | events | occluded, lost, coasting, searching, found again, saturated |
 
-Timelines: `frame` and `sim_time`. Images go out frame by frame, all numbers in columns once a
-second.
+Timelines: `frame` and `sim_time`. Everything goes out in columns once a second: a log call for each
+entity and frame would cost as much as half a rendering.
 """
 
 from __future__ import annotations
@@ -34,13 +34,20 @@ import rerun as rr
 
 from servo.episode import Episode
 from servo.events import Event, events
-from servo.recording.parts import IMAGE, blueprint, goal_corners, outline, solids
+from servo.recording.parts import (
+    IMAGE,
+    LINE_RADIUS,
+    blueprint,
+    goal_corners,
+    outline_strips,
+    solids,
+)
 from servo.step import Step
 from servo.types import DOF, FEATURES
 from sim.shapes import shapes_of, table_top
 from sim.types import Array
 
-JPEG_QUALITY = 85
+JPEG_QUALITY = 80
 GREEN, RED, WHITE, AMBER = (60, 220, 90), (240, 60, 50), (255, 255, 255), (255, 190, 40)
 GREY = (130, 130, 140)
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
@@ -66,25 +73,28 @@ class RerunLog:
         self._rec.set_log_tick_enabled(False)
         self._before: Step | None = None
         self._steps: list[Step] = []
+        self._jpegs: list[bytes] = []
         self._log_scene()
         self._name_series()
 
     def add(self, step: Step) -> None:
         """Log a step."""
-        self._rec.set_time("frame", sequence=step.frame.index)
-        self._rec.set_time("sim_time", duration=step.frame.time)
-        self._log_picture(step)
+        bgr = cv2.cvtColor(step.frame.image, cv2.COLOR_RGB2BGR)
+        _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        self._jpegs.append(jpeg.tobytes())
         for event in events(self._before, step):
+            self._rec.set_time("frame", sequence=step.frame.index)
+            self._rec.set_time("sim_time", duration=step.frame.time)
             text = f"{event.name}: {event.value}"
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
         self._steps.append(step)
         if len(self._steps) >= self._at_once:
-            self._send_numbers()
+            self._send()
 
     def close(self) -> None:
         """Write what is left and the footer."""
-        self._send_numbers()
+        self._send()
         self._rec.flush()
         self._rec.disconnect()
 
@@ -106,28 +116,46 @@ class RerunLog:
             image_plane_distance=FRUSTUM,
         )  # fmt: skip
         self._rec.log("world/eye", pinhole, static=True)
+        for name, colour in (("truth", WHITE), ("goal", RED), ("estimate", GREEN)):
+            look = rr.LineStrips2D.from_fields(colors=colour, radii=LINE_RADIUS)
+            self._rec.log(f"{IMAGE}/{name}", look, static=True)
+        dots = rr.Points2D.from_fields(colors=AMBER, radii=1.0)
+        self._rec.log(f"{IMAGE}/particles", dots, static=True)
 
-    def _log_picture(self, step: Step) -> None:
-        bgr = cv2.cvtColor(step.frame.image, cv2.COLOR_RGB2BGR)
-        _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        image = rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")
-        self._rec.log(IMAGE, image)
-        estimate = step.estimate
-        self._rec.log(f"{IMAGE}/truth", outline(step.truth.corners, WHITE))
-        self._rec.log(f"{IMAGE}/goal", outline(goal_corners(step), RED))
-        self._rec.log(f"{IMAGE}/estimate", outline(step.region.corners(estimate.state), GREEN))
-        if estimate.particles is not None:
-            cloud = rr.Points2D(estimate.particles[:, :2], radii=1.0, colors=AMBER)
-            self._rec.log(f"{IMAGE}/particles", cloud)
-
-    def _send_numbers(self) -> None:
+    def _send(self) -> None:
         if not self._steps:
             return
-        steps, self._steps = self._steps, []
+        steps, jpegs = self._steps, self._jpegs
+        self._steps, self._jpegs = [], []
         index = [
             rr.TimeColumn("frame", sequence=[s.frame.index for s in steps]),
             rr.TimeColumn("sim_time", duration=[s.frame.time for s in steps]),
         ]
+        self._send_pictures(steps, jpegs, index)
+        self._send_numbers(steps, index)
+
+    def _send_pictures(
+        self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
+    ) -> None:
+        images = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
+        self._rec.send_columns(IMAGE, index, images)
+        places = {
+            "truth": [s.truth.corners for s in steps],
+            "goal": [goal_corners(s) for s in steps],
+            "estimate": [s.region.corners(s.estimate.state) for s in steps],
+        }
+        for name, corners in places.items():
+            strips = [strip for c in corners for strip in outline_strips(c)]
+            columns = rr.LineStrips2D.columns(strips=strips)
+            per_frame = [len(strips) // len(steps)] * len(steps)
+            self._rec.send_columns(f"{IMAGE}/{name}", index, columns.partition(per_frame))
+        none = np.zeros((0, 5))
+        clouds = [none if s.estimate.particles is None else s.estimate.particles for s in steps]
+        points = rr.Points2D.columns(positions=np.concatenate(clouds)[:, :2])
+        columns = points.partition([len(c) for c in clouds])
+        self._rec.send_columns(f"{IMAGE}/particles", index, columns)
+
+    def _send_numbers(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
         numbers: dict[str, list[Any]] = defaultdict(list)
         for step in steps:
             for path, values in self._series(step).items():

@@ -61,12 +61,16 @@ def _quaternion(R: Array) -> rr.Quaternion:
     return rr.Quaternion(xyzw=np.roll(wxyz, -1))
 
 
-def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
-    """A closed rectangle with a tick to its nose."""
+def outline_strips(corners: Array) -> list[Array]:
+    """A closed rectangle with a tick to its nose, as two lines."""
     front = (corners[1] + corners[2]) / 2
-    nose = [(corners.mean(axis=0) + front) / 2, front]
-    ring = np.vstack([corners, corners[:1]])
-    return rr.LineStrips2D([ring, nose], colors=colour, radii=LINE_RADIUS)
+    nose = np.stack([(corners.mean(axis=0) + front) / 2, front])
+    return [np.vstack([corners, corners[:1]]), nose]
+
+
+def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
+    """The same as an archetype."""
+    return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)
 
 
 def goal_corners(step: Step) -> Array:
