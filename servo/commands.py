@@ -42,7 +42,7 @@ def run_scenario(
         writing: list[float] = []
         try:
             for step in _with_progress(episode, scenario.name, console):
-                steps.append(step)
+                steps.append(step.light())
                 began = time.perf_counter()
                 output.add(step)
                 writing.append(time.perf_counter() - began)
@@ -80,7 +80,9 @@ def check_scenarios(
             progress.update(task, description=f"{escape(scenario.name)}, seed {scenario.run.seed}")
             began = time.perf_counter()
             with Episode(scenario) as episode:
-                report = summarise(list(episode), scenario.measure, episode.world.period)
+                report = summarise(
+                    [s.light() for s in episode], scenario.measure, episode.world.period
+                )
             missed = violations(report, scenario.expect)
             if missed:
                 failures.append((missed, _command(name, changes, scenario.run.seed)))

@@ -69,7 +69,7 @@ class LoopJob:
         del folder
         scenario = dataclasses.replace(self._scenario(), tracker=self.contender.config)
         with Episode(scenario) as episode:
-            steps = list(episode)
+            steps = [step.light() for step in episode]
         report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
         followed = zip(("theta", "s"), steps[-1].estimate.follows, strict=True)
         return {

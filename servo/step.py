@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,15 @@ class Step:
     limited: bool
     """Whether a joint's limit or rate slows the motion until the next frame."""
     seconds: Seconds
+
+    def light(self) -> Step:
+        """The same without pixels and particles, for who keeps thousands of them."""
+        blank = np.broadcast_to(np.uint8(0), self.frame.image.shape)
+        return replace(
+            self,
+            frame=replace(self.frame, image=blank),
+            estimate=replace(self.estimate, particles=None),
+        )
 
     @property
     def joints(self) -> Array:

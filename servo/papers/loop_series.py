@@ -44,7 +44,7 @@ class LoopSeries:
         del folder
         scenario = self._scenario()
         with Episode(scenario) as episode:
-            steps = list(episode)
+            steps = [step.light() for step in episode]
         report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
         return {
             "scenario": self.scenario, "estimator": self.estimator, "seed": self.seed,
