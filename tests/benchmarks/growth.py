@@ -94,7 +94,8 @@ def main(folder):
         f"second half grows by {half[-1] - half[0]:.1f} MB\n"
     )
     right.plot(100 * np.arange(len(used)), used)
-    right.set(xlabel="frame", ylabel="resident memory [MB]", ylim=(0, None), title="one long run")
+    right.set(xlabel="frame", ylabel="resident memory [MB]", title="one long run")
+    right.set_ylim(0, 1.3 * used.max())
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "growth.png", dpi=130)
 
