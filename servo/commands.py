@@ -70,7 +70,7 @@ def check_scenarios(
     runs = [(name, _load(name, changes, seed)) for name in chosen for seed in seeds]
     gl.backend()
     console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)
-    for title in ("scenario", "seed", "outcome", "servo rms", "peak", "tracking", "bounds", "time"):
+    for title in ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time"):
         words = title in ("scenario", "outcome", "bounds")
         table.add_column(title, justify="left" if words else "right", no_wrap=True)
     failures: list[tuple[list[Violation], str]] = []
@@ -141,8 +141,8 @@ def _check_row(
     kept = f"{len(scenario.expect) - len(missed)} of {len(scenario.expect)}"
     return [
         escape(scenario.name), str(scenario.run.seed), report.outcome.name,
-        f"{value('servo_rms_px'):.2f} px", f"{value('servo_peak_px'):.1f} px",
-        f"{value('tracking_rms_px'):.2f} px",
+        f"{value('servo_rms_px'):.2f}", f"{value('servo_peak_px'):.1f}",
+        f"{value('tracking_rms_px'):.2f}",
         f"[red]{kept}[/]" if missed else f"[green]{kept}[/]", f"{seconds:.1f} s",
     ]  # fmt: skip
 
