@@ -19,6 +19,9 @@ from servo.types import Moments, Plane
 from sim.types import Array, Camera, Pose
 from tracking.types import Region, State
 
+EDGE_ON = 0.05
+"""A plane that is seen at a smaller angle [rad] has no depth to tell from its size."""
+
 
 class Scaling(Enum):
     """The unit of an, xn and yn."""
@@ -75,7 +78,7 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
     """
     A, B, C = normal.tolist()
     facing = (A * m.xg + B * m.yg + C) / sqrt(A * A + B * B + C * C)
-    return plane_of_depth(m, root_area / sqrt(m.area / facing), normal)
+    return plane_of_depth(m, root_area * sqrt(max(facing, EDGE_ON) / m.area), normal)
 
 
 def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
