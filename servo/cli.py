@@ -51,7 +51,7 @@ def run(
     quiet: QUIET = False,
     no_rerun: Annotated[bool, typer.Option("--no-rerun", help="Write no Rerun recording.")] = False,
 ) -> None:
-    """Run a scenario; write its recording, table, report and plots."""
+    """Run a scenario; write recording, table, report and plots."""
     from servo.commands import run_scenario
 
     raise typer.Exit(
@@ -71,7 +71,7 @@ def check(
     seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 0,
     quiet: QUIET = False,
 ) -> None:
-    """Run scenarios without recordings and test their bounds; exit 1 if one is missed."""
+    """Test the bounds of scenarios; exit 1 if one is missed."""
     from servo.commands import check_scenarios
 
     raise typer.Exit(
@@ -101,7 +101,7 @@ def track(
     frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many.")] = None,
     quiet: QUIET = False,
 ) -> None:
-    """Follow a target through any pictures; write track.csv and report.json."""
+    """Follow a target through any pictures; write its track."""
     from servo.track import Request
     from servo.track import run as run_track
 
@@ -131,7 +131,7 @@ def bench(
     ] = None,
     quiet: QUIET = False,
 ) -> None:
-    """Compare trackers; the same command goes on where it was stopped."""
+    """Compare trackers; a stopped bench goes on where it was."""
     from servo.bench import run as run_bench
 
     raise typer.Exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
@@ -154,7 +154,7 @@ def papers(
     ] = None,
     quiet: QUIET = False,
 ) -> None:
-    """Re-run the experiments of the three papers, claim by claim; exit 1 if one does not hold."""
+    """Test the papers' claims again; exit 1 if one does not hold."""
     from servo.papers.claim import Effort
     from servo.papers.command import run as run_papers
 
@@ -168,7 +168,7 @@ def list_(
         str | None, typer.Argument(help="A kind: show its settings, their units and defaults.")
     ] = None,
 ) -> None:
-    """List scenarios, motions, disturbances, trackers, estimators and controllers."""
+    """List scenarios and kinds, or the settings of one kind."""
     from servo.listing import show_all, show_kind
 
     show_all() if what is None else show_kind(what)
@@ -191,7 +191,7 @@ def view(
         ),
     ] = None,
 ) -> None:
-    """Open a recording in the Rerun viewer, or draw it into a PNG."""
+    """Open a recording in the Rerun viewer, or draw a PNG."""
     from servo.recording import view as viewer
 
     path = viewer.recording_in(recording) if recording.is_dir() else recording
@@ -209,7 +209,7 @@ def doctor(
         bool, typer.Option("--bench", help="Also time rendering, loop, recording and trackers.")
     ] = False,
 ) -> None:
-    """Tell what this machine renders with, how fast, in which versions."""
+    """Tell renderer, versions and speed of this machine."""
     from servo.doctor import examine
 
     raise typer.Exit(examine(bench=bench))
