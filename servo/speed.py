@@ -58,16 +58,16 @@ def tracker_ms(kind: str, film: Film, **settings: Any) -> float:
     return _median_ms([lambda f=f: tracker.update(f) for f in film.frames[1:]])
 
 
-def law_ms(estimator: str = "kalman_cv", repeats: int = 200) -> float:
-    """Median time of features, control law and estimator together [ms]."""
+def law_ms(estimator: str = "kalman_cv", rounds: int = 10) -> float:
+    """Median time of features, control law and estimator together [ms], over a run's steps."""
     with Episode(load("line", ["run.duration=1.0", f"estimator.kind={estimator}"])) as episode:
-        step, dt = list(episode)[-1], episode.world.period
+        steps, dt = list(episode), episode.world.period
 
-        def think() -> None:
+        def think(step: Step) -> None:
             seen = episode.eyes.see(step.estimate, step.truth, step.posture)
             episode.controller.command(seen, step.posture, dt)
 
-        return _median_ms([think] * repeats)
+        return _median_ms([lambda s=step: think(s) for step in steps * rounds])
 
 
 @dataclass(frozen=True, slots=True)

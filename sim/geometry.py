@@ -1,4 +1,4 @@
-"""Rotations SO(3) and rigid motions SE(3): exponentials and logarithms.
+"""Rotations SO(3) and rigid motions SE(3): exponentials and logarithms; inverses of matrices.
 
 A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving
 frame.
@@ -63,3 +63,14 @@ def tilt(rotation: Array) -> float:
     """Angle between the optical axis of a camera and straight down [rad]."""
     axis = rotation[:, 2]
     return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))
+
+
+def inverse_if_strong(A: Array, weakest: float) -> Array | None:
+    """The plain inverse of a square matrix, where it proves that no singular value s is below the
+    weakest: as 1 / s <= |A^-1|. It costs a fraction of the singular values themselves.
+    """
+    try:
+        inverse = np.asarray(np.linalg.inv(A), np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    return inverse if weakest**2 * float(np.vdot(inverse, inverse)) <= 1.0 else None

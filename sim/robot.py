@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Gt
 
-from sim.geometry import log_se3
+from sim.geometry import inverse_if_strong, log_se3
 from sim.render import VISION_FROM_MUJOCO
 from sim.types import Array, Pose, Posture
 
@@ -58,22 +58,11 @@ def damped_inverse(J: Array, drives: Drives) -> Array:
     lambda^2 = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 +
     lambda^2).
     """
-    if J.shape[0] == J.shape[1] and (inverse := _inverse_if_strong(J, drives.weakest)) is not None:
+    if J.shape[0] == J.shape[1] and (inverse := inverse_if_strong(J, drives.weakest)) is not None:
         return inverse
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
     missing = max(0.0, 1.0 - (s[-1] / drives.weakest) ** 2) if drives.weakest > 0 else 0.0
     return (Vt.T * (s / (s**2 + missing * drives.damping**2))) @ U.T
-
-
-def _inverse_if_strong(J: Array, weakest: float) -> Array | None:
-    """The plain inverse, where it proves that no singular value s is below the weakest: as 1 / s <=
-    |J^-1|. It costs a fraction of the singular values themselves.
-    """
-    try:
-        inverse = np.asarray(np.linalg.inv(J), np.float64)
-    except np.linalg.LinAlgError:
-        return None
-    return inverse if weakest**2 * float(np.vdot(inverse, inverse)) <= 1.0 else None
 
 
 class Robot:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.geometry import inverse_if_strong
 from sim.types import Array
 
 RANK_TOLERANCE = 1e-6
@@ -43,12 +44,20 @@ class Inverse:
             weights: Weights (6,) of the degrees of freedom.
         """
         chosen = L * rows[:, None] * moves  # what is left out is zero, and so is its inverse
-        pseudo = weights[:, None] * _pinv(chosen * weights)
+        weighted = chosen * weights
+        pseudo = weights[:, None] * _pinv(weighted, moves if rows.all() else None)
         return Inverse(pseudo, chosen, moves)
 
 
-def _pinv(A: Array) -> Array:
-    """The pseudo-inverse; NumPy's, without its general cases."""
+def _pinv(A: Array, moves: NDArray[np.bool_] | None) -> Array:
+    """The pseudo-inverse; where all rows and as many columns (`moves`) count, the plain one."""
+    if moves is not None and np.count_nonzero(moves) == len(A):
+        size = float(np.sqrt(np.vdot(A, A)))
+        plain = inverse_if_strong(A[:, moves], RANK_TOLERANCE * size)
+        if plain is not None:
+            whole = np.zeros(A.T.shape)
+            whole[moves] = plain
+            return whole
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     large = s > RANK_TOLERANCE * s[0]
     inverse = np.divide(1.0, s, out=np.zeros_like(s), where=large)

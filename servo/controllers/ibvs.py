@@ -108,6 +108,7 @@ class Ibvs:
         self._config = c = config
         self._moves = np.array([name in c.dof for name in DOF])
         self._fed = np.array([float(name in c.feed_forward) for name in FEATURES])
+        self._weights = np.array(c.weights)
 
     def start(self, task: Task) -> None:
         """Begin a task."""
@@ -186,13 +187,18 @@ class Ibvs:
         A feature that is not known takes the degree of freedom that is its own with it: the depth
         or the turn of the camera then holds.
         """
-        choices = {
-            "current": self._matrix_seen,
-            "desired": self._goal_matrix,
-            "mean": (self._matrix_seen + self._goal_matrix) / 2,
-        }
-        moves = self._moves.copy()
-        moves[DOF.index("vz")] &= self._known[FEATURES.index("an")]
-        moves[DOF.index("wz")] &= self._known[FEATURES.index("theta")]
-        weights = np.array(self._config.weights)
-        return Inverse.of(choices[self._config.matrix], self._known, moves, weights)
+        moves = self._moves
+        if not self._known.all():
+            moves = moves.copy()
+            moves[DOF.index("vz")] &= self._known[FEATURES.index("an")]
+            moves[DOF.index("wz")] &= self._known[FEATURES.index("theta")]
+        return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
+
+    def _chosen_matrix(self) -> Array:
+        match self._config.matrix:
+            case "current":
+                return self._matrix_seen
+            case "desired":
+                return self._goal_matrix
+            case "mean":
+                return (self._matrix_seen + self._goal_matrix) / 2
