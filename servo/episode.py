@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import deque
 from collections.abc import Iterator
 from math import radians
@@ -145,20 +144,20 @@ class Episode:
             )  # fmt: skip
 
     def _track(self, frame: Frame, before: Estimate, posture: Posture) -> Estimate:
-        """The next estimate; a dropped frame leaves the last one, and nobody knows if it holds."""
+        """The next estimate; of a dropped frame the tracker never hears, its last word stays."""
         ego = None
         if self.scenario.run.ego:
             self._carried += self.eyes.ego(before.state, posture.twist, self.world.period)
             ego = self._carried
         if not frame.fresh:
-            return dataclasses.replace(before, status=Status.UNSURE)
+            return before
         self._carried = np.zeros(4)
         return self.tracker.update(frame, ego)
 
     def _command(self, frame: Frame, estimate: Estimate, truth: Truth, posture: Posture) -> Command:
         if self.scenario.goal.depth_to is not None:
             self.controller.aim(self._goal_sight(frame.time))
-        seen = self.eyes.see(estimate, truth, posture)
+        seen = self.eyes.see(estimate, truth, posture) if frame.fresh else None
         return self.controller.command(seen, posture, self.world.period)
 
     def _true_state(self, truth: Truth) -> State:

@@ -30,13 +30,13 @@ def events(before: Step | None, step: Step) -> list[Event]:
     """What is new in a step."""
     found: list[Event] = []
     then, now = before.estimate.status if before else Status.LOCKED, step.estimate.status
-    if not step.frame.fresh:
-        if before is None or before.frame.fresh:
-            found.append(Event.DROPPED)
-    elif now is not then:
+    if now is not then:
         found.append(STATUS[now])
     did, does = before.command.mode if before else step.command.mode, step.command.mode
-    if does is not did and does is not Mode.SERVOING:
+    if not step.frame.fresh:
+        if before is None or before.frame.fresh:
+            found.append(Event.DROPPED)  # that the camera coasts meanwhile goes without saying
+    elif does is not did and does is not Mode.SERVOING:
         found.append(Event[does.name])
     was = before is not None and _slowed(before)
     if _slowed(step) != was:

@@ -66,7 +66,7 @@ MEANINGS = {
     ),
     "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
-    "unseen_pct": ("%", "frames in which the tracker did not see the target"),
+    "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
     "lost_pct": ("%", "frames in which the tracker said LOST"),
     "step_ms": ("ms", "wall-clock time of a step, median"),
 }
@@ -130,7 +130,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "joint_range_peak_pct": 100 * max(_range_used(s) for s in steps),
         "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
-        "unseen_pct": 100 * np.mean([s.estimate.status is not Status.LOCKED for s in steps]),
+        "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
     }

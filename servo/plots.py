@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from servo.step import Step
 from servo.types import FEATURES
-from tracking.types import Status
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
@@ -98,7 +97,7 @@ def _error_figure(steps: Sequence[Step], title: str, unit: str) -> Figure:
 
 
 def _shade_unseen(ax: Axes, steps: Sequence[Step]) -> None:
-    unseen = [s.estimate.status is not Status.LOCKED for s in steps]
+    unseen = [not s.seen for s in steps]
     time = [s.frame.time for s in steps]
     low_high = (0, 1)
     ax.fill_between(

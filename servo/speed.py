@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan, degrees
 from statistics import median
@@ -13,7 +13,7 @@ import numpy as np
 
 from servo.episode import Episode
 from servo.scenario import load
-from servo.step import Step
+from servo.step import Seconds, Step
 from sim import plugins
 from sim.types import Frame
 from tracking.types import Region, State
@@ -22,8 +22,6 @@ CAR_LENGTH = 0.2
 """Of the target's reference rectangle [m]."""
 WARM = 5
 """First frames that do not count: caches fill."""
-IMAGES = {320: 240, 640: 480}
-"""Heights of images by width [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +35,7 @@ class Film:
 
 def film(length: float, width: int = 320, frames: int = 40) -> Film:
     """A film in which the car is this long [px], half as wide, in images of this width [px]."""
-    height = IMAGES[width]
+    height = width * 3 // 4
     focal = length / CAR_LENGTH  # at the goal's depth of 1 m
     changes = [
         "controller.kind=hold", "motion.x=-0.05", f"run.duration={frames / 30}",
@@ -87,36 +85,26 @@ class LoopTimes:
         return self.step / self.render
 
 
-def loop_times(
-    changes: tuple[str, ...] = (), add: Callable[[Step], None] | None = None
-) -> LoopTimes:
-    """Times of the scenario `line`; add is what a recording does with each step."""
+def loop_times(changes: tuple[str, ...] = ()) -> LoopTimes:
+    """Times of the scenario `line`."""
     with Episode(load("line", ["run.duration=4.0", *changes])) as episode:
-        return times_of(episode, add)
+        return times_of(episode)
 
 
 def times_of(episode: Episode, add: Callable[[Step], None] | None = None) -> LoopTimes:
-    """Times of an episode that has not begun."""
-    stages: list[Any] = []
+    """Times of an episode that has not begun; add is what a recording does with each step."""
+    stages: list[Seconds] = []
     walls: list[float] = []
-    for step, wall in _timed(iter(episode), add):
+    began = perf_counter()
+    for step in episode:
+        if add is not None:
+            add(step)
+        walls.append(perf_counter() - began)
         stages.append(step.seconds)
-        walls.append(wall)
+        began = perf_counter()
     each = (1e3 * median(getattr(s, name) for s in stages[WARM:])
             for name in ("render", "track", "control", "physics"))  # fmt: skip
     return LoopTimes(1e3 * median(walls[WARM:]), *each)
-
-
-def _timed(
-    steps: Iterator[Step], add: Callable[[Step], None] | None
-) -> Iterator[tuple[Step, float]]:
-    began = perf_counter()
-    for step in steps:
-        if add is not None:
-            add(step)
-        now = perf_counter()
-        yield step, now - began
-        began = perf_counter()
 
 
 def _median_ms(calls: list[Callable[[], Any]]) -> float:

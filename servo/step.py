@@ -9,7 +9,7 @@ import numpy as np
 from servo.types import Command
 from sim.geometry import tilt
 from sim.types import Array, Frame, Posture, Truth
-from tracking.types import Estimate, Region, State
+from tracking.types import Estimate, Region, State, Status
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +92,11 @@ class Step:
     def tilt(self) -> float:
         """Angle between the optical axis and straight down [rad]."""
         return tilt(self.truth.T_world_camera.rotation)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the tracker saw the target in this frame, and there was one."""
+        return self.frame.fresh and self.estimate.status is Status.LOCKED
 
     @property
     def servo_error(self) -> float:

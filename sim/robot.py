@@ -15,7 +15,7 @@ from typing import Annotated
 
 import mujoco
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Gt
 
 from sim.geometry import inverse_if_strong, log_se3
 from sim.render import VISION_FROM_MUJOCO
@@ -33,7 +33,7 @@ SOLVE_STEPS, SOLVE_TOLERANCE, SOLVE_DAMPING = 200, 1e-10, 1e-3
 class Drives:
     """How a camera twist becomes joint rates."""
 
-    weakest: Annotated[float, Ge(0)] = 0.1
+    weakest: Annotated[float, Gt(0)] = 0.1
     """Near a singular pose: below this smallest singular value of the Jacobian [m/s or rad/s of the
     camera per unit of joint rate] the inverse is damped."""
     damping: Annotated[float, Gt(0)] = 0.1
@@ -61,7 +61,7 @@ def damped_inverse(J: Array, drives: Drives) -> Array:
     if J.shape[0] == J.shape[1] and (inverse := inverse_if_strong(J, drives.weakest)) is not None:
         return inverse
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    missing = max(0.0, 1.0 - (s[-1] / drives.weakest) ** 2) if drives.weakest > 0 else 0.0
+    missing = max(0.0, 1.0 - (s[-1] / drives.weakest) ** 2)
     return (Vt.T * (s / (s**2 + missing * drives.damping**2))) @ U.T
 
 

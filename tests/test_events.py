@@ -61,6 +61,9 @@ def test_what_the_controller_begins_to_do_is_an_event(step):
 
 
 def test_a_dropped_frame_is_an_event_and_no_occlusion(step):
-    dropped = replace(seen(step, Status.UNSURE), frame=replace(step.frame, fresh=False))
+    dropped = replace(doing(step, Mode.COASTING), frame=replace(step.frame, fresh=False))
     assert events(step, dropped) == [Event.DROPPED]
     assert events(dropped, dropped) == []
+    assert events(dropped, step) == []  # nothing was lost, so nothing is found
+    lost = seen(dropped, Status.LOST)
+    assert events(lost, step) == [Event.FOUND]

@@ -53,12 +53,16 @@ def by_frames():
     return times
 
 
-def memory():
-    """Resident memory [MB] over a long run, every hundredth frame; steps are kept light."""
+def memory(*, keep):
+    """Resident memory [MB] over a long run, every hundredth frame.
+
+    keep: with the light steps that `servobench run` keeps for its report and plots.
+    """
     seen, kept = [], []
     with Episode(load("wander", [f"run.duration={MARATHON / 30}"])) as episode:
         for step in episode:
-            kept.append(step.frame.time)
+            if keep:
+                kept.append(step.light())
             if step.frame.index % 100 == 0:
                 pages = int(Path("/proc/self/statm").read_text().split()[1])
                 seen.append(pages * PAGE / 1e6)
@@ -87,13 +91,15 @@ def main(folder):
         left.loglog(n, times, "o-", ms=3, label=f"{name}: {k:.2f}")
     left.set(xlabel="n", ylabel="ms", title="time = c n^k")
     left.legend(frameon=False, fontsize=7)
-    used = memory()
-    half = used[len(used) // 2 :]
-    sys.stdout.write(
-        f"memory {used[1]:.0f} MB after 100 frames, {used[-1]:.0f} MB after {MARATHON}; "
-        f"second half grows by {half[-1] - half[0]:.1f} MB\n"
-    )
-    right.plot(100 * np.arange(len(used)), used)
+    for name, keep in (("the loop", False), ("with what a run keeps", True)):
+        used = memory(keep=keep)
+        grown = used[-1] - used[len(used) // 2]
+        sys.stdout.write(
+            f"memory, {name}: {used[1]:.0f} MB after 100 frames, {used[-1]:.0f} MB after "
+            f"{MARATHON}; second half grows by {grown:.1f} MB\n"
+        )
+        right.plot(100 * np.arange(len(used)), used, label=name)
+    right.legend(frameon=False)
     right.set(xlabel="frame", ylabel="resident memory [MB]", title="one long run")
     right.set_ylim(0, 1.3 * used.max())
     folder.mkdir(parents=True, exist_ok=True)
