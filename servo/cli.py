@@ -3,171 +3,181 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Any, TypeVar
 
-import typer
+import click
 
-app = typer.Typer(
-    name="servobench",
-    help="A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+PATH = click.Path(path_type=Path)
+COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
+
+quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
+changes_option = click.option(
+    "--set", "changes", metavar="KEY=VALUE", multiple=True,
+    help="Change any setting; repeat at will.",
+)  # fmt: skip
+workers_option = click.option(
+    "--workers", type=COUNT, default=2, help="Processes side by side.", show_default=True
 )
 
-SCENARIO = Annotated[
-    str, typer.Argument(help="A shipped scenario (servobench list) or a .toml file.")
-]
-SET = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change any setting; repeat at will."),
-]
-SEED = Annotated[
-    int | None, typer.Option(min=0, help="Seed of every random stream (default: the scenario's).")
-]
-REGION = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y,W,H[,DEG]",
-        help="The target in the first picture: top left corner, size [px], rotation about its "
-        "centre (default: the truth's first line).",
-    ),
-]
-WORKERS = Annotated[int, typer.Option(min=1, help="Processes side by side.")]
-QUIET = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but mistakes.")]
+
+def out_option(default: str) -> Callable[[Command], Command]:
+    """The option that names the folder to write."""
+    return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
+
+
+class InOrder(click.Group):
+    """Lists commands as they stand here, not by the alphabet."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
+        return list(self.commands)
+
+
+@click.group(
+    cls=InOrder, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
+def app() -> None:
+    """A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it."""
 
 
 @app.command()
+@click.argument("scenario", help="A shipped scenario (servobench list) or a .toml file.")
+@changes_option
+@click.option("--seed", type=NATURAL, help="Seed of every random stream (default: the scenario's).")
+@out_option("runs/NAME-SEED")
+@quiet_option
+@click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
 def run(
-    scenario: SCENARIO,
-    changes: SET = None,
-    seed: SEED = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder to write (default: runs/NAME-SEED).")
-    ] = None,
-    quiet: QUIET = False,
-    no_rerun: Annotated[bool, typer.Option("--no-rerun", help="Write no Rerun recording.")] = False,
+    scenario: str,
+    changes: tuple[str, ...],
+    seed: int | None,
+    out: Path | None,
+    quiet: bool,
+    no_rerun: bool,
 ) -> None:
     """Run a scenario; write recording, table, report and plots."""
     from servo.commands import run_scenario
 
-    raise typer.Exit(
-        run_scenario(scenario, changes or [], seed, out, quiet=quiet, rerun=not no_rerun)
-    )
+    sys.exit(run_scenario(scenario, changes, seed, out, quiet=quiet, rerun=not no_rerun))
 
 
 @app.command()
+@click.argument("scenarios", nargs=-1, help="Which (default: all that have bounds).")
+@changes_option
+@click.option(
+    "--seeds", type=COUNT, default=1, show_default=True,
+    help="Run each with seeds 0, 1, ... up to this many.",
+)  # fmt: skip
+@click.option("--seed", type=NATURAL, default=0, show_default=True, help="The first seed.")
+@quiet_option
 def check(
-    scenarios: Annotated[
-        list[str] | None, typer.Argument(help="Which (default: all that have bounds).")
-    ] = None,
-    changes: SET = None,
-    seeds: Annotated[
-        int, typer.Option(min=1, help="Run each with seeds 0, 1, ... up to this many.")
-    ] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 0,
-    quiet: QUIET = False,
+    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, quiet: bool
 ) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
     from servo.commands import check_scenarios
 
-    raise typer.Exit(
-        check_scenarios(scenarios or [], changes or [], range(seed, seed + seeds), quiet=quiet)
-    )
+    sys.exit(check_scenarios(scenarios, changes, range(seed, seed + seeds), quiet=quiet))
 
 
 @app.command()
+@click.argument("source", help="A folder of images (also OTB, VOT), a video, or camera:0.")
+@click.option(
+    "--region", metavar="X,Y,W,H[,DEG]",
+    help="The target in the first picture: top left corner, size [px], rotation about its centre "
+    "(default: the truth's first line).",
+)  # fmt: skip
+@click.option("--tracker", default="annealed", show_default=True, help="Which (servobench list).")
+@changes_option
+@click.option(
+    "--seed", type=NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
+)
+@click.option(
+    "--truth", type=PATH,
+    help="Truth to compare with: OTB, VOT, CSV (default: what lies beside it).",
+)  # fmt: skip
+@out_option("runs/SOURCE-TRACKER-SEED")
+@click.option("--video", is_flag=True, help="Also write an annotated MP4.")
+@click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
+@click.option(
+    "--rate", type=click.FloatRange(min=0.001), default=30.0, show_default=True,
+    help="Pictures a second of a folder.",
+)  # fmt: skip
+@click.option("--frames", type=COUNT, help="Stop after this many.")
+@quiet_option
 def track(
-    source: Annotated[
-        str, typer.Argument(help="A folder of images (also OTB, VOT), a video, or camera:0.")
-    ],
-    region: REGION = None,
-    tracker: Annotated[str, typer.Option(help="Which (servobench list).")] = "annealed",
-    changes: SET = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the tracker's draws.")] = 0,
-    truth: Annotated[
-        Path | None,
-        typer.Option(help="Truth to compare with: OTB, VOT, CSV (default: what lies beside it)."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder to write (default: runs/SOURCE-TRACKER-SEED).")
-    ] = None,
-    video: Annotated[bool, typer.Option("--video", help="Also write an annotated MP4.")] = False,
-    rerun: Annotated[bool, typer.Option("--rerun", help="Also write a Rerun recording.")] = False,
-    rate: Annotated[float, typer.Option(min=0.001, help="Pictures a second of a folder.")] = 30.0,
-    frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many.")] = None,
-    quiet: QUIET = False,
+    source: str,
+    region: str | None,
+    tracker: str,
+    changes: tuple[str, ...],
+    seed: int,
+    truth: Path | None,
+    out: Path | None,
+    video: bool,
+    rerun: bool,
+    rate: float,
+    frames: int | None,
+    quiet: bool,
 ) -> None:
     """Follow a target through any pictures; write its track."""
     from servo.track import Request
     from servo.track import run as run_track
 
     options = (video, rerun, rate, frames, quiet)
-    request = Request(source, region, tracker, changes or [], seed, truth, out, *options)
-    raise typer.Exit(run_track(request))
+    sys.exit(run_track(Request(source, region, tracker, changes, seed, truth, out, *options)))
 
 
 @app.command()
+@click.argument(
+    "suite",
+    help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or a .toml "
+    "file.",
+)
+@click.option(
+    "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
+)
+@click.option(
+    "--seeds", type=COUNT, default=3, show_default=True, help="Seeds 0, 1, ... up to this many."
+)
+@workers_option
+@out_option("runs/bench-SUITE, to go on in")
+@quiet_option
 def bench(
-    suite: Annotated[
-        str,
-        typer.Argument(
-            help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or "
-            "a .toml file."
-        ),
-    ],
-    trackers: Annotated[
-        str | None,
-        typer.Option(help="Which, such as kams,sok,kams:paper (default: all, or the file's)."),
-    ] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds 0, 1, ... up to this many.")] = 3,
-    workers: WORKERS = 2,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder to write or to go on in (default: runs/bench-SUITE)."),
-    ] = None,
-    quiet: QUIET = False,
+    suite: str, trackers: str | None, seeds: int, workers: int, out: Path | None, quiet: bool
 ) -> None:
     """Compare trackers; a stopped bench goes on where it was."""
     from servo.bench import run as run_bench
 
-    raise typer.Exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
+    sys.exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
 
 
 @app.command()
+@click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
+@click.option("--quick", is_flag=True, help="One seed of each, to see that all works.")
+@click.option("--sequences", type=PATH, help="A folder of real sequences that join P0-1.")
+@workers_option
+@out_option("runs/papers, to go on in")
+@quiet_option
 def papers(
-    claims: Annotated[
-        list[str] | None, typer.Argument(help="Which, such as P1-2 (default: all).")
-    ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="One seed of each, to see that all works.")
-    ] = False,
-    sequences: Annotated[
-        Path | None, typer.Option(help="A folder of real sequences that join P0-1.")
-    ] = None,
-    workers: WORKERS = 2,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder to write or to go on in (default: runs/papers).")
-    ] = None,
-    quiet: QUIET = False,
+    claims: tuple[str, ...],
+    quick: bool,
+    sequences: Path | None,
+    workers: int,
+    out: Path | None,
+    quiet: bool,
 ) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
     from servo.papers.claim import Effort
     from servo.papers.command import run as run_papers
 
-    effort = Effort(quick, sequences)
-    raise typer.Exit(run_papers(claims or [], effort, workers, out, quiet=quiet))
+    sys.exit(run_papers(claims, Effort(quick, sequences), workers, out, quiet=quiet))
 
 
 @app.command("list")
-def list_(
-    what: Annotated[
-        str | None, typer.Argument(help="A kind: show its settings, their units and defaults.")
-    ] = None,
-) -> None:
+@click.argument("what", required=False, help="A kind: show its settings, units and defaults.")
+def list_(what: str | None) -> None:
     """List scenarios and kinds, or the settings of one kind."""
     from servo.listing import show_all, show_kind
 
@@ -175,44 +185,35 @@ def list_(
 
 
 @app.command()
-def view(
-    recording: Annotated[Path, typer.Argument(help="A run's folder, or an .rrd file.")],
-    web: Annotated[
-        bool, typer.Option("--web", help="In a browser instead of Rerun's own window.")
-    ] = False,
-    png: Annotated[
-        Path | None, typer.Option(help="Draw the viewer into this PNG instead; no display needed.")
-    ] = None,
-    at: Annotated[float, typer.Option(min=0, help="Simulated time to show in the PNG [s].")] = 4.0,
-    panel: Annotated[
-        str | None,
-        typer.Option(
-            help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
-        ),
-    ] = None,
-) -> None:
+@click.argument("recording", type=PATH, help="A run's folder, or an .rrd file.")
+@click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
+@click.option("--png", type=PATH, help="Draw the viewer into this PNG instead; no display needed.")
+@click.option(
+    "--at", type=click.FloatRange(min=0), default=4.0, show_default=True,
+    help="Simulated time to show in the PNG [s].",
+)  # fmt: skip
+@click.option(
+    "--panel", help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
+)
+def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | None) -> None:
     """Open a recording in the Rerun viewer, or draw a PNG."""
     from servo.recording import view as viewer
 
     path = viewer.recording_in(recording) if recording.is_dir() else recording
     viewer.check(path)
-    if png is not None:
-        viewer.picture(path, png, at, panel)
-        typer.echo(png)
-        return
-    raise typer.Exit(viewer.show(path, web=web))
+    if png is None:
+        sys.exit(viewer.show(path, web=web))
+    viewer.picture(path, png, at, panel)
+    click.echo(png)
 
 
 @app.command()
-def doctor(
-    bench: Annotated[
-        bool, typer.Option("--bench", help="Also time rendering, loop, recording and trackers.")
-    ] = False,
-) -> None:
+@click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
+def doctor(bench: bool) -> None:
     """Tell renderer, versions and speed of this machine."""
     from servo.doctor import examine
 
-    raise typer.Exit(examine(bench=bench))
+    sys.exit(examine(bench=bench))
 
 
 def main() -> None:

@@ -26,7 +26,13 @@ FPS_FRAMES = 60
 
 
 def run_scenario(
-    name: str, changes: list[str], seed: int | None, out: Path | None, *, quiet: bool, rerun: bool
+    name: str,
+    changes: Sequence[str],
+    seed: int | None,
+    out: Path | None,
+    *,
+    quiet: bool,
+    rerun: bool,
 ) -> int:
     """Run one scenario into a folder; the exit code: 1 where a bound was missed."""
     scenario = _load(name, changes, seed)
@@ -63,7 +69,7 @@ def run_scenario(
 
 
 def check_scenarios(
-    names: Sequence[str], changes: list[str], seeds: Iterable[int], *, quiet: bool
+    names: Sequence[str], changes: Sequence[str], seeds: Iterable[int], *, quiet: bool
 ) -> int:
     """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
@@ -94,7 +100,7 @@ def check_scenarios(
     return 1 if failures else 0
 
 
-def _load(name: str, changes: list[str], seed: int | None) -> Scenario:
+def _load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
     scenario = scenarios.load(name, changes, seed)
     check_expect(scenario)
     return scenario
@@ -147,7 +153,7 @@ def _check_row(
     ]  # fmt: skip
 
 
-def _command(name: str, changes: list[str], seed: int) -> str:
+def _command(name: str, changes: Sequence[str], seed: int) -> str:
     parts = [
         "servobench",
         "run",

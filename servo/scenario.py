@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -83,7 +84,7 @@ def _plain(value: Any) -> Any:
     return dataclasses.asdict(value)
 
 
-def load(name: str, overrides: list[str] | None = None, seed: int | None = None) -> Scenario:
+def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
     """A scenario by its shipped name or by the path of a TOML file.
 
     Args:
@@ -99,7 +100,7 @@ def load(name: str, overrides: list[str] | None = None, seed: int | None = None)
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise Mistake(f"{place}: this is not TOML: {error}") from None
-    for item in overrides or []:
+    for item in overrides:
         override(table, item)
     if seed is not None:
         override(table, f"run.seed={seed}")

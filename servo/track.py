@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -41,7 +41,7 @@ class Request:
     source: str
     region: str | None
     kind: str
-    changes: list[str]
+    changes: Sequence[str]
     seed: int
     truth: Path | None
     out: Path | None
@@ -89,7 +89,7 @@ def run(request: Request) -> int:
     return code
 
 
-def tracker_of(kind: str, changes: list[str]) -> tuple[dict[str, Any], Any]:
+def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     """The table and the `Config` of a tracker.
 
     Args:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,9 @@ CLAIMS = (
 FIGURES, SUMMARY = "figures", "papers.json"
 
 
-def run(names: list[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool) -> int:
+def run(
+    names: Sequence[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool
+) -> int:
     """Test claims; the exit code: 1 where one does not hold or a run failed.
 
     A quick run never fails for its numbers: one seed says little.
