@@ -13,9 +13,9 @@ from servo import features
 from servo.eyes import Eyes
 from servo.mistake import Mistake
 from servo.scenario import Scenario
-from servo.step import Seconds, Step
+from servo.step import Scene, Seconds, Step
 from servo.types import Command, Sight, Task
-from sim.types import Array, Frame, Posture, Truth
+from sim.types import Frame, Posture, Truth
 from sim.world import World
 from tracking.types import Estimate, Region, State, Status, Tracker
 
@@ -83,19 +83,21 @@ class Episode:
         first, truth = world.look(), world.truth()
         length, width = np.ptp(world.outline[:, :2], axis=0)
         change = scenario.region
-        self.region = Region(length * truth.size * change.width, width * truth.size * change.height)
-        self.first_size = truth.size
+        region = Region(length * truth.size * change.width, width * truth.size * change.height)
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         try:
-            self.tracker.start(first, self.region, given)
+            self.tracker.start(first, region, given)
         except ValueError as error:
             raise Mistake(f"{scenario.name}: first frame: {error}") from None
         # The tracker has not said yet what it follows: angle and size wait for its first word.
         told = Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED, follows=(False, False))
         self._first = first, truth, told
-        self.eyes = Eyes(scenario.features, world.camera, self.region, world.outline)
+        self.eyes = Eyes(scenario.features, world.camera, region, world.outline)
         self._carried = np.zeros(4)
+        self._scene = Scene(
+            world.camera, world.outline, region, truth.size, self.scale, world.period
+        )
         self.controller = scenario.controller.build(stream(scenario.run.seed, "controller"))
         estimator = scenario.estimator.build(stream(scenario.run.seed, "estimator"))
         goal = self._goal_sight(0.0)
@@ -130,17 +132,15 @@ class Episode:
             waiting.append(command.twist)
             controlling = perf_counter() - began
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()
-            motion = self._target_motion(truth)
-            acting = waiting.popleft()
+            before, acting = world.target_before(), waiting.popleft()
             began = perf_counter()
             limited = world.step(acting)
             seconds = Seconds(rendering, tracking, controlling, perf_counter() - began)
             yield Step(
-                frame=frame, truth=truth, true_state=self._true_state(truth), region=self.region,
+                scene=self._scene, frame=frame, truth=truth, target_before=before,
                 goal=self.goal, goal_theta=self.goal_theta, goal_size=self._goal_size(frame.time),
-                estimate=estimate, command=command, target_motion_true=motion,
-                bodies=bodies, posture=posture, rates=rates, twist_acting=acting,
-                limited=limited, seconds=seconds,
+                estimate=estimate, command=command, bodies=bodies, posture=posture, rates=rates,
+                twist_acting=acting, limited=limited, seconds=seconds,
             )  # fmt: skip
 
     def _track(self, frame: Frame, before: Estimate, posture: Posture) -> Estimate:
@@ -159,20 +159,6 @@ class Episode:
             self.controller.aim(self._goal_sight(frame.time))
         seen = self.eyes.see(estimate, truth, posture) if frame.fresh else None
         return self.controller.command(seen, posture, self.world.period)
-
-    def _true_state(self, truth: Truth) -> State:
-        x, y = truth.centre.tolist()
-        return State(x, y, truth.theta, truth.size / self.first_size)
-
-    def _target_motion(self, truth: Truth) -> Array:
-        """True mean de/dt of the target's own motion: both ends of the interval, seen by the camera
-        of now.
-        """
-        before, now = (
-            features.of_moments(features.moments_of(t.corners, self.world.camera), self.scale)
-            for t in (self.world.truth_before(), truth)
-        )
-        return features.error_of(now, before) / self.world.period
 
 
 def run(scenario: Scenario) -> Iterator[Step]:

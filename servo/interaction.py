@@ -28,7 +28,7 @@ ROUND = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class _Shape:
+class Shape:
     """Second moments over area, as the rows below use them."""
 
     e11: float
@@ -38,9 +38,10 @@ class _Shape:
     """Inverse depth of the plane at the centroid."""
 
     @staticmethod
-    def of(m: Moments, plane: Plane) -> _Shape:
+    def of(m: Moments, plane: Plane) -> Shape:
+        """Of these moments, in this plane."""
         n20, n11, n02 = 4 * m.mu20 / m.area, 4 * m.mu11 / m.area, 4 * m.mu02 / m.area
-        return _Shape(
+        return Shape(
             e11=n11 - m.xg * m.yg / 2,
             e12=n20 - m.xg**2 / 2,
             e21=n02 - m.yg**2 / 2,
@@ -48,23 +49,23 @@ class _Shape:
         )
 
 
-def row_xn(m: Moments, plane: Plane, an: float) -> Array:
+def row_xn(m: Moments, plane: Plane, an: float, s: Shape) -> Array:
     """Row (6,) of xn = an xg."""
-    A, B, s, xn, yn = plane.A, plane.B, _Shape.of(m, plane), an * m.xg, an * m.yg
+    A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
     vx, vy, vz = -an * (s.k - A * m.xg / 2), B * xn / 2, an * (A * s.e12 + B * s.e11)
     return np.array([vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn])
 
 
-def row_yn(m: Moments, plane: Plane, an: float) -> Array:
+def row_yn(m: Moments, plane: Plane, an: float, s: Shape) -> Array:
     """Row (6,) of yn = an yg."""
-    A, B, s, xn, yn = plane.A, plane.B, _Shape.of(m, plane), an * m.xg, an * m.yg
+    A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
     vx, vy, vz = A * yn / 2, -an * (s.k - B * m.yg / 2), an * (A * s.e11 + B * s.e21)
     return np.array([vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn])
 
 
-def row_an(m: Moments, plane: Plane, an: float) -> Array:
+def row_an(m: Moments, plane: Plane, an: float, s: Shape) -> Array:
     """Row (6,) of an = K / sqrt(a)."""
-    A, B, C, k = plane.A, plane.B, plane.C, _Shape.of(m, plane).k
+    A, B, C, k = plane.A, plane.B, plane.C, s.k
     vz = -an * (3 * k - C) / 2
     return np.array([A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0])
 
@@ -103,4 +104,5 @@ def interaction(m: Moments, plane: Plane, scale: float) -> Array:
     """
     an = scale / sqrt(m.area)
     theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else np.zeros(6)
-    return np.array([row_xn(m, plane, an), row_yn(m, plane, an), row_an(m, plane, an), theta])
+    seen = m, plane, an, Shape.of(m, plane)
+    return np.array([row_xn(*seen), row_yn(*seen), row_an(*seen), theta])

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from servo import features
 from servo.types import Command
 from sim.geometry import tilt
-from sim.types import Array, Frame, Posture, Truth
+from sim.placement import truth
+from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
 
@@ -28,15 +30,36 @@ class Seconds:
 
 
 @dataclass(frozen=True, slots=True)
+class Scene:
+    """What stays the same from frame to frame."""
+
+    camera: Camera
+    outline: Array
+    """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
+    region: Region
+    """The template that the tracker was given."""
+    first_size: float
+    """The target's true size in the first frame [px/m]."""
+    scale: float
+    """K of the features an = K / sqrt(a): see features.py."""
+    period: float
+    """Frame interval [s]."""
+
+    def features(self, T_world_camera: Pose, T_world_target: Pose) -> Array:
+        """The features (4,) of the target, exact."""
+        seen = truth(self.camera, self.outline, T_world_camera, T_world_target)
+        return features.of_moments(features.moments_of(seen.corners, self.camera), self.scale)
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """Everything about one frame and what was done with it. Readers only read."""
 
+    scene: Scene
     frame: Frame
     truth: Truth
-    true_state: State
-    """The truth as a tracker would say it: scale 1 in the first frame."""
-    region: Region
-    """The template that the tracker was given."""
+    target_before: Pose
+    """T_world_target one frame interval ago."""
     goal: Array
     """Where the target's centre shall be (2,) [px]."""
     goal_theta: float
@@ -45,10 +68,6 @@ class Step:
     """Size the target shall have [px/m]."""
     estimate: Estimate
     command: Command
-    target_motion_true: Array
-    """True mean de/dt (4,) of the target's own motion over the last frame interval, in the task's
-    scaling.
-    """
     bodies: Array
     """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
     rates: Array
@@ -71,6 +90,29 @@ class Step:
             frame=replace(self.frame, image=blank),
             estimate=replace(self.estimate, particles=None),
         )
+
+    @property
+    def region(self) -> Region:
+        """The template that the tracker was given."""
+        return self.scene.region
+
+    @property
+    def true_state(self) -> State:
+        """The truth as a tracker would say it: scale 1 in the first frame."""
+        x, y = self.truth.centre.tolist()
+        return State(x, y, self.truth.theta, self.truth.size / self.scene.first_size)
+
+    @property
+    def target_motion_true(self) -> Array:
+        """True mean de/dt (4,) of the target's own motion over the last frame interval, in the
+        task's scaling: both ends of the interval, seen by the camera of now.
+        """
+        scene, camera = self.scene, self.truth.T_world_camera
+        now, before = (
+            scene.features(camera, target)
+            for target in (self.truth.T_world_target, self.target_before)
+        )
+        return features.error_of(now, before) / scene.period
 
     @property
     def joints(self) -> Array:

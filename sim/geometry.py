@@ -6,6 +6,8 @@ frame.
 
 from __future__ import annotations
 
+from math import atan2, sqrt, tan
+
 import numpy as np
 
 from sim.types import Array, Pose
@@ -30,11 +32,12 @@ def exp_so3(w: Array) -> Array:
 
 def log_so3(R: Array) -> Array:
     """Rotation vector (3,) [rad] of a rotation by less than pi."""
-    axis: Array = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine = float(np.linalg.norm(axis))
-    if sine < SMALL_ANGLE and np.trace(R) > 0:
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    axis = np.array([(h - f) / 2, (c - g) / 2, (d - b) / 2])
+    sine, cosine = sqrt(axis @ axis), (a + e + i - 1) / 2
+    if sine < SMALL_ANGLE and cosine > 0:
         return axis
-    return axis * np.float64(np.arctan2(sine, (np.trace(R) - 1) / 2) / sine)
+    return axis * (atan2(sine, cosine) / sine)
 
 
 def _left_jacobian(w: Array) -> Array:
@@ -54,9 +57,11 @@ def exp_se3(xi: Array) -> Pose:
 
 def log_se3(pose: Pose) -> Array:
     """The constant twist (6,) that makes this motion in unit time."""
-    w = log_so3(pose.rotation)
-    v = np.linalg.solve(_left_jacobian(w), pose.translation)
-    return np.concatenate([v, w]).astype(np.float64)
+    w, t = log_so3(pose.rotation), pose.translation
+    half = sqrt(w @ w) / 2
+    share = (1 - half / tan(half)) / (4 * half**2) if half > SMALL_ANGLE else 1 / 12
+    across = skew(w) @ t
+    return np.concatenate([t - across / 2 + share * (skew(w) @ across), w])
 
 
 def tilt(rotation: Array) -> float:

@@ -10,6 +10,8 @@ import numpy as np
 
 from sim.types import Array, Camera, Pose, Truth
 
+MARKS = np.array([*np.eye(4), [0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.5, 0.0]])
+"""Takes the corners of the reference rectangle to these, its middle and the middle of its nose."""
 DOWN = np.diag([1.0, -1.0, -1.0])
 """Rotation of a level camera that looks straight down with image u along world x."""
 
@@ -32,15 +34,13 @@ def truth(
         visible: Fraction of the silhouette that is seen, if known.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
-    top_left, top_right, low_right, _ = outline
-    middle, nose = (top_left + low_right) / 2, (top_right + low_right) / 2
-    seen = camera.project(T_camera_target.apply(np.stack([*outline, middle, nose])))
-    corners, centre, front = seen[:4], seen[4], seen[5]
-    metric_area = abs(shoelace(outline[:, :2]))
+    seen = camera.project(T_camera_target.apply(MARKS @ outline))
+    corners, centre, nose = seen[:4], seen[4], seen[5]
+    ahead, aside = (nose - centre).tolist()
     return Truth(
         centre=centre,
-        theta=atan2(front[1] - centre[1], front[0] - centre[0]),
-        size=sqrt(abs(shoelace(corners)) / metric_area),
+        theta=atan2(aside, ahead),
+        size=sqrt(area(corners) / area(outline)),
         corners=corners,
         T_world_camera=T_world_camera,
         T_world_target=T_world_target,
@@ -48,10 +48,12 @@ def truth(
     )
 
 
-def shoelace(polygon: Array) -> float:
-    """Signed area of a polygon (n, 2); positive for corners that turn from +x to +y."""
-    after = np.concatenate([polygon[1:], polygon[:1]])
-    return float(polygon[:, 0] @ after[:, 1] - polygon[:, 1] @ after[:, 0]) / 2
+def area(corners: Array) -> float:
+    """Area of a quadrangle, from the x and y of its corners (4, 2 or more): half the product of
+    its diagonals and the sine between them.
+    """
+    a, b, c, d = corners[:, :2].tolist()
+    return abs((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])) / 2
 
 
 def camera_above(

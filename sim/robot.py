@@ -81,7 +81,8 @@ class Robot:
         self.lower = np.where(limited, model.jnt_range[joints, 0], -np.inf)
         self.upper = np.where(limited, model.jnt_range[joints, 1], np.inf)
         self.fastest = model.actuator_ctrlrange[:, 1].copy()
-        self._linear, self._angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        self._stop_lower, self._stop_upper = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
+        self._jacobians = np.zeros((2, 3, model.nv))
 
     def posture(self, data: mujoco.MjData, twist: Array) -> Posture:
         """What the robot knows of itself, as of the last kinematics; twist is its mean since the
@@ -102,12 +103,10 @@ class Robot:
         """Camera twist in the camera (vision) frame per joint rate (6, n), as of the last
         kinematics.
         """
-        mujoco.mj_jacSite(self._model, data, self._linear, self._angular, self._site)
+        linear, angular = self._jacobians
+        mujoco.mj_jacSite(self._model, data, linear, angular, self._site)
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
-        J = np.empty((6, len(self._dof)))
-        J[:3] = R_camera_world @ self._linear[:, self._dof]
-        J[3:] = R_camera_world @ self._angular[:, self._dof]
-        return J
+        return (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
 
     def rates(self, data: mujoco.MjData, twist: Array) -> tuple[Array, bool]:
         """Joint rates (n,) for a camera twist (6,), and whether a limit made the whole motion
@@ -118,15 +117,13 @@ class Robot:
         """
         wanted = damped_inverse(self.jacobian(data), self._design.drives) @ twist
         q = data.qpos[self._qpos]
-        most = np.minimum(self.fastest, STOP_GAIN * np.maximum(self.upper - STOP_MARGIN - q, 0.0))
-        least = np.maximum(
-            -self.fastest, -STOP_GAIN * np.maximum(q - self.lower - STOP_MARGIN, 0.0)
-        )
-        bound = np.where(wanted > 0, most, least)
-        over = np.abs(wanted) > np.abs(bound)
+        room = np.where(wanted > 0, self._stop_upper - q, q - self._stop_lower)
+        most = np.minimum(self.fastest, STOP_GAIN * np.maximum(room, 0.0))
+        asked = np.abs(wanted)
+        over = asked > most
         if not over.any():
             return wanted, False
-        return wanted * np.min(np.abs(bound[over]) / np.abs(wanted[over])), True
+        return wanted * np.min(most[over] / asked[over]), True
 
     def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> bool:
         """Set the joints so that the camera takes this pose; whether the limits allow it."""

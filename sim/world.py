@@ -66,7 +66,7 @@ class World:
         self._frames = 0
         self._mean_twist = np.zeros(6)
         self._image: Image | None = None
-        self._set_stage(0.0)
+        self._eye_at = self._set_stage(0.0)
 
     def close(self) -> None:
         """Give the renderer's GL context back."""
@@ -82,13 +82,14 @@ class World:
         pose = placement.camera_above(self.camera, point, heading, pixel, theta, depth)
         reached = self.robot.solve(self.data, pose)
         mujoco.mj_forward(self.model, self.data)
+        self._eye_at = self._set_stage(0.0)
         return reached
 
     def step(self, twist: Array) -> bool:
         """Hold a camera twist (6,) until the next frame; whether a joint limit or rate made it
         slower.
         """
-        before = self._see()
+        before = self._eye_at
         saturated = False
         for k in range(self._steps):
             if k in self._exposed_at:
@@ -100,14 +101,12 @@ class World:
             mujoco.mj_step(self.model, self.data)
         self._frames += 1
         self.data.time = self._frames * self.period
-        self._set_stage(self.data.time)
-        self._mean_twist = log_se3(before.inverse() @ self._see()) / self.period
+        self._eye_at = self._set_stage(self.data.time)
+        self._mean_twist = log_se3(before.inverse() @ self._eye_at) / self.period
         return saturated
 
     def posture(self) -> Posture:
         """What the robot knows of itself as of now."""
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
         return self.robot.posture(self.data, self._mean_twist)
 
     def look(self) -> Frame:
@@ -116,7 +115,6 @@ class World:
         self._pictures = []
         if effect.dropped and self._image is not None:
             return Frame(self._image, self.data.time, self._frames, fresh=False)
-        self._see()
         pictures.append(self._renderer.render(self.data))
         self._image = self._sensor.develop(pictures, effect.gain)
         return Frame(self._image, self.data.time, self._frames)
@@ -125,12 +123,11 @@ class World:
         """Where the target is as of now, and how much of it is seen if that was asked for."""
         visible = self._visible() if self._visibility else None
         target = self._stage.target(self.data.time)
-        return placement.truth(self.camera, self.outline, self._see(), target, visible)
+        return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
-    def truth_before(self) -> Truth:
-        """The truth if the camera stood as now and the target where it was one frame ago."""
-        target = self._stage.target(self.data.time - self.period)
-        return placement.truth(self.camera, self.outline, self._see(), target)
+    def target_before(self) -> Pose:
+        """T_world_target one frame interval ago."""
+        return self._stage.target(self.data.time - self.period)
 
     def describe_renderer(self) -> str:
         """The name the OpenGL driver gives itself."""
@@ -146,14 +143,18 @@ class World:
         rotations = self.data.xmat[1:].reshape(-1, 3, 3)
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
-    def _see(self) -> Pose:
-        # After mj_step the poses are one step old: refresh them, which costs microseconds.
+    def _set_stage(self, time: float) -> Pose:
+        """Put what moves by itself where it is at a time [s]; where the camera is."""
+        eye = self._refreshed()
+        self._stage.place(self.data, time, eye)
+        return self._refreshed()
+
+    def _refreshed(self) -> Pose:
+        """The camera's pose; after mj_step, or where bodies were put, all poses are old."""
         mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
         return camera_pose(self.data, self._eye)
-
-    def _set_stage(self, time: float) -> None:
-        self._stage.place(self.data, time, self._see())
 
     def _visible(self) -> float:
         car = self.model.geom_bodyid == self.model.body(TARGET).id

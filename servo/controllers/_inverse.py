@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,17 @@ class Inverse:
 
     pseudo: Array
     """L# (6, 4): of all twists that give the wanted de/dt, the one least in weighted norm."""
-    chosen: Array
-    """L (4, 6) without what has no say: its rows and columns are zero."""
+    L: Array
+    """The interaction matrix (4, 6) itself."""
     moves: NDArray[np.bool_]
     """Degrees of freedom (6,) that may move."""
 
     @property
     def free(self) -> Array:
-        """I - L# L (6, 6): takes any twist to the part of it that changes no feature."""
-        return np.diag(self.moves.astype(float)) - self.pseudo @ self.chosen
+        """I - L# L (6, 6), over what may move: takes any twist to the part of it that changes no
+        feature.
+        """
+        return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
     @staticmethod
     def of(L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array) -> Inverse:
@@ -43,21 +46,20 @@ class Inverse:
             moves: Degrees of freedom (6,) that may move.
             weights: Weights (6,) of the degrees of freedom.
         """
-        chosen = L * rows[:, None] * moves  # what is left out is zero, and so is its inverse
-        weighted = chosen * weights
-        pseudo = weights[:, None] * _pinv(weighted, moves if rows.all() else None)
-        return Inverse(pseudo, chosen, moves)
+        known, moving = np.flatnonzero(rows), np.flatnonzero(moves)
+        w = weights[moving]
+        pseudo = np.zeros(L.shape[::-1])
+        pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)
+        return Inverse(pseudo, L, moves)
 
 
-def _pinv(A: Array, moves: NDArray[np.bool_] | None) -> Array:
-    """The pseudo-inverse; where all rows and as many columns (`moves`) count, the plain one."""
-    if moves is not None and np.count_nonzero(moves) == len(A):
-        size = float(np.sqrt(np.vdot(A, A)))
-        plain = inverse_if_strong(A[:, moves], RANK_TOLERANCE * size)
+def _pinv(A: Array) -> Array:
+    """The pseudo-inverse; of a square matrix that is strong enough, the plain inverse."""
+    if A.shape[0] == A.shape[1]:
+        size = sqrt(np.vdot(A, A))
+        plain = inverse_if_strong(A, RANK_TOLERANCE * size)
         if plain is not None:
-            whole = np.zeros(A.T.shape)
-            whole[moves] = plain
-            return whole
+            return plain
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     large = s > RANK_TOLERANCE * s[0]
     inverse = np.divide(1.0, s, out=np.zeros_like(s), where=large)

@@ -36,7 +36,7 @@ class Limits:
         if hurry > 1.0:
             allowed = self._last + change / hurry
         self._last = allowed
-        return allowed, bool(np.any(allowed != twist))
+        return allowed, bool((allowed != twist).any())
 
 
 def _excess(twist: Array, speed: float, turn: float) -> float:
