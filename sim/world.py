@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 import mujoco
@@ -45,7 +46,7 @@ class World:
         disturbances: Sequence[Disturbance],
         rng: np.random.Generator,
     ) -> None:
-        self._steps = steps_between(config.physics_rate, camera.rate, "camera.rate")
+        steps = steps_between(config.physics_rate, camera.rate, "camera.rate")
         self._drive_steps = steps_between(
             config.physics_rate, config.drive_rate, "world.drive_rate"
         )
@@ -61,7 +62,9 @@ class World:
         self._visibility = config.visibility
         self._renderer = Renderer(self.model, EYE, camera.width, camera.height, camera.supersample)
         self._sensor = Sensor(camera, rng)
-        self._exposed_at = exposure_steps(camera, self._steps)
+        self._exposed_at = exposure_steps(camera, steps)
+        # The physics steps of a frame interval at which something is to be done, and its end.
+        self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
         self._pictures: list[Image] = []
         self._frames = 0
         self._mean_twist = np.zeros(6)
@@ -91,14 +94,14 @@ class World:
         """
         before = self._eye_at
         saturated = False
-        for k in range(self._steps):
+        for k, until in pairwise(self._moments):
             if k in self._exposed_at:
                 self._set_stage(self.data.time)
                 self._pictures.append(self._renderer.render(self.data))
             if k % self._drive_steps == 0:
                 self.data.ctrl[:], slowed = self.robot.rates(self.data, twist)
                 saturated |= slowed
-            mujoco.mj_step(self.model, self.data)
+            mujoco.mj_step(self.model, self.data, until - k)
         self._frames += 1
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from statistics import median
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from sim.types import Array
 from tracking.types import Status
 
 MAD_TO_SIGMA = 1.4826
@@ -54,8 +55,9 @@ class Lock:
         c = self._config
         if len(self._good) < FEW:
             return c.cap
-        middle = median(self._good)
-        sigma = MAD_TO_SIGMA * median(abs(distance - middle) for distance in self._good)
+        good = np.array(self._good)
+        middle = _median(good)
+        sigma = MAD_TO_SIGMA * _median(np.abs(good - middle))
         return min(max(middle + c.sigmas * sigma, c.floor), c.cap)
 
     @property
@@ -74,3 +76,9 @@ class Lock:
             self._unseen_since = time
         waited = time - self._unseen_since
         return Status.LOST if waited >= self._config.patience else Status.UNSURE
+
+
+def _median(values: Array) -> float:
+    """The median; a fraction of the cost of `np.median`, which is for arrays of any shape."""
+    ordered, half = np.sort(values), len(values) // 2
+    return float(ordered[half] + ordered[-half - 1]) / 2

@@ -14,7 +14,6 @@ import numpy as np
 from sim.types import Array, Image
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
     Weight = tuple[float, float, float, float, float]
 
@@ -22,42 +21,39 @@ if TYPE_CHECKING:
 TINY = np.finfo(np.float64).tiny
 
 
-CORNERS = 4
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _level(value: int, levels: int) -> float:
+    """Where a channel's value lies among its bins, whose centres are at (b + 0.5) * 256 / levels;
+    values beyond the last centre stay in its bin.
+    """
+    return min(max((value + 0.5) * (levels / 256.0) - 0.5, 0.0), levels - 1.0)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _share_between_bins(
-    image: Image, i: int, j: int, levels: int, bins: NDArray[Any], shares: Array
-) -> None:
-    """Write the four bins (4,) that a pixel is shared between, and its shares (4,).
+    image: Image, i: Any, j: Any, levels: int
+) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
+    """The four bins that a pixel is shared between, and its shares.
 
     The shares are tetrahedral, as in colour tables: linear like trilinear ones, and as continuous,
     with half as many bins. From the lower corner of the cell of eight bins around the colour, one
-    goes along the channels in the order of their fractions, the largest first.
+    goes along the channels in the order of their fractions, the largest first. Written without
+    branches, which a processor could not foretell.
     """
-    corner, step = 0, levels * levels
-    first, second, third = -1.0, -1.0, -1.0
-    to_first, to_second, to_third = 0, 0, 0
-    for channel in range(3):
-        # Bin centres lie at (b + 0.5) * 256 / levels; colours beyond the last one stay in it.
-        level = (image[i, j, channel] + 0.5) * levels / 256.0 - 0.5
-        level = min(max(level, 0.0), levels - 1.0)
-        low = min(int(level), levels - 2)
-        part = level - low
-        corner += low * step
-        if part > first:
-            first, second, third = part, first, second
-            to_first, to_second, to_third = step, to_first, to_second
-        elif part > second:
-            second, third = part, second
-            to_second, to_third = step, to_second
-        else:
-            third, to_third = part, step
-        step //= levels
-    bins[0], shares[0] = corner, 1.0 - first
-    bins[1], shares[1] = corner + to_first, first - second
-    bins[2], shares[2] = bins[1] + to_second, second - third
-    bins[3], shares[3] = bins[2] + to_third, third
+    r = _level(image[i, j, 0], levels)
+    g = _level(image[i, j, 1], levels)
+    b = _level(image[i, j, 2], levels)
+    low_r, low_g, low_b = min(int(r), levels - 2), min(int(g), levels - 2), min(int(b), levels - 2)
+    r, g, b = r - low_r, g - low_g, b - low_b
+    step_r, step_g, step_b = levels * levels, levels, 1
+    first = step_r if r >= g and r >= b else (step_g if g >= b else step_b)
+    last = step_r if r < g and r < b else (step_g if g < b else step_b)
+    least, most = min(min(r, g), b), max(max(r, g), b)
+    middle = max(min(r, g), min(max(r, g), b))
+    low = low_r * step_r + low_g * step_g + low_b
+    high = low + step_r + step_g + step_b
+    bins = low, low + first, high - last, high
+    return bins, (1.0 - most, most - middle, middle - least, least)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -104,13 +100,14 @@ def _weigh(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _add(rows: Array, k: int, b: int, share: float, weight: Weight) -> None:
-    """Add a share of a weight to row b (5,) of kernel k."""
-    rows[k, b, 0] += share * weight[0]
-    rows[k, b, 1] += share * weight[1]
-    rows[k, b, 2] += share * weight[2]
-    rows[k, b, 3] += share * weight[3]
-    rows[k, b, 4] += share * weight[4]
+def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
+    """Add a share of a weight to row b (5,)."""
+    row = rows[np.uint64(b)]
+    row[0] += share * weight[0]
+    row[1] += share * weight[1]
+    row[2] += share * weight[2]
+    row[3] += share * weight[3]
+    row[4] += share * weight[4]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -147,7 +144,6 @@ def kernel_histograms(
     first_i, last_i = max(0, int(state[1] - reach_y)), min(len(image), int(state[1] + reach_y) + 1)
     first_j = max(0, int(state[0] - reach_x))
     last_j = min(image.shape[1], int(state[0] + reach_x) + 1)
-    bins, shares = np.empty(CORNERS, np.int64), np.empty(CORNERS)
     for i in range(first_i, last_i, stride):
         for j in range(first_j, last_j, stride):
             dx, dy = j + 0.5 - state[0], i + 0.5 - state[1]
@@ -155,7 +151,7 @@ def kernel_histograms(
             cover = _cover(rx, ry, half[0], half[1], scale, c, s)
             if cover[0] == 0.0:
                 continue
-            _share_between_bins(image, i, j, levels, bins, shares)
+            bins, shares = _share_between_bins(image, np.uint64(i), np.uint64(j), levels)
             for k in range(len(centres)):
                 ax, ay = (rx - centres[k, 0]) * per_x, (ry - centres[k, 1]) * per_y
                 value = 1.0 - ax * ax - ay * ay
@@ -163,8 +159,11 @@ def kernel_histograms(
                     continue
                 gx, gy = -2.0 * ax * per_x, -2.0 * ay * per_y
                 weight = _weigh(rx, ry, cover, value, gx, gy, per_scale, c, s)
-                for corner in range(CORNERS):
-                    _add(sums, k, bins[corner], shares[corner], weight)
+                rows = sums[np.uint64(k)]  # never counted from the end: saves asking
+                _add(rows, bins[0], shares[0], weight)
+                _add(rows, bins[1], shares[1], weight)
+                _add(rows, bins[2], shares[2], weight)
+                _add(rows, bins[3], shares[3], weight)
                 for p in range(5):
                     totals[k, p] += weight[p]
     return sums, totals
