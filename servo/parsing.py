@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from typing import Any
 
@@ -34,13 +35,17 @@ def fill(config: type[Any], table: Any, place: str) -> Any:
         # By way of JSON, in which lists may become tuples and strings enums though types are
         # strict.
         text = json.dumps({"it": table}, default=str)
-        section: Any = create_model("Section", __config__=STRICT, it=(config, ...))
-        return section.model_validate_json(text).it
+        return _section(config).model_validate_json(text).it
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"][1:])
         said = MESSAGES.get(first["type"]) or first["msg"][0].lower() + first["msg"][1:]
         raise Mistake(f"{place}.{where} = {first['input']!r}: {said}") from None
+
+
+@functools.cache  # building one takes longer than a hundred uses
+def _section(config: type[Any]) -> Any:
+    return create_model("Section", __config__=STRICT, it=(config, ...))
 
 
 def fill_plugin(folder: str, table: Any, place: str, default: str | None = None) -> Any:
