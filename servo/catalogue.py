@@ -5,6 +5,7 @@ scenarios. Nothing heavy is imported to look.
 from __future__ import annotations
 
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 PLUGINS = {
     "robot": ("sim.robots", "gantry"),
@@ -19,5 +20,21 @@ LISTS = {"disturbances": "sim.disturbances"}
 
 def shipped() -> list[str]:
     """Names of the scenarios in the package, sorted."""
-    files = resources.files("scenes").iterdir()
-    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+    return _names(resources.files("scenes"))
+
+
+def studies() -> list[str]:
+    """Names of the studies in the package, sorted."""
+    return _names(resources.files("scenes") / "studies")
+
+
+def sentence(text: str) -> str:
+    """A scenario's or a study's second line, a comment that says what it shows; or nothing."""
+    second = [*text.splitlines(), "", ""][1]
+    return second.removeprefix("# ") if second.startswith("# ") else ""
+
+
+def _names(folder: Traversable) -> list[str]:
+    return sorted(
+        f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
+    )

@@ -3,37 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
-PATH = click.Path(path_type=Path)
-COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
-
-quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
-changes_option = click.option(
-    "--set", "changes", metavar="KEY=VALUE", multiple=True,
-    help="Change any setting; repeat at will.",
-)  # fmt: skip
-workers_option = click.option(
-    "--workers", type=COUNT, default=2, help="Processes side by side.", show_default=True
+from servo.options import (
+    COUNT,
+    NATURAL,
+    PATH,
+    InOrder,
+    changes_option,
+    out_option,
+    quiet_option,
+    workers_option,
 )
-
-
-def out_option(default: str) -> Callable[[Command], Command]:
-    """The option that names the folder to write."""
-    return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
-
-
-class InOrder(click.Group):
-    """Lists commands as they stand here, not by the alphabet."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
-        return list(self.commands)
 
 
 @click.group(
@@ -151,6 +134,34 @@ def bench(
     from servo.bench import run as run_bench
 
     sys.exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
+
+
+@app.command()
+@click.argument("study", help="A shipped study (servobench list), or a .toml file of axes.")
+@changes_option
+@click.option("--seeds", type=COUNT, help="Seeds 0, 1, ... up to this many (default: the study's).")
+@workers_option
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="A Dask scheduler to work on, such as tcp://10.0.0.1:8786.",
+)
+@out_option("runs/sweep-STUDY, to go on in")
+@quiet_option
+def sweep(
+    study: str,
+    changes: tuple[str, ...],
+    seeds: int | None,
+    workers: int,
+    scheduler: str | None,
+    out: Path | None,
+    quiet: bool,
+) -> None:
+    """Run a scenario over axes, draws and seeds; a stopped study goes on where it was."""
+    from servo.study.command import Request
+    from servo.study.command import run as run_study
+
+    sys.exit(run_study(Request(study, changes, seeds, workers, scheduler, out, quiet)))
 
 
 @app.command()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import tempfile
-from importlib import metadata
 from pathlib import Path
 
 import cv2
@@ -14,8 +13,9 @@ from rich.table import Table
 from servo import scenario as scenarios
 from servo import speed
 from servo.episode import Episode
-from servo.run_folder import RECORDING, VERSIONED, RunFolder
+from servo.run_folder import RECORDING, RunFolder
 from servo.terminal import plain
+from servo.versions import versions
 from sim import gl
 
 LENGTH = 60.0
@@ -40,7 +40,7 @@ def examine(*, bench: bool) -> int:
         "frames a second": f"{1e3 / loop.render:.0f} at {scenario.camera.width} x "
         f"{scenario.camera.height}",
         "Python": platform.python_version(),
-        **{name: metadata.version(name) for name in VERSIONED},
+        **versions(),
     }
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, value in rows.items():

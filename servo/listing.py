@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.catalogue import LISTS, PLUGINS, shipped
+from servo.catalogue import LISTS, PLUGINS, sentence, shipped, studies
 from servo.mistake import Mistake
 from sim import plugins
 
@@ -27,6 +27,8 @@ def show_all() -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     for name in shipped():
         table.add_row("scenario", f"[bold]{name}[/]", _sentence(name))
+    for name in studies():
+        table.add_row("study", f"[bold]{name}[/]", _sentence(f"studies/{name}"))
     for section, folder in FOLDERS.items():
         for kind in plugins.kinds(folder):
             table.add_row(section, f"[bold]{kind}[/]", escape(plugins.summary(folder, kind)))
@@ -71,6 +73,5 @@ def _add_settings(table: Table, prefix: str, settings: Any) -> None:
 
 
 def _sentence(name: str) -> str:
-    """A scenario's second line, which says what it shows."""
-    lines = (resources.files("scenes") / f"{name}.toml").read_text(encoding="utf-8").splitlines()
-    return lines[1].removeprefix("# ")
+    """What a scenario or a study shows."""
+    return sentence((resources.files("scenes") / f"{name}.toml").read_text(encoding="utf-8"))

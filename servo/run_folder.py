@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +14,10 @@ from servo.mistake import Mistake
 from servo.scenario import Scenario
 from servo.step import Step
 from servo.steps_table import TABLE, StepsTable
+from servo.versions import versions
 from tracking.evaluation.bench import number
 
 RECORDING, REPORT = "run.rrd", "report.json"
-VERSIONED = (
-    "servobench",
-    "mujoco",
-    "numpy",
-    "numba",
-    "opencv-python-headless",
-    "filterpy",
-    "rerun-sdk",
-)
 
 
 def prepare(asked: Path | None, name: str) -> Path:
@@ -101,5 +92,5 @@ def _summary(scenario: Scenario, report: Report, missed: Sequence[Violation]) ->
         "expect": scenario.expect,
         "missed": [str(v) for v in missed],
         "settings": json.loads(json.dumps(scenario.settings(), default=lambda e: e.value)),
-        "versions": {name: metadata.version(name) for name in VERSIONED},
+        "versions": versions(),
     }

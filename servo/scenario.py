@@ -37,7 +37,7 @@ SECTIONS: dict[str, type[Any]] = {
     "features": FeaturesConfig,
     "measure": MeasureConfig,
 }
-KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect")
+KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,16 +95,25 @@ def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> S
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
-    text, place = _read(name)
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise Mistake(f"{place}: this is not TOML: {error}") from None
+    table, place = read(name)
     for item in overrides:
         override(table, item)
     if seed is not None:
-        override(table, f"run.seed={seed}")
+        put(table, "run.seed", seed, f"--seed {seed}")
     return parse(table, Path(name).stem, place)
+
+
+def read(name: str) -> tuple[Table, str]:
+    """The TOML table of a scenario, not looked at yet, and the name of its file for messages.
+
+    Raises:
+        Mistake: There is no such file, or it is no TOML.
+    """
+    text, place = _text(name)
+    try:
+        return tomllib.loads(text), place
+    except tomllib.TOMLDecodeError as error:
+        raise Mistake(f"{place}: this is not TOML: {error}") from None
 
 
 def parse(table: Table, name: str, place: str) -> Scenario:
@@ -128,15 +137,33 @@ def parse(table: Table, name: str, place: str) -> Scenario:
 
 
 def override(table: Table, item: str) -> None:
-    """Apply one "a.b=value" to a table; another `kind` clears its table first.
+    """Apply one "a.b=value" to a table, as `put` does.
 
     Raises:
-        Mistake: It has not that form, or the path leads through something that is no table.
+        Mistake: It has not that form, or as for `put`.
+    """
+    put(table, *assignment(item), f"--set {item}")
+
+
+def assignment(item: str) -> tuple[str, Any]:
+    """Path and value of one "a.b=value"; what is no TOML is a word.
+
+    Raises:
+        Mistake: It has not that form.
     """
     path, equals, text = item.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not equals or not all(keys):
+    if not equals or not all(key.strip() for key in path.split(".")):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
+    return path, _value(text.strip())
+
+
+def put(table: Table, path: str, value: Any, place: str) -> None:
+    """Set the value at a path such as "tracker.kind"; another `kind` clears its table first.
+
+    Raises:
+        Mistake: The path leads through something that is no table; place names it.
+    """
+    keys = [key.strip() for key in path.split(".")]
     at: Any = table
     for key in keys[:-1]:
         try:
@@ -144,10 +171,9 @@ def override(table: Table, item: str) -> None:
         except (ValueError, IndexError):
             at = None
         if not isinstance(at, dict | list):
-            raise Mistake(f"--set {item}: '{path}' leads through '{key}', which is not a table")
+            raise Mistake(f"{place}: '{path}' leads through '{key}', which is not a table")
     if not isinstance(at, dict):
-        raise Mistake(f"--set {item}: '{path}' is not a key of a table")
-    value = _value(text.strip())
+        raise Mistake(f"{place}: '{path}' is not a key of a table")
     _, default = PLUGINS.get(keys[0], ("", None))
     if keys[-1] == "kind" and at.get("kind", default) != value:
         at.clear()
@@ -168,7 +194,7 @@ def _value(text: str) -> Any:
     return parsed["value"] if len(parsed) == 1 else text
 
 
-def _read(name: str) -> tuple[str, str]:
+def _text(name: str) -> tuple[str, str]:
     path = Path(name)
     if path.suffix != ".toml":
         if name not in shipped():

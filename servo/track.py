@@ -6,7 +6,6 @@ import itertools
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,10 @@ from rich.table import Table
 
 from servo.mistake import Mistake
 from servo.parsing import fill_plugin
-from servo.run_folder import REPORT, VERSIONED, prepare
+from servo.run_folder import REPORT, prepare
 from servo.scenario import override
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar
+from servo.versions import versions
 from sim.types import Array
 from tracking.evaluation import truth as truths
 from tracking.evaluation.bench import number
@@ -194,7 +194,7 @@ def _report(
         "lost": sum(shot.estimate.status is Status.LOST for shot in seen),
         "measures": {name: number(value) for name, value in measures.items()},
         "units": {m.name: m.unit for m in MEASURES},
-        "versions": {name: metadata.version(name) for name in VERSIONED},
+        "versions": versions(),
     }
     path = folder / REPORT
     path.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -35,29 +37,38 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
         count: How many.
     """
     wanted = set(np.linspace(0, len(truth) - 1, min(count, len(truth))).astype(int).tolist())
-    tiles = [
-        _tile(picture, truth[i], None if found is None or i >= len(found) else found[i])
-        for i, picture in enumerate(source)
-        if i in wanted
-    ]
+    return page(
+        [
+            tile(picture, truth[i], None if found is None or i >= len(found) else found[i])
+            for i, picture in enumerate(source)
+            if i in wanted
+        ]
+    )
+
+
+def page(tiles: Sequence[Image]) -> Image:
+    """A picture of tiles, in rows of four."""
     height, width = max(t.shape[0] for t in tiles), TILE
     columns = min(4, len(tiles))
     rows = -(-len(tiles) // columns)
-    page = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
-    for i, tile in enumerate(tiles):
+    whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
+    for i, one in enumerate(tiles):
         y, x = GAP + i // columns * (height + GAP), GAP + i % columns * (width + GAP)
-        page[y : y + tile.shape[0], x : x + width] = tile
-    return page
+        whole[y : y + one.shape[0], x : x + width] = one
+    return whole
 
 
-def _tile(picture: Picture, truth: Array, found: Array | None) -> Image:
+def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
+    """A named picture at the width TILE, with the corners (4, 2) of truth and estimate; black where
+    it could not be read.
+    """
     image = np.zeros((TILE * 3 // 4, TILE, 3), np.uint8) if picture.image is None else picture.image
     factor = TILE / image.shape[1]
     size = (TILE, max(1, round(image.shape[0] * factor)))
-    tile = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    outline(tile, truth, TRUE, factor)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    outline(small, truth, TRUE, factor)
     if found is not None:
-        outline(tile, found, FOUND, factor)
-    cv2.putText(tile, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 3)
-    cv2.putText(tile, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, TRUE, 1)
-    return tile
+        outline(small, found, FOUND, factor)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 3)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, TRUE, 1)
+    return small

@@ -66,7 +66,7 @@ def run_all(jobs: Sequence[Job], folder: Path, workers: int) -> Iterator[Done]:
         yield from (_attempt(job, folder) for job in todo)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_alone) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=alone) as pool:
         waiting: set[Future[Done]] = set()
         try:
             for job in todo:
@@ -81,7 +81,7 @@ def run_all(jobs: Sequence[Job], folder: Path, workers: int) -> Iterator[Done]:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _alone() -> None:
+def alone() -> None:
     """One thread for each worker: the workers share the processors already."""
     os.environ["LP_NUM_THREADS"] = "0"
     cv2.setNumThreads(1)

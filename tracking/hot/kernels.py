@@ -14,7 +14,6 @@ import numpy as np
 from sim.types import Array, Image
 
 if TYPE_CHECKING:
-
     Weight = tuple[float, float, float, float, float]
 
 

@@ -1,0 +1,1 @@
+"""Studies: one scenario, or several, run many times over axes, draws and seeds."""

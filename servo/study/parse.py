@@ -1,0 +1,132 @@
+"""A study from a TOML file, or from the [sweep] table of a scenario; every mistake is named with
+its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from servo import scenario as scenarios
+from servo.catalogue import sentence, shipped, studies
+from servo.measures import MEANINGS
+from servo.mistake import Mistake, unknown
+from servo.study.axes import axes_of, finite, flat
+from servo.study.plan import Base, Study
+
+KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
+ALL = "*"
+SEEDS = 3
+MOST_RUNS = 1_000_000
+SUCCESS = "success_rate"
+
+
+def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> Study:
+    """A study by its shipped name or by the path of a TOML file.
+
+    Args:
+        name: Such as "particles" or "mine/gains.toml".
+        changes: As with --set, for all runs.
+        seeds: Seeds 0, 1, ... up to this many instead of the file's.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    path = Path(name)
+    if path.suffix != ".toml":
+        if name not in studies():
+            raise Mistake(f"{unknown(name, studies(), 'study')} (or give a .toml file)")
+        path = Path(str(resources.files("scenes") / "studies" / f"{name}.toml"))
+    table, place = scenarios.read(str(path))
+    if "sweep" in table:
+        table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
+    if changes:
+        own = flat(_table(table.get("set", {}), f"{place}: set"))
+        table["set"] = own | dict(scenarios.assignment(item) for item in changes)
+    if seeds is not None:
+        table["seeds"] = seeds
+    study = _study(table, path, place)
+    _check(study, place)
+    return study
+
+
+def _study(table: dict[str, Any], path: Path, place: str) -> Study:
+    for key in table:
+        if key not in KEYS:
+            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
+    study = Study(
+        name=path.stem, title=sentence(path.read_text(encoding="utf-8-sig")), table=table,
+        bases=_bases(table.get("scenario"), path, place),
+        changes=flat(_table(table.get("set", {}), f"{place}: set")),
+        axes=axes, draws=draws, seeds=_seeds(table.get("seeds", SEEDS), place),
+        compare=None, expect=_expect(table.get("expect", {}), place),
+    )  # fmt: skip
+    if study.size > MOST_RUNS:
+        raise Mistake(f"{place}: this makes {study.size:,} runs; the limit is {MOST_RUNS:,}")
+    return _compared(study, table.get("compare"), place)
+
+
+def _compared(study: Study, asked: Any, place: str) -> Study:
+    """With the axis that is compared: by default trackers."""
+    keys = [axis.key for axis in study.every_axis]
+    if asked is None:
+        return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
+    if asked not in keys:
+        raise Mistake(f"{place}: compare: {unknown(str(asked), keys, 'axis')}")
+    return replace(study, compare=asked)
+
+
+def _check(study: Study, place: str) -> None:
+    """Parse every cell once, so that a wrong setting is told before hours of running."""
+    first = study.seeds[0]
+    for run in study.runs():
+        if run.seed == first:
+            try:
+                run.parsed()
+            except Mistake as error:
+                raise Mistake(f"{place}: run {run.number}: {error}") from None
+
+
+def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
+    names: list[Any] = shipped() if given == ALL else given if isinstance(given, list) else [given]
+    if not names or not all(isinstance(n, str) for n in names):
+        raise Mistake(f'{place}: scenario should name a scenario, several in a list, or "*"')
+    bases: list[Base] = []
+    for name in names:
+        beside = path.parent / name
+        at = str(beside) if name.endswith(".toml") and beside.is_file() else name
+        bases.append(Base(at, *scenarios.read(at)))
+    return tuple(bases)
+
+
+def _seeds(given: Any, place: str) -> tuple[int, ...]:
+    seeds = list(range(given)) if _whole(given) and given <= MOST_RUNS else given
+    if not isinstance(seeds, list) or not seeds or not all(_whole(s) for s in seeds):
+        raise Mistake(f"{place}: seeds = {given!r}: how many, or a list of whole numbers from 0 on")
+    if len(set(seeds)) < len(seeds):
+        raise Mistake(f"{place}: seeds has the same value twice")
+    return tuple(seeds)
+
+
+def _expect(given: Any, place: str) -> dict[str, float]:
+    known = (SUCCESS, *MEANINGS)
+    for name, bound in _table(given, f"{place}: expect").items():
+        if name not in known:
+            raise Mistake(f"{place}: expect: {unknown(name, known)}")
+        if not finite(bound):
+            raise Mistake(f"{place}: expect.{name} = {bound!r}: a bound is a finite number")
+    return dict(given)
+
+
+def _table(given: Any, place: str) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise Mistake(f"{place} should be a table, not {given!r}")
+    return given
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0

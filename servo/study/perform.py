@@ -1,0 +1,82 @@
+"""One run of a study, from its settings to its row; this is what workers do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from servo.episode import Episode
+from servo.measures import CONVERGED_PX, Outcome, summarise, violations
+from servo.step import Step
+from servo.study.plan import Run
+from servo.versions import versions
+from tracking.evaluation.bench import number
+from tracking.evaluation.contact_sheet import page, tile
+from tracking.evaluation.sources import Picture
+
+Row = dict[str, Any]
+TILES, JPEG_QUALITY = 8, 80
+TIMED = ("step_ms", "track_ms")
+"""What differs from run to run."""
+
+
+def perform(run: Run) -> Row:
+    """Everything that is kept of a run, by column.
+
+    Raises:
+        Mistake: A setting does not fit.
+    """
+    scenario = run.parsed()
+    with Episode(scenario) as episode:
+        last = episode.frames - 1
+        wanted = set(np.linspace(0, last, TILES).astype(int)) if run.pictured else set()
+        tiles: list[Any] = []
+        steps: list[Step] = []
+        for step in episode:
+            if step.frame.index in wanted:
+                tiles.append(_tile(step))
+            steps.append(step.light())
+    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    hoped = scenario.expect.get("outcome", Outcome.CONVERGED.name)
+    return {
+        "run": run.number,
+        "scenario": run.scenario,
+        "seed": run.seed,
+        **run.settings,
+        "outcome": report.outcome.name,
+        "success": report.outcome.name == hoped,
+        "missed": "; ".join(str(v) for v in violations(report, scenario.expect)),
+        **{m.name: number(m.value) for m in report.measures},
+        "track_ms": 1e3 * float(np.median([s.seconds.track for s in steps])),
+        **version_columns(),
+        **_series(steps),
+        "sheet": _jpeg(tiles) if tiles else None,
+    }
+
+
+def version_columns() -> dict[str, str]:
+    """The versions that decide the numbers, by column."""
+    return {f"version_{name.replace('-', '_')}": version for name, version in versions().items()}
+
+
+def _series(steps: list[Step]) -> dict[str, list[Any]]:
+    errors = [s.tracking_error for s in steps]
+    return {
+        "time_s": [s.frame.time for s in steps],
+        "servo_error_px": [s.servo_error for s in steps],
+        "tracking_error_px": errors,
+        "on_target": [error <= CONVERGED_PX for error in errors],
+    }
+
+
+def _tile(step: Step) -> Any:
+    picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
+    return tile(picture, step.truth.corners, step.region.corners(step.estimate.state))
+
+
+def _jpeg(tiles: list[Any]) -> bytes:
+    picture: Any = page(tiles)
+    bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()

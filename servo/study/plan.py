@@ -1,0 +1,129 @@
+"""What a study is, as values: axes, draws, seeds, and the runs that they make."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import json
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from servo import scenario as scenarios
+from servo.scenario import Scenario, Table
+from servo.study.axes import SCENARIO, Axis, Draw, Value
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """A scenario that a study changes."""
+
+    name: str
+    """Shipped name, or path of a TOML file."""
+    table: Table
+    place: str
+    """Its file, for messages."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of a study: all that a worker needs to know. It travels between processes."""
+
+    number: int
+    """Place in the study, from 0."""
+    scenario: str
+    seed: int
+    settings: dict[str, Value]
+    """Values of axes and draws, by key."""
+    table: Table
+    place: str
+    pictured: bool
+    """Whether a contact sheet is kept of it."""
+
+    def parsed(self) -> Scenario:
+        """Its scenario.
+
+        Raises:
+            Mistake: A setting does not fit.
+        """
+        return scenarios.parse(self.table, self.scenario, self.place)
+
+    def command(self, changes: dict[str, Value]) -> str:
+        """What runs it alone; changes are those of the whole study."""
+        every = changes | {k: v for k, v in self.settings.items() if k != SCENARIO}
+        sets = [f"--set {shlex.quote(f'{k}={_toml(v)}')}" for k, v in ordered(every).items()]
+        return " ".join(
+            ["servobench run", shlex.quote(self.scenario), f"--seed {self.seed}", *sets]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A parsed study."""
+
+    name: str
+    title: str
+    """A sentence about it."""
+    table: Table
+    """As it was read, the command line's changes included."""
+    bases: tuple[Base, ...]
+    changes: dict[str, Value]
+    """Settings that all runs have in common."""
+    axes: tuple[Axis, ...]
+    draws: tuple[Draw, ...]
+    seeds: tuple[int, ...]
+    compare: str | None
+    """The axis whose values are compared with each other."""
+    expect: dict[str, float]
+    """Bounds that every cell must keep."""
+
+    @property
+    def every_axis(self) -> tuple[Axis, ...]:
+        """The axes, with that of the scenarios first where there are several."""
+        several = Axis(SCENARIO, tuple(b.name for b in self.bases))
+        return (several, *self.axes) if len(self.bases) > 1 else self.axes
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        cells = int(np.prod([len(a.values) for a in self.every_axis], dtype=object))
+        return cells * len(self.seeds)
+
+    def cells(self) -> Iterator[tuple[Base, dict[str, Value]]]:
+        """Every combination of axis values."""
+        for base in self.bases:
+            named = {SCENARIO: base.name} if len(self.bases) > 1 else {}
+            for values in itertools.product(*(a.values for a in self.axes)):
+                yield base, named | dict(zip((a.key for a in self.axes), values, strict=True))
+
+    def runs(self) -> Iterator[Run]:
+        """All runs in their order: cell by cell, seed by seed."""
+        numbers = itertools.count()
+        for base, cell in self.cells():
+            for seed in self.seeds:
+                settings = cell | {d.key: d.value(seed) for d in self.draws}
+                yield Run(
+                    next(numbers), base.name, seed, settings, self._table(base, settings, seed),
+                    base.place, pictured=seed == self.seeds[0],
+                )  # fmt: skip
+
+    def _table(self, base: Base, settings: dict[str, Value], seed: int) -> Table:
+        table = copy.deepcopy(base.table)
+        table.pop("sweep", None)
+        own = {k: v for k, v in settings.items() if k != SCENARIO}
+        for key, value in ordered(self.changes | own).items():
+            scenarios.put(table, key, value, f"{self.name}: {key}")
+        scenarios.put(table, "run.seed", seed, self.name)
+        return table
+
+
+def ordered(settings: dict[str, Value]) -> dict[str, Value]:
+    """Kinds and presets first: another kind clears the table that the other settings go to."""
+    return dict(sorted(settings.items(), key=lambda item: not item[0].endswith(".kind")))
+
+
+def _toml(value: Value) -> str:
+    """JSON's numbers, strings and lists are TOML's; a plain word needs no quotes here."""
+    return value if isinstance(value, str) and value.isidentifier() else json.dumps(value)

@@ -1,0 +1,152 @@
+"""What a study has shown: cells with intervals, paired comparisons, and bounds that were missed."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from servo.measures import MEANINGS
+from servo.study.parse import SUCCESS
+from servo.study.perform import Row
+from servo.study.plan import Study
+from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
+
+DRAWS = 2000
+"""Of the bootstrap."""
+AVERAGED = (*MEANINGS, "track_ms")
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """The runs with one combination of axis values."""
+
+    settings: dict[str, Any]
+    runs: int
+    success: Interval
+    means: dict[str, Interval]
+    """Of the measures that are finite somewhere; over those runs."""
+
+    @staticmethod
+    def of(settings: dict[str, Any], rows: Sequence[Row]) -> Cell:
+        """The cell of these rows, at least one."""
+        means: dict[str, Interval] = {}
+        for name in AVERAGED:
+            found = [row[name] for row in rows if row[name] is not None]
+            if found:
+                means[name] = _interval(found)
+        return Cell(settings, len(rows), _interval([row["success"] for row in rows]), means)
+
+    def value(self, name: str) -> float:
+        """The success rate, or the mean of a measure; infinite where no run has it."""
+        if name == SUCCESS:
+            return self.success.value
+        return self.means[name].value if name in self.means else np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Two values of the compared axis, over runs alike in all else."""
+
+    first: Any
+    second: Any
+    test: McNemar
+    p_holm: float
+    """The exact p, corrected for the number of comparisons."""
+
+
+def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
+    """The cells that have runs, in the order of the study."""
+    keys = [axis.key for axis in study.every_axis]
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[k] for k in keys), []).append(row)
+    return [Cell.of(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
+
+
+def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
+    """McNemar's test on success for every pair of values of the compared axis, with Holm's
+    correction; runs are paired by all other axes and the seed, which fixes what is drawn.
+    """
+    key = study.compare
+    if key is None:
+        return []
+    others = [axis.key for axis in study.every_axis if axis.key != key]
+    held: dict[Any, dict[tuple[Any, ...], bool]] = {}
+    for row in rows:
+        at = (*(row[k] for k in others), row["seed"])
+        held.setdefault(row[key], {})[at] = row["success"]
+    names = sorted(held, key=lambda n: -float(np.mean(list(held[n].values()))))
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    tests = [_mcnemar(held[a], held[b]) for a, b in pairs]
+    corrected = holm(np.array([t.p for t in tests])) if tests else []
+    return [
+        Compared(a, b, test, float(p))
+        for (a, b), test, p in zip(pairs, tests, corrected, strict=True)
+    ]
+
+
+def missed(study: Study, cells: Sequence[Cell]) -> list[str]:
+    """A sentence for each bound that a cell does not keep."""
+    told: list[str] = []
+    for cell in cells:
+        for name, bound in study.expect.items():
+            found, least = cell.value(name), name == SUCCESS
+            if found < bound if least else not found <= bound:
+                where = ", ".join(f"{k} = {v}" for k, v in cell.settings.items()) or "all runs"
+                words = "at least" if least else "at most"
+                told.append(f"{where}: {name} is {found:.3g}, expected {words} {bound:g}")
+    return told
+
+
+def cells_csv(study: Study, cells: Sequence[Cell]) -> bytes:
+    """The cells as CSV: axes, runs, success rate and means, each with its 95 % interval."""
+    keys = [axis.key for axis in study.every_axis]
+    head = [*keys, "runs", *_three(SUCCESS), *(c for name in AVERAGED for c in _three(name))]
+    lines = [
+        [
+            *(cell.settings[k] for k in keys), cell.runs, *_numbers(cell.success),
+            *(n for name in AVERAGED for n in _numbers(cell.means.get(name))),
+        ]
+        for cell in cells
+    ]  # fmt: skip
+    return _csv(head, lines)
+
+
+def comparisons_csv(found: Sequence[Compared]) -> bytes:
+    """The comparisons as CSV."""
+    head = ["first", "second", "wins", "losses", "ties", "z", "p", "p_holm"]
+    lines = [
+        [c.first, c.second, t.wins, t.losses, t.ties, t.z, t.p, c.p_holm]
+        for c, t in ((c, c.test) for c in found)
+    ]
+    return _csv(head, lines)
+
+
+def _mcnemar(first: dict[Any, bool], second: dict[Any, bool]) -> McNemar:
+    both = [at for at in first if at in second]
+    return McNemar.of(*(np.array([held[at] for at in both], float) for held in (first, second)))
+
+
+def _interval(values: Sequence[float]) -> Interval:
+    return bootstrap(np.array(values, float), np.random.default_rng(0), draws=DRAWS)
+
+
+def _three(name: str) -> tuple[str, str, str]:
+    return name, f"{name}_low", f"{name}_high"
+
+
+def _numbers(interval: Interval | None) -> tuple[Any, Any, Any]:
+    return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)
+
+
+def _csv(head: Sequence[str], lines: Iterable[Sequence[Any]]) -> bytes:
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(head)
+    table.writerows(lines)
+    return text.getvalue().encode()
