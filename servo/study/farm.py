@@ -18,8 +18,6 @@ from servo.mistake import Mistake
 from tracking.evaluation.jobs import alone
 
 Task = TypeVar("Task")
-NOWHERE: Any = None
-"""No dashboard: Dask's own annotation does not know that it may be left out."""
 DEATHS = 2
 """A task at which more workers than this have died is given up."""
 PATIENCE = 20.0
@@ -31,6 +29,8 @@ SETTINGS = {
 }
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 """What a worker has to tell comes back with its task."""
+UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""A terminal sends Ctrl-C to the workers too, but it is the client that stops them."""
 ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Workers share the processors already."""
 
@@ -61,7 +61,8 @@ def farm(workers: int, address: str | None) -> Generator[Client]:
             with (
                 LocalCluster(
                     n_workers=workers, threads_per_worker=1, processes=True,
-                    env=ONE_THREAD | SILENT, dashboard_address=NOWHERE, silence_logs=quiet,
+                    env=ONE_THREAD | SILENT, preload=UNINTERRUPTED, dashboard_address=":0",
+                    silence_logs=quiet,
                 ) as cluster,
                 Client(cluster, set_as_default=False) as client,
             ):  # fmt: skip
@@ -118,7 +119,7 @@ def carry_out(
         top_up()
         for future in ended:
             task, _ = under_way.pop(future.key)
-            yield task, _result(client, future)
+            yield task, _result(future)
             top_up()
     finally:
         for _, future in under_way.values():
@@ -130,10 +131,10 @@ def _threads(client: Client) -> dict[str, int]:
     return found
 
 
-def _result(client: Client, future: Future[Any]) -> Ended:
+def _result(future: Future[Any]) -> Ended:
     if future.status == "finished":
         return Ended(future.result())
-    if client.status != "running" or future.cancelled():
+    if future.status != "error":  # "cancelled" or "lost", but not by us
         raise ConnectionError("the scheduler is gone")
     error: Any = future.exception()
     if isinstance(error, KilledWorker):

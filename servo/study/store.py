@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TextIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -55,10 +55,15 @@ class Store:
             Mistake: It cannot be written, holds something else, or somebody is writing there.
         """
         self.folder = folder
+        self._lock: TextIO | None = None
         own = columns(study)
         self._schema = pa.schema([*own, *SERIES.items()])
         self._names = [name for name, _ in own]
-        self._on_disk(lambda: self._open(manifest), "the folder")
+        try:
+            self._on_disk(lambda: self._open(manifest), "the folder")
+        except Mistake:
+            self.close()
+            raise
 
     def _open(self, manifest: dict[str, Any]) -> None:
         for part in (RUNS, FAILURES):
@@ -147,7 +152,8 @@ class Store:
 
     def close(self) -> None:
         """Let others write."""
-        self._lock.close()
+        if self._lock is not None:
+            self._lock.close()
 
     def __enter__(self) -> Store:
         return self

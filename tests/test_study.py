@@ -1,0 +1,239 @@
+"""Studies as values, and the folder that keeps them: what is run, what is drawn, what is shown."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from servo import scenario
+from servo.mistake import Mistake
+from servo.study import command, results, store
+from servo.study.axes import Draw
+from servo.study.parse import load
+from servo.study.perform import TIMED, perform
+from sim import plugins
+
+SMALL = """# mine
+# Two trackers on a car that stands.
+scenario = "still"
+seeds = 2
+
+[set]
+run.duration = 0.3
+
+[axes]
+tracker.kind = ["frozen", "pf_ssd"]
+run.latency = [0, 2]
+start.x = { uniform = [-20.0, 20.0] }
+"""
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SMALL)
+    return load("mine.toml")
+
+
+def test_axes_make_cells_and_every_cell_has_every_seed(small):
+    runs = list(small.runs())
+    assert small.size == len(runs) == 8
+    assert small.title == "Two trackers on a car that stands."
+    cells = [(r.settings["tracker.kind"], r.settings["run.latency"], r.seed) for r in runs]
+    assert cells[:3] == [("frozen", 0, 0), ("frozen", 0, 1), ("frozen", 2, 0)]
+    assert len(set(cells)) == 8
+    assert [r.number for r in runs] == list(range(8))
+    assert [r.pictured for r in runs] == [True, False] * 4
+    assert small.compare == "tracker.kind"
+
+
+def test_what_is_drawn_depends_on_the_seed_alone(small):
+    drawn = {}
+    for run in small.runs():
+        drawn.setdefault(run.seed, set()).add(run.settings["start.x"])
+    assert [len(values) for values in drawn.values()] == [1, 1]
+    assert drawn[0] != drawn[1]
+    with_another_axis = replace(small, axes=small.axes[:1])
+    assert {r.settings["start.x"] for r in with_another_axis.runs()} == drawn[0] | drawn[1]
+
+
+@pytest.mark.parametrize(
+    ("law", "numbers", "low", "high"),
+    [("uniform", (-2.0, 3.0), -2, 3), ("log_uniform", (0.1, 10.0), 0.1, 10),
+     ("choice", (1.0, 2.0), 1, 2)],
+)  # fmt: skip
+def test_draws_lie_within_their_law(law, numbers, low, high):
+    values = [Draw("start.x", law, numbers).value(seed) for seed in range(300)]
+    assert low <= min(values) < low + 0.1 * (high - low)
+    assert high - 0.1 * (high - low) < max(values) <= high
+    if law == "log_uniform":
+        assert np.median(values) == pytest.approx(1.0, rel=0.4)
+
+
+def test_normal_draws_have_their_mean_and_spread():
+    values = [Draw("start.x", "normal", (5.0, 2.0)).value(seed) for seed in range(500)]
+    assert np.mean(values) == pytest.approx(5.0, abs=0.3)  # three standard errors
+    assert np.std(values) == pytest.approx(2.0, rel=0.1)
+
+
+def test_the_command_of_a_run_makes_its_very_scenario(small):
+    for run in small.runs():
+        words = run.command(small.changes).split()
+        sets = [words[i + 1].strip("'") for i, word in enumerate(words) if word == "--set"]
+        alone = scenario.load("still", sets, run.seed)
+        assert alone.settings() == run.parsed().settings()
+
+
+def test_every_shipped_study_parses_and_all_trackers_are_in_the_one_of_all():
+    everything = load("trackers")
+    kinds = plugins.kinds("tracking.trackers")
+    assert everything.size == len(kinds) * len(everything.bases) * 20
+    assert {r.settings["tracker.kind"] for r in everything.runs()} == set(kinds)
+    assert len(everything.bases) == len(scenario.shipped())
+    for name in ("particles", "noise", "latency_gain", "depth_error"):
+        assert load(name).title.endswith(("?", "."))
+
+
+def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text('# own\n# Mine.\n[motion]\nkind = "still"\n[sweep]\nseeds = [3, 5]\n'
+                    'axes.run.latency = [1, 2, 3]\n')  # fmt: skip
+    study = load(str(path))
+    assert (study.size, study.seeds) == (6, (3, 5))
+    assert {r.parsed().run.latency for r in study.runs()} == {1, 2, 3}
+    assert scenario.load(str(path)).run.latency == 1
+
+
+@pytest.fixture
+def kept(small, tmp_path):
+    """The store of the small study with four runs in it."""
+    with store.Store(tmp_path / "out", small, command.manifest(small, "me")) as there:
+        for run in list(small.runs())[:4]:
+            there.add(perform(run))
+        yield there
+
+
+def test_a_row_has_every_axis_draw_measure_and_version(kept, small):
+    table = kept.table(kept.done())
+    assert table.num_rows == 4
+    row = table.to_pylist()[3]
+    assert (row["run"], row["seed"], row["tracker.kind"], row["run.latency"]) == (3, 1, "frozen", 2)
+    assert row["start.x"] == next(r.settings["start.x"] for r in small.runs() if r.seed == 1)
+    assert row["version_mujoco"].split(".")[0].isdecimal()
+    assert row["servo_rms_px"] > 0
+    assert row["outcome"] == "TIMED_OUT"
+    assert not row["success"]
+    whole = pq.read_table(kept.folder / "runs" / "000000.parquet").to_pylist()[0]
+    assert len(whole["time_s"]) == len(whole["servo_error_px"]) == 9
+    assert whole["sheet"][:2] == b"\xff\xd8"  # a JPEG
+    assert pq.read_table(kept.folder / "runs" / "000001.parquet")["sheet"].to_pylist() == [None]
+
+
+def test_a_run_alone_is_the_run_in_the_study(kept, small):
+    again = perform(list(small.runs())[3])
+    row = kept.table([3]).to_pylist()[0]
+    for name, value in row.items():
+        if name not in TIMED:
+            assert again[name] == value, name
+
+
+def test_half_a_file_counts_as_no_run(kept):
+    whole = (kept.folder / "runs" / "000002.parquet").read_bytes()
+    (kept.folder / "runs" / "000002.parquet").write_bytes(whole[: len(whole) // 2])
+    (kept.folder / "runs" / "000003.parquet").write_bytes(bytes(len(whole)))
+    (kept.folder / "runs" / ".000004.parquet.part").write_bytes(whole)
+    assert kept.done() == {0, 1}
+
+
+def refused(folder, study, **changed):
+    with pytest.raises(Mistake) as told:
+        store.Store(folder, study, command.manifest(study, "me") | changed)
+    return str(told.value)
+
+
+def test_two_sweeps_do_not_write_into_one_folder(kept, small):
+    there = kept.folder
+    assert refused(there, small) == f"{there}: another sweep is writing into this folder"
+    kept.close()
+    store.Store(there, small, command.manifest(small, "me")).close()
+
+
+def test_a_folder_of_another_study_or_other_versions_is_refused(kept, small):
+    kept.close()
+    there = kept.folder
+    assert refused(there, small, seeds=[0]) == (
+        f"{there}: another study is kept here (its seeds differs); choose another folder with --out"
+    )
+    versions = command.manifest(small, "me")["versions"]
+    assert refused(there, small, versions=versions | {"mujoco": "9.9"}) == (
+        f"{there}: this study was begun with mujoco {versions['mujoco']}, here is 9.9: "
+        "its numbers would not compare; choose another folder with --out"
+    )
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(kept, small):
+    run = list(small.runs())[4]
+    (kept.folder / "runs" / ".000004.parquet.part").symlink_to("/dev/full")
+    with pytest.raises(Mistake) as told:
+        kept.add(perform(run))
+    assert str(told.value) == (
+        f"{kept.folder}: cannot write run 4: No space left on device; what is there already is "
+        "whole, and the same command goes on from it"
+    )
+    assert kept.done() == {0, 1, 2, 3}
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(small, tmp_path):
+    (tmp_path / "file").write_text("")
+    assert refused(tmp_path / "file" / "out", small) == (
+        f"{tmp_path}/file/out: cannot write the folder: Not a directory; what is there already is "
+        "whole, and the same command goes on from it"
+    )
+
+
+def test_a_failure_keeps_traceback_and_command_until_the_run_succeeds(kept, small):
+    run = list(small.runs())[5]
+    path = kept.fail(run, "Traceback: it broke", run.command(small.changes))
+    told = json.loads(path.read_text())
+    assert told["error"] == "Traceback: it broke"
+    assert told["command"].startswith("servobench run still --seed 1 --set tracker.kind=pf_ssd")
+    kept.add(perform(run))
+    assert not path.exists()
+
+
+def rows(*held):
+    """Rows of the small study: (tracker, latency, seed, success, rms)."""
+    blank = dict.fromkeys(results.AVERAGED)
+    names = ("tracker.kind", "run.latency", "seed", "success", "servo_rms_px")
+    return [blank | dict(zip(names, one, strict=True)) for one in held]
+
+
+def test_cells_have_means_with_intervals_and_pairs_are_compared(small):
+    found = rows(
+        *(("frozen", 0, s, False, 9.0) for s in range(10)),
+        *(("pf_ssd", 0, s, s > 0, 1.0 + s) for s in range(10)),
+    )
+    cells = results.cells_of(small, found)
+    assert [c.settings for c in cells] == [
+        {"tracker.kind": "frozen", "run.latency": 0},
+        {"tracker.kind": "pf_ssd", "run.latency": 0},
+    ]
+    assert cells[1].success.value == 0.9
+    assert 0.6 <= cells[1].success.low < 0.9 < cells[1].success.high == 1.0
+    assert cells[1].means["servo_rms_px"].value == 5.5
+    assert "settle_s" not in cells[1].means
+    (pair,) = results.comparisons(small, found)
+    assert (pair.first, pair.second) == ("pf_ssd", "frozen")
+    assert (pair.test.wins, pair.test.losses, pair.test.ties) == (9, 0, 1)
+    assert pair.p_holm == pytest.approx(2 / 2**9)
+
+
+def test_a_bound_is_for_every_cell(small):
+    found = rows(*(("frozen", k, s, s > k, 1.0 + k) for k in (0, 2) for s in range(4)))
+    study = replace(small, expect={"success_rate": 0.7, "servo_rms_px": 2.0})
+    assert results.missed(study, results.cells_of(study, found)) == [
+        "tracker.kind = frozen, run.latency = 2: success_rate is 0.25, expected at least 0.7",
+        "tracker.kind = frozen, run.latency = 2: servo_rms_px is 3, expected at most 2",
+    ]

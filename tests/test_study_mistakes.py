@@ -1,0 +1,100 @@
+"""What is wrong in a study is one sentence, before anything runs."""
+
+import pytest
+
+from servo import cli
+from servo.mistake import Mistake
+from servo.study.parse import load
+
+STILL = "scenario = 'still'\n"
+BAD = {
+    "unknown key": (
+        "sceanrio = 'still'",
+        "there is no key 'sceanrio'; did you mean 'scenario'?",
+    ),
+    "no scenario": ("", 'scenario should name a scenario, several in a list, or "*"'),
+    "empty axis": (
+        STILL + "axes.run.latency = []",
+        "axes.run.latency = []: an axis is a list of values, or a law for them",
+    ),
+    "a value twice": (
+        STILL + "axes.run.latency = [1, 1]",
+        "axes.run.latency has the same value twice",
+    ),
+    "wrong setting": (
+        STILL + "axes.run.latncy = [1]",
+        "run 0: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
+    ),
+    "wrong value": (
+        STILL + "axes.run.latency = [1, 500]",
+        "run 3: still.toml: run.latency = 500: input should be less than or equal to 100",
+    ),
+    "too few numbers": (
+        STILL + "axes.start.x = { uniform = [1.0] }",
+        "axes.start.x.uniform: this takes a list of 2",
+    ),
+    "numbers turned": (
+        STILL + "axes.start.x = { uniform = [2.0, 1.0] }",
+        "axes.start.x.uniform = [2.0, 1.0]: the first should be the smaller one",
+    ),
+    "logarithm of zero": (
+        STILL + "axes.start.scale = { log_uniform = [0.0, 1.0] }",
+        "axes.start.scale.log_uniform = [0.0, 1.0]: these should be above 0",
+    ),
+    "not finite": (
+        STILL + "axes.start.x = { normal = [0.0, inf] }",
+        "axes.start.x.normal = [0.0, inf]: these should be finite numbers",
+    ),
+    "a count that is none": (
+        STILL + "axes.start.x = { linspace = [0.0, 1.0, 1e9] }",
+        "axes.start.x.linspace: the count should be a whole number from 1 to 10,000",
+    ),
+    "too many runs": (
+        STILL + "seeds = 1000\naxes.start.x = { linspace = [0.0, 1.0, 5000] }",
+        "this makes 5,000,000 runs; the limit is 1,000,000",
+    ),
+    "seeds": (
+        STILL + "seeds = -1",
+        "seeds = -1: how many, or a list of whole numbers from 0 on",
+    ),
+    "unknown bound": (
+        STILL + "expect.sucess_rate = 1",
+        "expect: there is no key 'sucess_rate'; did you mean 'success_rate'?",
+    ),
+    "unknown axis": (
+        STILL + "compare = 'start.x'\naxes.run.latency = [1]",
+        "compare: there is no axis 'start.x'; there is run.latency",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_mistake_in_a_study_is_one_sentence(name, tmp_path):
+    text, expected = BAD[name]
+    (tmp_path / "mine.toml").write_text(text)
+    with pytest.raises(Mistake) as told:
+        load(str(tmp_path / "mine.toml"))
+    assert str(told.value) == f"mine.toml: {expected}"
+
+
+def test_an_unknown_study_is_one_sentence():
+    with pytest.raises(Mistake) as told:
+        load("particle")
+    assert str(told.value) == (
+        "there is no study 'particle'; did you mean 'particles'? (or give a .toml file)"
+    )
+
+
+def test_a_missing_scheduler_is_one_sentence(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("servo.study.farm.PATIENCE", 0.5)
+    words = ["servobench", "sweep", "particles", "--scheduler", "tcp://127.0.0.1:1", "-q"]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    said = capfd.readouterr().err
+    assert said.startswith(
+        "servobench: --scheduler tcp://127.0.0.1:1: no scheduler with workers answers there"
+    )
+    assert len(said.splitlines()) == 1
