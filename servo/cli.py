@@ -186,6 +186,16 @@ def papers(
     sys.exit(run_papers(claims, Effort(quick, sequences), workers, out, quiet=quiet))
 
 
+@app.command()
+@click.argument("folders", nargs=-1, required=True, type=PATH, metavar="DIR...")
+@click.option("--out", type=PATH, help="File to write (default: report.html in the first DIR).")
+def report(folders: tuple[Path, ...], out: Path | None) -> None:
+    """Write a page about the folders of run, bench, papers, sweep."""
+    from servo.report.command import write
+
+    click.echo(write(folders, out))
+
+
 @app.command("list")
 @click.argument("what", required=False, help="A kind: show its settings, units and defaults.")
 def list_(what: str | None) -> None:

@@ -159,10 +159,8 @@ def kernel_histograms(
                 gx, gy = -2.0 * ax * per_x, -2.0 * ay * per_y
                 weight = _weigh(rx, ry, cover, value, gx, gy, per_scale, c, s)
                 rows = sums[np.uint64(k)]  # never counted from the end: saves asking
-                _add(rows, bins[0], shares[0], weight)
-                _add(rows, bins[1], shares[1], weight)
-                _add(rows, bins[2], shares[2], weight)
-                _add(rows, bins[3], shares[3], weight)
+                for corner in range(4):
+                    _add(rows, bins[corner], shares[corner], weight)
                 for p in range(5):
                     totals[k, p] += weight[p]
     return sums, totals

@@ -1,0 +1,1 @@
+"""Result folders as one page that opens anywhere: `servobench report`."""

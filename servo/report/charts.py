@@ -1,0 +1,186 @@
+"""The kinds of figures on a page: curves, values by name, and heat maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+
+from servo.report.drawing import INK, canvas, colour, css, svg
+from servo.report.page import Figure, Key
+from servo.report.words import shown
+from sim.types import Array
+from tracking.evaluation.statistics import Interval
+
+ERRORS, SETTINGS = 50.0, 15.0
+"""Errors and settings that differ by more than this factor are drawn on a logarithmic axis."""
+DEEPEST = 1e3
+"""So far below the largest value a logarithmic axis reaches."""
+ROOM = 1.15
+ROW, FRAME = 0.24, 0.7
+"""Heights of a row of names, and of what surrounds them [inch]."""
+MOST_IN_CELLS = 10
+"""A heat map with more columns has no numbers in its cells."""
+MAP, DARK_BELOW = "viridis", 0.6
+BAND = 0.18
+
+
+Shade = tuple[Array, NDArray[np.bool_]]
+"""Times (n,), and the flags (n,) at which a figure is darker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A line, with where its values probably lie."""
+
+    label: str
+    x: Array
+    y: Array
+    low: Array | None = None
+    high: Array | None = None
+    colour: str = INK
+    dashed: bool = False
+    points: bool = False
+    """Drawn as points with bars."""
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """What an axis says, and how it is scaled."""
+
+    title: str
+    low: float | None = None
+    high: float | None = None
+    log_from: float | None = None
+    """From this factor between values on, the axis is logarithmic."""
+
+
+def curves(
+    title: str,
+    x: Axis,
+    y: Axis,
+    drawn: Sequence[Curve],
+    *,
+    shaded: Shade | None = None,
+    note: str = "",
+) -> Figure:
+    """Lines over a common axis; shaded are the times at which the flags hold."""
+    with canvas() as (figure, axes):
+        for curve in drawn:
+            _draw(axes, curve)
+        if shaded is not None:
+            across = axes.get_xaxis_transform()
+            where = shaded[1].tolist()
+            axes.fill_between(
+                shaded[0], 0, 1, where=where, transform=across, color=INK, alpha=0.1, lw=0
+            )
+        axes.set(xlabel=x.title, ylabel=y.title)
+        _scale(axes, x, [c.x for c in drawn], "x")
+        _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
+        if any(c.points for c in drawn):
+            axes.margins(x=0.05)
+        keys = [Key(c.label, css(c.colour), c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
+        return Figure(title, svg(figure, title), keys, note)
+
+
+def by_name(
+    title: str, across: str, names: Sequence[str], groups: Mapping[str, Sequence[Interval | None]]
+) -> Figure:
+    """Values with intervals, a row a name, a colour a group."""
+    with canvas(FRAME + ROW * max(2, len(names)) * max(1, 0.6 * len(groups))) as (figure, axes):
+        step = 0.6 / max(1, len(groups))
+        for i, (label, values) in enumerate(groups.items()):
+            for row, value in enumerate(values):
+                if value is not None:
+                    at = row + (i - (len(groups) - 1) / 2) * step
+                    bars = [[max(value.value - value.low, 0)], [max(value.high - value.value, 0)]]
+                    axes.errorbar([value.value], [at], xerr=bars, fmt="o", ms=4, lw=1.4,
+                                  color=colour(i), label=label)  # fmt: skip
+        axes.set_yticks(range(len(names)), names)
+        axes.invert_yaxis()
+        axes.margins(x=0.05, y=0.5 / max(1, len(names)))
+        axes.set_xlabel(across)
+        found = [np.array([v.value, v.low]) for vs in groups.values() for v in vs if v is not None]
+        _scale(axes, Axis(across, low=0, log_from=ERRORS), found, "x")
+        keys = [Key(label, css(colour(i))) for i, label in enumerate(groups) if len(groups) > 1]
+        return Figure(title, svg(figure, title), keys)
+
+
+def heat(
+    title: str,
+    x: str,
+    y: str,
+    columns: Sequence[str],
+    rows: Sequence[str],
+    values: Array,
+    *,
+    limits: tuple[float, float] | None = None,
+    log_from: float = np.inf,
+    note: str = "",
+) -> Figure:
+    """Values (rows, columns) by colour, from least to most or within limits; nan stays empty."""
+    finite = values[np.isfinite(values)]
+    scaled: Array = np.log(values) if finite.min() > 0 and _range(finite) > log_from else values
+    known = scaled[np.isfinite(scaled)]
+    low, high = limits or (float(known.min()), float(known.max()))
+    shares = (scaled - low) / max(high - low, 1e-12)
+    with canvas(FRAME + max(0.3, min(0.5, 3.0 / len(rows))) * max(3, len(rows))) as (figure, axes):
+        axes.grid(visible=False)
+        for (row, column), value in np.ndenumerate(values):
+            if np.isfinite(value):
+                said = shown(float(value)) if len(columns) <= MOST_IN_CELLS else ""
+                _tile(axes, row, column, said, float(shares[row, column]))
+        turned = sum(map(len, columns)) > 45
+        axes.set_xticks(range(len(columns)), columns, rotation=60 if turned else 0)
+        axes.set_yticks(range(len(rows)), rows)
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
+        axes.set(xlabel=x, ylabel=y)
+        return Figure(title, svg(figure, title), note=note)
+
+
+def _draw(axes: Axes, curve: Curve) -> None:
+    if curve.points and curve.low is not None and curve.high is not None:
+        bars = np.maximum([curve.y - curve.low, curve.high - curve.y], 0)
+        axes.errorbar(curve.x, curve.y, yerr=bars, fmt="o-", ms=3.5, lw=1.4, capsize=2,
+                      color=curve.colour)  # fmt: skip
+        return
+    if curve.low is not None and curve.high is not None:
+        axes.fill_between(curve.x, curve.low, curve.high, color=curve.colour, alpha=BAND, lw=0)
+    dashes, width = ("--", 1.0) if curve.dashed else ("-", 1.5)
+    axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width)
+
+
+def _scale(axes: Axes, axis: Axis, values: Sequence[Array], which: str) -> None:
+    """Limits, and a logarithm where the values need one."""
+    every = np.concatenate([np.zeros(0), *values])
+    above = every[np.isfinite(every) & (every > 0)]
+    limits = axes.set_xlim if which == "x" else axes.set_ylim
+    if axis.log_from is not None and len(above) and _range(above) > axis.log_from:
+        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+        limits(max(above.min(), above.max() / DEEPEST) / ROOM, above.max() * ROOM)
+        shaft = axes.xaxis if which == "x" else axes.yaxis
+        shaft.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        shaft.set_minor_formatter(NullFormatter())
+    elif axis.low is not None or axis.high is not None:
+        limits(axis.low, axis.high)
+
+
+def _range(values: Array) -> float:
+    """A few values near zero do not make a logarithmic axis."""
+    return float(values.max() / np.percentile(values, 25))
+
+
+def _tile(axes: Axes, row: int, column: int, said: str, share: float) -> None:
+    share = min(max(share, 0.0), 1.0)
+    face = colormaps[MAP](share)
+    axes.add_patch(Rectangle((column - 0.48, row - 0.47), 0.96, 0.94, facecolor=face, lw=0))
+    ink = "white" if share < DARK_BELOW else "black"
+    axes.text(column, row, said, ha="center", va="center", fontsize=8, color=ink)

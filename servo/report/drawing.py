@@ -1,0 +1,75 @@
+"""Figures that follow the page: SVG on a transparent ground, coloured by the page's style.
+
+Matplotlib draws with stand-in colours; in the SVG they become `currentColor` and the page's
+variables `--series-N`, of which there is one set for light and one for dark.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+LIGHT = (
+    "#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e",
+    "#be185d", "#4b5563", "#0e7490", "#9a3412", "#4d7c0f", "#a21caf",
+)  # fmt: skip
+DARK = (
+    "#ff7b6b", "#6cb2ff", "#5fd38a", "#f2b84b", "#b79cff", "#3fd0c0",
+    "#ff7ab5", "#aab4c3", "#4cc9e8", "#ffab73", "#b5d94c", "#eb8bf5",
+)  # fmt: skip
+INK = "#ab00ff"
+"""Stands for the colour of the page's text."""
+SIZE = (4.9, 2.9)
+"""Of a figure [inch]: about as wide as a phone, so that its text stays readable there."""
+STYLE: dict[Any, Any] = {
+    "font.size": 9, "text.parse_math": False, "svg.fonttype": "none", "svg.hashsalt": "servobench",
+    "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": INK, "xtick.color": INK,
+    "ytick.color": INK, "axes.facecolor": "none", "figure.facecolor": "none", "axes.grid": True,
+    "grid.color": INK, "grid.alpha": 0.15, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.xmargin": 0, "axes.linewidth": 0.7, "path.simplify_threshold": 0.3,
+}  # fmt: skip
+"""Text from files is never taken for mathematics."""
+NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+
+
+def colour(i: int) -> str:
+    """The stand-in for the colour of series i."""
+    return f"#ab00{i % len(LIGHT):02x}"
+
+
+def css(stand_in: str) -> str:
+    """What a stand-in is on the page."""
+    return "currentColor" if stand_in == INK else f"var(--series-{int(stand_in[-2:], 16)})"
+
+
+@contextmanager
+def canvas(height: float = SIZE[1]) -> Generator[tuple[Figure, Axes]]:
+    """A figure with axes, to draw on and to turn into SVG while this lasts."""
+    with mpl.rc_context(STYLE), warnings.catch_warnings():
+        # The reader's browser has the letters that our font lacks.
+        warnings.filterwarnings("ignore", "Glyph")
+        figure = Figure(figsize=(SIZE[0], height), layout="constrained")
+        axes = figure.subplots()
+        axes.set_axisbelow(True)
+        yield figure, axes
+
+
+def svg(figure: Figure, title: str) -> Markup:
+    """The figure as an element of a page, which scales and names itself to who cannot see it."""
+    file = io.StringIO()
+    figure.savefig(file, format="svg", transparent=True, metadata=NO_METADATA)
+    text = file.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"#ab00(?:ff|0[0-9a-f])", lambda found: css(found.group()), text)
+    head, rest = text.split(">", 1)
+    head = re.sub(r' (?:width|height)="[^"]*"', "", head)
+    return Markup(f'{head} role="img" aria-label="{Markup.escape(title)}">{rest}')

@@ -1,0 +1,193 @@
+"""A study's folder as values: what was to be run, a row a run, its errors over time, its sheets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from servo.mistake import Mistake
+from servo.papers.claim import mean_of
+from servo.report import files
+from sim.types import Array
+from tracking.evaluation.statistics import Interval
+
+MANIFEST, RESULTS, RUNS, FAILURES = "study.json", "results.parquet", "runs", "failures"
+COMPARISONS = "comparisons.csv"
+SERIES, SHEET, TIME = ("servo_error_px", "tracking_error_px", "on_target"), "sheet", "time_s"
+SUCCESS = "success"
+NEEDED = ("run", "outcome", SUCCESS)
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """study.json."""
+
+    name: str
+    title: str
+    command: str
+    versions: dict[str, str]
+    axes: dict[str, list[Any]]
+    seeds: list[int]
+    runs: int
+    draws: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
+    compare: str | None = None
+    expect: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A run that ended in an error."""
+
+    run: int
+    settings: dict[str, Any]
+    command: str
+    error: str
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A run over time; what was not kept is not there."""
+
+    time: Array
+    """(n,) [s]."""
+    values: dict[str, Array]
+    """By name, each (n,)."""
+
+    @property
+    def duration(self) -> float:
+        """When it ended [s]: the last frame lasts as long as the others."""
+        return float(self.time[-1] + (np.median(np.diff(self.time)) if len(self.time) > 1 else 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """All that a folder has but its sheets, which are read when they are shown."""
+
+    folder: Path
+    plan: Manifest
+    rows: list[Row]
+    series: dict[int, Series]
+    """By the number of the run."""
+    failures: list[Failure]
+    comparisons: list[dict[str, str]]
+    broken: int
+    """Files of runs that cannot be read, as a crash leaves them: they count as not run."""
+
+    @property
+    def axes(self) -> dict[str, list[Any]]:
+        """The axes with several values that the rows have."""
+        return {
+            key: values for key, values in self.plan.axes.items()
+            if len(values) > 1 and all(key in row for row in self.rows[:1])
+        }  # fmt: skip
+
+    @property
+    def compared(self) -> str | None:
+        """The axis whose values have a colour each."""
+        if self.plan.compare in self.axes:
+            return self.plan.compare
+        return next(iter(self.axes), None)
+
+    def groups(self, key: str | None) -> dict[str, list[Row]]:
+        """The rows by a value of an axis, in the axis' order; all together without one."""
+        if key is None:
+            return {"all runs": self.rows} if self.rows else {}
+        found = {str(v): [r for r in self.rows if r[key] == v or str(r[key]) == str(v)]
+                 for v in self.axes[key]}  # fmt: skip
+        return {name: rows for name, rows in found.items() if rows}
+
+    def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
+        """Contact sheets, those of runs that did not succeed first."""
+        told = 0
+        for row in sorted(self.rows, key=lambda r: (bool(r[SUCCESS]), r["run"])):
+            kept = _kept(_path(self.folder, row["run"]), [SHEET])
+            picture = kept[0].get(SHEET) if kept else None
+            if picture is not None:
+                yield row, picture
+                told += 1
+                if told == most:
+                    return
+
+
+def load(folder: Path) -> Study:
+    """A study's folder, also of one that is not finished.
+
+    Raises:
+        Mistake: A file is missing or broken.
+    """
+    plan = files.read(folder / MANIFEST, Manifest)
+    numbers = sorted(int(p.stem) for p in (folder / RUNS).glob("*.parquet") if p.stem.isdecimal())
+    rows: list[Row] = []
+    series: dict[int, Series] = {}
+    broken = 0
+    for number in numbers:
+        kept = _kept(_path(folder, number), None)
+        if kept is None or not all(name in kept[0] for name in NEEDED):
+            broken += 1
+            continue
+        rows.append(kept[0])
+        if kept[1] is not None:
+            series[number] = kept[1]
+    if (folder / RESULTS).exists():
+        whole = files.table(folder / RESULTS)
+        for name in NEEDED:
+            if name not in whole.column_names:
+                raise Mistake(f"{folder / RESULTS}: there is no column '{name}' in this table")
+        rows = whole.to_pylist()
+    failed = [files.read(p, Failure) for p in sorted((folder / FAILURES).glob("*.json"))]
+    pairs = folder / COMPARISONS
+    told = files.rows(pairs) if pairs.exists() else []
+    return Study(folder, plan, rows, series, failed, told, broken)
+
+
+def values(rows: list[Row], name: str) -> Array:
+    """The finite values of a measure (n,)."""
+    found = [r[name] for r in rows if r.get(name) is not None]
+    return np.array([v for v in found if np.isfinite(v)], dtype=float)
+
+
+def interval(rows: list[Row], name: str) -> Interval | None:
+    """Mean of a measure with its 95 % interval; None where no run has it."""
+    found = values(rows, name)
+    return mean_of(found) if len(found) else None
+
+
+def median(rows: list[Row], name: str) -> float:
+    """Median of a measure; nan where no run has it."""
+    found = values(rows, name)
+    return float(np.median(found)) if len(found) else np.nan
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / RUNS / f"{number:06}.parquet"
+
+
+def _kept(path: Path, columns: list[str] | None) -> tuple[Row, Series | None] | None:
+    """A run's file without what is long, and that by itself; None where it cannot be read."""
+    try:
+        schema = pq.read_schema(path)
+        every = [n for n in schema.names if n != SHEET] if columns is None else columns
+        table = pq.read_table(path, columns=[n for n in every if n in schema.names])
+    except (ValueError, OSError):  # what a crash leaves
+        return None
+    long = [name for name in (TIME, *SERIES) if name in table.column_names]
+    rows = table.drop_columns(long).to_pylist() if table.num_rows else []
+    arrays = {name: _array(table[name]) for name in long if table.num_rows}
+    time = arrays.pop(TIME, np.zeros(0))
+    alike = {name: found for name, found in arrays.items() if len(found) == len(time) > 0}
+    return (rows[0] if rows else {}), (Series(time, alike) if alike else None)
+
+
+def _array(column: Any) -> NDArray[np.float64]:
+    """The list of the only row (n,)."""
+    listed = column[0]
+    if not listed.is_valid:
+        return np.zeros(0)
+    return np.asarray(listed.values.to_numpy(zero_copy_only=False), float)

@@ -1,0 +1,234 @@
+"""`servobench report`: what a page says of a study, and that any page is whole, safe and fits."""
+
+import json
+import re
+import shutil
+import sys
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from servo import cli, commands
+from servo.report import study
+from servo.report.command import write
+
+EVIL = "<script>alert(1)</script>"
+AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
+FLOATS = pa.list_(pa.float32())
+
+
+def encoded(kind):
+    image = np.random.default_rng(0).integers(0, 255, (30, 60, 3)).astype(np.uint8)
+    return cv2.imencode(kind, image)[1].tobytes()
+
+
+def make_study(folder, *, finished=True, seeds=2, **changes):
+    """Runs 0..7: kams is lost at 5 Hz from 2 s on; servo_rms_px is the run's number."""
+    (folder / "runs").mkdir(parents=True)
+    manifest = {
+        "name": "rates", "title": "How slow may it be?", "command": "servobench sweep rates",
+        "versions": {"servobench": "0.1.0"}, "axes": AXES, "seeds": list(range(seeds)),
+        "draws": {"start.x": {"uniform": [-80, 80]}}, "compare": "tracker.kind",
+        "expect": {"success_rate": 0.9, "servo_rms_px": 6.6}, "runs": 4 * seeds, "table": {},
+    } | changes  # fmt: skip
+    (folder / "study.json").write_text(json.dumps(manifest))
+    rows = []
+    for kind in AXES["tracker.kind"]:
+        for rate in manifest["axes"]["camera.rate"]:
+            for seed in range(seeds):
+                held = kind == "pf_ssd" or rate == 30.0
+                rows.append({
+                    "run": len(rows), "scenario": "line", "seed": seed, "tracker.kind": kind,
+                    "camera.rate": rate, "start.x": 1.5, "success": held, "missed": "",
+                    "outcome": "CONVERGED" if held else "TARGET_LOST",
+                    "servo_rms_px": float(len(rows)), "settle_s": None,
+                })  # fmt: skip
+    for row in rows:
+        time = np.arange(0, 4, 0.2)
+        error = np.full(len(time), 3.0 + row["run"])
+        table = pa.Table.from_pylist([row])
+        for name, values, kind in (
+            ("time_s", time.tolist(), FLOATS), ("servo_error_px", error.tolist(), FLOATS),
+            ("on_target", (time < (9 if row["success"] else 2)).tolist(), pa.list_(pa.bool_())),
+            ("sheet", encoded(".jpg"), pa.binary()),
+        ):  # fmt: skip
+            table = table.append_column(name, pa.array([values], kind))
+        pq.write_table(table, folder / "runs" / f"{row['run']:06}.parquet")
+    if finished:
+        pq.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
+        line = "pf_ssd,kams,9,1,0,2.2,0.02,0.021"
+        (folder / "comparisons.csv").write_text(
+            f"first,second,wins,losses,ties,z,p,p_holm\n{line}\n"
+        )
+    return folder
+
+
+def make_papers(folder):
+    (folder / "figures").mkdir(parents=True)
+    claims = {
+        name: {"says": "it is so", "measured": "1 & 2", "holds": holds, "table": [["x"], ["7"]],
+               "figures": ["figures/one.png"]} for name, holds in (("P0-1", True), ("P2-2", False))
+    }  # fmt: skip
+    text = json.dumps({"version": "0.1.0", "quick": True, "claims": claims})
+    (folder / "papers.json").write_text(text)
+    (folder / "figures" / "one.png").write_bytes(encoded(".png"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A real run of half a second that misses one of two bounds."""
+    folder = tmp_path_factory.mktemp("run") / "out"
+    changes = ["run.duration=0.5", "expect={}", "expect.tilt_peak_deg=1.0",
+               "expect.servo_rms_px=0.5", "tracker.kind=mean_shift"]  # fmt: skip
+    assert commands.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
+    return folder
+
+
+def text_of(folder, tmp_path):
+    return write([folder], tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_a_study_tells_what_held_and_what_did_not(tmp_path):
+    section = study.section(make_study(tmp_path / "study"))
+    facts = {
+        fact.label: (getattr(fact.value, "text", fact.value), fact.note) for fact in section.facts
+    }
+    assert facts["runs"] == ("8 of 8", "2 seeds a cell")
+    assert facts["success rate"][0] == "0.75"
+    assert facts["true centre against the goal, rms, median"] == ("3.5 px", "servo_rms_px")
+    blocks = {block.title: block for block in section.blocks}
+    assert list(blocks) == ["What was varied, and what held", "Compared", "Over time",
+                            "Against the axes", "Over two axes", "Contact sheets", "Cells", "Runs",
+                            "Again"]  # fmt: skip
+    assert blocks["What was varied, and what held"].points == [
+        "tracker.kind = kams, camera.rate = 5: success_rate is 0, expected at least 0.9",
+    ]
+    assert blocks["Compared"].points == [
+        "pf_ssd succeeds more often than kams: 9 to 1 (p = 0.021 after Holm)."
+    ]
+    assert blocks["Compared"].tables[0].rows[1][:5] == ["kams", "4", "0.5 (0 to 1)", "2", "2"]
+    cells = blocks["Cells"].tables[0]
+    assert cells.rows[3][:5] == ["kams", "30", "2", "1", "6.5 (6 to 7)"]
+    assert blocks["Contact sheets"].pictures[0].title == (
+        "run 4, tracker.kind = kams, camera.rate = 5, seed = 0: TARGET_LOST"
+    )
+    assert [f.title for f in blocks["Over two axes"].figures] == [
+        "Success rate", "Median error, servo_rms_px",
+    ]  # fmt: skip
+
+
+def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
+    folder = make_study(tmp_path / "study", finished=False)
+    (folder / "runs" / "000001.parquet").unlink()
+    (folder / "runs" / "000002.parquet").write_bytes(bytes(100))
+    (folder / "failures").mkdir()
+    failure = {"run": 1, "settings": {"seed": 1}, "command": "again", "error": "Trace\nOops: <b>"}
+    (folder / "failures" / "000001.json").write_text(json.dumps(failure))
+    page = text_of(folder, tmp_path)
+    assert "<p>This study is not finished: 6 of 8 runs.</p>" in page
+    assert "<p>Files of runs that could not be read: 1.</p>" in page
+    assert "<li>run 1, seed = 1: Oops: &lt;b&gt;</li>" in page
+
+
+def test_a_study_without_runs_still_has_a_page(tmp_path):
+    folder = make_study(tmp_path / "study", finished=False)
+    shutil.rmtree(folder / "runs")
+    assert "0 of 8 runs" in text_of(folder, tmp_path)
+
+
+def test_what_is_too_much_is_cut_and_said(tmp_path):
+    folder = make_study(tmp_path / "study", seeds=7, finished=False)
+    pictures = next(b for b in study.section(folder).blocks if b.title == "Contact sheets")
+    assert len(pictures.pictures) == 24
+    assert "At most 24 are shown." in pictures.text
+
+
+def test_no_text_from_a_file_becomes_part_of_the_page(ran, tmp_path):
+    shutil.copytree(ran, tmp_path / "run", ignore=shutil.ignore_patterns("*.rrd"))
+    report = json.loads((ran / "report.json").read_text()) | {"scenario": EVIL, "missed": [EVIL]}
+    (tmp_path / "run" / "report.json").write_text(json.dumps(report))
+    axes = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
+    folder = make_study(tmp_path / "study", title=EVIL, axes=axes, versions={EVIL: EVIL})
+    table = pq.read_table(folder / "results.parquet").to_pylist()
+    named = [
+        row | {"tracker.kind": f"$x{EVIL}"} if row["tracker.kind"] == "kams" else row
+        for row in table
+    ]
+    pq.write_table(pa.Table.from_pylist(named), folder / "results.parquet")
+    axes["tracker.kind"][1] = f"$x{EVIL}"
+    manifest = json.loads((folder / "study.json").read_text()) | {"axes": axes}
+    (folder / "study.json").write_text(json.dumps(manifest))
+    page = write([tmp_path / "run", folder], tmp_path / "page.html").read_text()
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") > 10
+
+
+@pytest.fixture(scope="module")
+def whole(ran, tmp_path_factory):
+    """A page about several folders."""
+    folder = tmp_path_factory.mktemp("whole")
+    folders = [ran, make_study(folder / "study"), make_papers(folder / "papers")]
+    return write(folders, folder / "page.html")
+
+
+def test_the_page_refers_to_nothing_outside_and_has_no_stand_in_colours(whole):
+    page = whole.read_text(encoding="utf-8")
+    found = re.findall(r"(?:src|href|action|resource)\s*=\s*[\"']([^\"']*)", page)
+    assert {f.partition(":")[0] for f in found if not f.startswith("#")} == {"data"}
+    assert "@import" not in page
+    assert not re.search(r"url\((?!#)", page)
+    assert "#ab00" not in page
+    assert "currentColor" in page
+    assert "stroke: var(--series-1)" in page
+
+
+def test_the_command_prints_the_path_it_wrote(monkeypatch, capfd, tmp_path):
+    folder = make_papers(tmp_path / "papers")
+    monkeypatch.setattr(sys, "argv", ["servobench", "report", str(folder)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code in (0, None)
+    assert capfd.readouterr() == (f"{folder / 'report.html'}\n", "")
+    assert (folder / "report.html").read_text().startswith("<!DOCTYPE html>")
+
+
+@pytest.fixture
+def browser(tmp_path):
+    selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    driver = shutil.which("chromedriver")
+    if driver is None or shutil.which("chromium") is None:
+        pytest.skip("Chromium and its driver are not on this machine")
+    options = selenium.ChromeOptions()
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    opened = selenium.Chrome(options, selenium.ChromeService(executable_path=driver))
+    yield opened
+    opened.quit()
+
+
+def test_the_page_opens_in_a_browser_and_fits_a_phone(whole, browser):
+    browser.get(whole.as_uri())
+    drawn = browser.execute_script(
+        "return [...document.querySelectorAll('figure > svg')].map(s => s.getBBox().width *"
+        " s.getBoundingClientRect().height)"
+    )
+    assert len(drawn) == 10
+    assert min(drawn) > 10_000
+    widths = browser.execute_script("return [...document.images].map(i => i.naturalWidth)")
+    assert len(widths) == 1 + 8 + 2
+    assert min(widths) > 0
+    for width in (380, 1280):
+        size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        taken = browser.execute_script("return document.documentElement.scrollWidth")
+        assert taken <= width
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

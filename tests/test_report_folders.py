@@ -1,0 +1,231 @@
+"""`servobench report`: what a page says of a run, a bench, the papers, and of broken folders."""
+
+import html
+import json
+import re
+import shlex
+import shutil
+import tomllib
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from servo import commands
+from servo import scenario as scenarios
+from servo.mistake import Mistake
+from servo.report import again
+from servo.report.command import write
+from servo.report.study_data import Series
+from servo.report.study_time import band, survival
+
+EVIL = "<script>alert(1)</script>"
+AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
+FLOATS = pa.list_(pa.float32())
+
+
+def encoded(kind):
+    image = np.random.default_rng(0).integers(0, 255, (30, 60, 3)).astype(np.uint8)
+    return cv2.imencode(kind, image)[1].tobytes()
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A real run of half a second that misses one of two bounds."""
+    folder = tmp_path_factory.mktemp("run") / "out"
+    changes = ["run.duration=0.5", "expect={}", "expect.tilt_peak_deg=1.0",
+               "expect.servo_rms_px=0.5", "tracker.kind=mean_shift"]  # fmt: skip
+    assert commands.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
+    return folder
+
+
+def text_of(folder, tmp_path):
+    return write([folder], tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def make_papers(folder):
+    (folder / "figures").mkdir(parents=True)
+    claims = {
+        name: {"says": "it is so", "measured": "1 & 2", "holds": holds, "table": [["x"], ["7"]],
+               "figures": ["figures/one.png"]} for name, holds in (("P0-1", True), ("P2-2", False))
+    }  # fmt: skip
+    text = json.dumps({"version": "0.1.0", "quick": True, "claims": claims})
+    (folder / "papers.json").write_text(text)
+    (folder / "figures" / "one.png").write_bytes(encoded(".png"))
+    return folder
+
+
+def make_bench(folder):
+    (folder / "sheets").mkdir(parents=True)
+    trackers = [
+        {"tracker": name, "runs": 1, "measures": {"auc": {"mean": auc, "low": auc, "high": 0.9}},
+         "families": {"a": auc, "b": auc}, "against_best": test}
+        for name, auc, test in (("kams", 0.857, None), (EVIL, 0.25, {"z": 3.0, "p_holm": 0.01}))
+    ]  # fmt: skip
+    runs = [{"tracker": t["tracker"], "sequence": "a", "family": "a", "seed": 0, "frames": 9,
+             "measures": {"auc": 0.5}} for t in trackers]  # fmt: skip
+    (folder / "bench.json").write_text(json.dumps({"trackers": trackers, "runs": runs}))
+    for name in ("success.png", "precision.png", "sheets/a.png"):
+        (folder / name).write_bytes(encoded(".png"))
+    return folder
+
+
+def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran, tmp_path):
+    page = text_of(ran, tmp_path)
+    report = json.loads((ran / "report.json").read_text())
+    assert '<h1>still, seed 3</h1><span class="badge bad">TIMED_OUT</span>' in page
+    assert '<span class="badge bad">1 of 2</span>' in page
+    assert f"<li>{report['missed'][0]}</li>" in page
+    row = re.search(r"<tr><td>servo_rms_px</td>.*</tr>", page).group()
+    assert f">{report['measures']['servo_rms_px']:.3g}</td>" in row
+    assert row.count("missed") == 1
+    assert page.count("<svg") == 4
+    assert page.count('<img src="data:image/jpeg;base64,') == 1
+    command = html.unescape(re.search("<code>(.*)</code>", page).group(1))
+    assert shlex.split(command) == [
+        "servobench", "run", "still", "--set", "tracker.kind=mean_shift",
+        "--set", "run.duration=0.5", "--set", "expect={}", "--set", "expect.tilt_peak_deg=1.0",
+        "--set", "expect.servo_rms_px=0.5", "--seed", "3",
+    ]  # fmt: skip
+
+
+def test_the_pictures_of_a_recording_come_with_the_rectangles_of_the_table(ran):
+    from servo.recording.pictures import pictures
+
+    found = pictures(ran / "run.rrd", 4)
+    table = pq.read_table(ran / "steps.parquet").to_pylist()
+    assert [round(p.time * 30) for p in found] == [0, 4, 9, 14]
+    for picture in found:
+        row = table[round(picture.time * 30)]
+        assert picture.image.shape == (240, 320, 3)
+        for corners, who in ((picture.truth, "true"), (picture.estimate, "estimated")):
+            at = [row[f"{who}_x_px"], row[f"{who}_y_px"]]
+            np.testing.assert_allclose(corners.mean(axis=0), at, atol=0.3)
+
+
+def test_a_run_without_a_recording_says_so(ran, tmp_path):
+    shutil.copytree(ran, tmp_path / "bare", ignore=shutil.ignore_patterns("*.rrd"))
+    page = text_of(tmp_path / "bare", tmp_path)
+    assert "There is no recording in this folder, so there are no pictures." in page
+    assert "<img" not in page
+
+
+def test_the_settings_of_a_scenario_that_is_not_shipped_become_its_file():
+    changes = ["tracker.kind=kams", "disturbances.0.start=1.25"]
+    own = scenarios.load("occlusion", changes, 4)
+    settings = json.loads(json.dumps(own.settings(), default=lambda e: e.value))
+    assert again.command("mine", 4, settings, own.expect) is None
+    told = again.command("occlusion", 4, settings, own.expect)
+    assert "--set disturbances.0.start=1.25 --seed 4" in told
+    table = tomllib.loads(again.scenario_file(settings, own.expect))
+    parsed = scenarios.parse(table, "occlusion", "mine.toml")
+    assert (parsed.settings(), parsed.expect) == (own.settings(), own.expect)
+
+
+def test_survival_counts_who_was_never_off_the_target_after_the_first_second():
+    time = np.arange(0, 4, 0.5)
+    never, early, late = np.ones(8), time != 0.5, time < 2
+    series = [Series(time, {"on_target": np.asarray(on, float)}) for on in (never, early, late)]
+    times, share = survival(series)
+    assert times[-1] == 4.0
+    assert share[times < 2].tolist() == [1.0] * int(np.sum(times < 2))
+    np.testing.assert_allclose(share[times > 2], 2 / 3)
+
+
+def test_a_band_has_the_percentiles_of_the_runs_that_last_so_long():
+    long, short = np.arange(0, 4, 0.5), np.arange(0, 2, 0.5)
+    series = [
+        Series(t, {"e": np.full(len(t), v)}) for t, v in ((long, 0.0), (long, 10.0), (short, 5.0))
+    ]
+    times, (low, middle, high) = band(series, "e")
+    np.testing.assert_allclose([low[0], middle[0], high[0]], [1, 5, 9])
+    np.testing.assert_allclose([low[-1], middle[-1], high[-1]], [1, 5, 9])
+    np.testing.assert_allclose(high[times > 2.1], 9.0)
+    assert band(series, "not there") is None
+
+
+def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
+    page = text_of(make_bench(tmp_path / "bench"), tmp_path)
+    assert '<span class="badge plain">best: kams</span>' in page
+    assert (
+        '<tr><td>kams</td><td class="number">1</td><td class="number">0.857 (0.857 to 0.9)</td>'
+        in page
+    )
+    assert (
+        "kams tracks for longer than &lt;script&gt;alert(1)&lt;/script&gt; (McNemar, p &lt; 0.05)."
+        in page
+    )
+    assert page.count("<img") == 3
+    assert "<script" not in page
+    assert "Its trackers or sequences came from a file of your own" in page
+
+
+def test_papers_tell_which_claims_hold(tmp_path):
+    page = text_of(make_papers(tmp_path / "papers"), tmp_path)
+    assert '<span class="badge bad">1 of 2 hold</span>' in page
+    assert "<h2>P2-2 does not hold</h2>" in page
+    assert "<p>Measured: 1 &amp; 2.</p>" in page
+    assert "<code>servobench papers P0-1 P2-2 --quick</code>" in page
+
+
+STUDY = json.dumps({"name": "s", "title": "", "command": "", "versions": {}, "axes": {},
+                    "seeds": [0], "runs": 1}).encode()  # fmt: skip
+BAD = {
+    "no folder": (None, "{}: there is no such folder"),
+    "nothing known": (
+        {"notes.txt": b""},
+        "{}: nothing in this folder is of `servobench run`, `bench`, `papers` or `sweep`",
+    ),
+    "a track": (
+        {"report.json": b"{}"},
+        "{}/report.json: there is no steps.parquet beside it; is this a run's folder?",
+    ),
+    "half a file": (
+        {"study.json": STUDY[:-9]},
+        "{}/study.json: this is not JSON; it may be half-written",
+    ),
+    "a value is missing": ({"papers.json": b"{}"}, "{}/papers.json: version: field required"),
+    "half a table": (
+        {"study.json": STUDY, "results.parquet": b"PAR1"},
+        "{}/results.parquet: this is no Parquet table; it may be half-written",
+    ),
+    "an empty bench": ({"bench.json": b'{"runs": []}'}, "{}/bench.json: there are no runs in it"),
+    "a run that was killed": (
+        {"steps.arrows": b""},
+        "{}: this run was not finished: there is steps.arrows, but no report.json",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_mistake_is_one_sentence_and_writes_nothing(tmp_path, case):
+    written, message = BAD[case]
+    folder = tmp_path / "out"
+    if written is not None:
+        folder.mkdir()
+    for name, content in (written or {}).items():
+        (folder / name).write_bytes(content)
+    with pytest.raises(Mistake) as told:
+        write([folder], tmp_path / "page.html")
+    assert str(told.value) == message.format(folder)
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
+    folder = make_bench(tmp_path / "bench")
+    (folder / "success.png").write_bytes(b"x")
+    with pytest.raises(Mistake, match=r"/success\.png: this is no picture; it may be half-"):
+        write([folder], None)
+    shutil.copytree(ran, tmp_path / "run")
+    whole = (ran / "run.rrd").read_bytes()
+    (tmp_path / "run" / "run.rrd").write_bytes(whole[:100] + bytes(500))
+    with pytest.raises(Mistake, match=r"/run\.rrd: this recording is broken$"):
+        write([tmp_path / "run"], None)
+
+
+def test_a_page_that_cannot_be_written_is_a_mistake(tmp_path):
+    folder = make_papers(tmp_path / "papers")
+    with pytest.raises(Mistake, match=r"gone/x\.html: cannot write this page: No such file or"):
+        write([folder], tmp_path / "gone" / "x.html")
