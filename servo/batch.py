@@ -12,6 +12,19 @@ from servo.mistake import Mistake
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar
 from tracking.evaluation.jobs import Done, Job, run_all
 
+MOST_RUNS = 100_000
+"""Runs of one command: more would fill memory before the first of them ends."""
+
+
+def check_number(runs: int) -> None:
+    """Refuse more runs than any machine ends.
+
+    Raises:
+        Mistake: There are too many.
+    """
+    if runs > MOST_RUNS:
+        raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
+
 
 def work(
     jobs: Sequence[Job], folder: Path, workers: int, console: Console, title: str

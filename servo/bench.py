@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo import loop_bench, suites
-from servo.batch import work
+from servo.batch import check_number, work
 from servo.terminal import plain
 from tracking.evaluation import curves, summary
 from tracking.evaluation.bench import SequenceJob, track_path
@@ -51,6 +51,7 @@ def run(
         return loop_bench.run(suites.contenders(trackers), seeds, workers, folder, console)
     entries, listed = suites.suite(name)
     chosen = listed if listed and trackers is None else suites.contenders(trackers)
+    check_number(len(chosen) * len(entries) * seeds)
     jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
     done, code = work(jobs, folder, workers, console, f"bench {Path(name).stem}")
     results = [d.result for d in done if d.result is not None]

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from servo import catalogue
 from servo import scenario as scenarios
+from servo.batch import check_number
 from servo.episode import Episode
 from servo.measures import Report, Violation, check_expect, summarise, violations
 from servo.run_folder import RunFolder, prepare
@@ -69,10 +70,11 @@ def run_scenario(
 
 
 def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seeds: Iterable[int], *, quiet: bool
+    names: Sequence[str], changes: Sequence[str], seeds: Sequence[int], *, quiet: bool
 ) -> int:
     """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
+    check_number(len(chosen) * len(seeds))
     runs = [(name, _load(name, changes, seed)) for name in chosen for seed in seeds]
     gl.backend()
     console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)

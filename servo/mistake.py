@@ -5,9 +5,21 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST = 2000
+"""A sentence that quotes more than can be read keeps its two ends [characters]."""
+
 
 class Mistake(ValueError):
-    """Something the user got wrong, in one sentence: what, where, and what would be right."""
+    """Something the user got wrong, in one sentence: what, where, and what would be right.
+
+    What it quotes may be anything, so line breaks and control characters are written out.
+    """
+
+    def __init__(self, sentence: str) -> None:
+        line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
+        if len(line) > LONGEST:
+            line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"
+        super().__init__(line)
 
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:

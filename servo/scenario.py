@@ -12,10 +12,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from servo import tables
 from servo.catalogue import LISTS, PLUGINS, shipped
 from servo.mistake import Mistake, unknown
 from servo.parsing import fill, fill_plugin, fill_plugins
 from servo.settings import (
+    MOST_FRAMES,
     FeaturesConfig,
     GoalConfig,
     MeasureConfig,
@@ -110,10 +112,7 @@ def read(name: str) -> tuple[Table, str]:
         Mistake: There is no such file, or it is no TOML.
     """
     text, place = _text(name)
-    try:
-        return tomllib.loads(text), place
-    except tomllib.TOMLDecodeError as error:
-        raise Mistake(f"{place}: this is not TOML: {error}") from None
+    return tables.decode(text, place), place
 
 
 def parse(table: Table, name: str, place: str) -> Scenario:
@@ -122,6 +121,7 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
+    tables.check(table, place)
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
@@ -133,7 +133,18 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     expect = table.get("expect", {})
     if not isinstance(expect, dict):
         raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
+    _check_frames(values["run"], values["camera"], place)
     return Scenario(name=name, table=table, expect=expect, **values)
+
+
+def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:
+    """Refuse a run whose steps would not fit into memory, which are kept until its end."""
+    frames = run.duration * camera.rate
+    if frames > MOST_FRAMES:
+        raise Mistake(
+            f"{place}: run.duration = {run.duration:g} s at camera.rate = {camera.rate:g} Hz is "
+            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
+        )
 
 
 def override(table: Table, item: str) -> None:
@@ -189,7 +200,7 @@ def _index(key: str) -> int:
 def _value(text: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, or no end of it
         return text
     return parsed["value"] if len(parsed) == 1 else text
 
@@ -200,8 +211,4 @@ def _text(name: str) -> tuple[str, str]:
         if name not in shipped():
             raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
         path = Path(str(resources.files("scenes") / f"{name}.toml"))
-    try:
-        return path.read_text(encoding="utf-8-sig"), path.name
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise Mistake(f"{name}: cannot read this scenario: {reason}") from None
+    return tables.read(path, "scenario"), path.name

@@ -9,9 +9,16 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from servo.features import Scaling
+from sim.types import Degrees
 
 LONGEST = 3600.0
+MOST_FRAMES = 360_000
+"""An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
+MOST_SEED = (1 << 63) - 1
+"""The largest integer that TOML has."""
 MOST_LATENCY = 100
+DEEPEST = 100.0
+Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +27,7 @@ class RunConfig:
 
     duration: Annotated[float, Gt(0), Le(LONGEST)] = 10.0
     """Simulated time [s]."""
-    seed: Annotated[int, Ge(0)] = 0
+    seed: Annotated[int, Ge(0), Le(MOST_SEED)] = 0
     """Seed of every random stream."""
     latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
     """Frames until a command acts: what frame k asks for moves the camera from frame k + latency
@@ -35,15 +42,15 @@ class RunConfig:
 class GoalConfig:
     """Where the target shall be seen."""
 
-    x: float = 0.0
+    x: Pixels = 0.0
     """To the right of the image's centre [px]."""
-    y: float = 0.0
+    y: Pixels = 0.0
     """Below the image's centre [px]."""
-    angle_deg: float = 0.0
+    angle_deg: Degrees = 0.0
     """Direction of the target's nose, from right towards down [deg]."""
-    depth: Annotated[float, Gt(0)] = 1.0
+    depth: Annotated[float, Gt(0), Le(DEEPEST)] = 1.0
     """Distance of the target's reference rectangle [m]."""
-    depth_to: Annotated[float, Gt(0)] | None = None
+    depth_to: Annotated[float, Gt(0), Le(DEEPEST)] | None = None
     """Another distance to go to [m]; by default the goal stays."""
     change_start: Annotated[float, Ge(0)] = 3.0
     """When the goal begins to change [s]."""
@@ -60,13 +67,13 @@ class GoalConfig:
 class StartConfig:
     """How the first picture differs from the goal."""
 
-    x: float = 0.0
+    x: Pixels = 0.0
     """Target this far to the right of the goal [px]."""
-    y: float = 0.0
+    y: Pixels = 0.0
     """Target this far below the goal [px]."""
-    angle_deg: float = 0.0
+    angle_deg: Degrees = 0.0
     """Target turned by this, from right towards down [deg]."""
-    scale: Annotated[float, Gt(0)] = 1.0
+    scale: Annotated[float, Ge(0.01), Le(100)] = 1.0
     """Target this many times as large as at the goal."""
 
 
@@ -74,15 +81,15 @@ class StartConfig:
 class RegionConfig:
     """The region given to the tracker in the first frame: the truth, unless changed here."""
 
-    x: float = 0.0
+    x: Pixels = 0.0
     """Shifted to the right [px]."""
-    y: float = 0.0
+    y: Pixels = 0.0
     """Shifted down [px]."""
-    angle_deg: float = 0.0
+    angle_deg: Degrees = 0.0
     """Turned [deg]."""
-    width: Annotated[float, Ge(0)] = 1.0
+    width: Annotated[float, Ge(0), Le(100)] = 1.0
     """Factor on its width."""
-    height: Annotated[float, Ge(0)] = 1.0
+    height: Annotated[float, Ge(0), Le(100)] = 1.0
     """Factor on its height."""
 
 
@@ -98,7 +105,7 @@ class FeaturesConfig:
     depth: Literal["size", "known"] = "size"
     """Depth of the target, for the interaction matrix: from its metric "size" and its area in the
     image, or "known" from the poses of camera and table."""
-    depth_factor: Annotated[float, Gt(0)] = 1.0
+    depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
     """The matrix is told a depth wrong by this factor: the translations' gain is too."""
 
 

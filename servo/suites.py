@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from servo import tables
 from servo.mistake import Mistake, unknown
 from servo.parsing import fill_plugin
 from sim import plugins
 from tracking.evaluation.bench import Contender, Entry, Generated, Recorded
-from tracking.evaluation.sequence import read_all
+from tracking.evaluation.sequence import is_folder, read_all
 from tracking.evaluation.sources import RATE
 
 GENERATORS, TRACKERS = "tracking.evaluation.generators", "tracking.trackers"
@@ -36,7 +36,7 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
     path = Path(name)
     if path.suffix == ".toml":
         return _of_toml(path)
-    if not path.is_dir():
+    if not is_folder(path):
         there = ", ".join([*SUITES, CLOSED_LOOP])
         raise Mistake(f"there is no suite '{name}'; there is {there}, or give a folder or a .toml")
     return list(_recorded(path)), []
@@ -49,11 +49,11 @@ def contenders(text: str | None) -> list[Contender]:
         Mistake: There is no such tracker or preset.
     """
     words = plugins.kinds(TRACKERS) if text is None else [w.strip() for w in text.split(",")]
-    tables: list[dict[str, Any]] = []
+    chosen: list[dict[str, Any]] = []
     for word in words:
         kind, colon, preset = word.partition(":")
-        tables.append({"kind": kind} | ({"preset": preset} if colon else {}))
-    return [_contender(table, "--trackers") for table in tables]
+        chosen.append({"kind": kind} | ({"preset": preset} if colon else {}))
+    return [_contender(table, "--trackers") for table in chosen]
 
 
 def _contender(table: Any, place: str) -> Contender:
@@ -62,7 +62,11 @@ def _contender(table: Any, place: str) -> Contender:
     kind, preset = table.get("kind"), table.get("preset")
     usual = f"{kind}-{preset}" if preset else str(kind)
     settings = {k: v for k, v in table.items() if k != "label"}
-    return Contender(str(table.get("label", usual)), fill_plugin(TRACKERS, settings, place))
+    config = fill_plugin(TRACKERS, settings, place)
+    try:
+        return Contender(str(table.get("label", usual)), config)
+    except ValueError as error:
+        raise Mistake(f"{place}.label: {error}") from None
 
 
 def _entry(table: dict[str, Any], place: str) -> Generated:
@@ -77,26 +81,28 @@ def _recorded(folder: Path) -> Sequence[Recorded]:
 
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise Mistake(f"{path}: cannot read this suite: {reason}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise Mistake(f"{path}: this is not TOML: {error}") from None
-    for key in table:
+    table = tables.decode(tables.read(path, "suite"), path.name)
+    for key, items in table.items():
         if key not in KEYS:
             raise Mistake(f"{path.name}: {unknown(key, KEYS)}")
+        if not isinstance(items, list):
+            raise Mistake(f"{path.name}: {key} should be a list of tables, not {items!r}")
     entries: list[Entry] = []
     for i, item in enumerate(table.get("sequences", [])):
-        place = f"{path.name}: sequences[{i}]"
-        if not isinstance(item, dict) or ("path" in item) == ("kind" in item):
-            raise Mistake(f"{place} should have either a path or a kind")
-        entries += (
-            _recorded(path.parent / item["path"]) if "path" in item else [_entry(item, place)]
-        )
+        entries += _entries(item, path.parent, f"{path.name}: sequences[{i}]")
     if not entries:
         raise Mistake(f"{path.name}: there are no [[sequences]] in this suite")
     chosen = [_contender(t, f"{path.name}: trackers[{i}]")
               for i, t in enumerate(table.get("trackers", []))]  # fmt: skip
     return entries, chosen
+
+
+def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
+    """What one of the [[sequences]] stands for; its path begins beside the suite."""
+    if not isinstance(item, dict) or ("path" in item) == ("kind" in item):
+        raise Mistake(f"{place} should have either a path or a kind")
+    if "kind" in item:
+        return [_entry(item, place)]
+    if not isinstance(item["path"], str):
+        raise Mistake(f"{place}.path = {item['path']!r}: this should be a text")
+    return _recorded(beside / item["path"])

@@ -35,8 +35,7 @@ def config_of(folder: str, kind: str) -> type[Any]:
     Raises:
         UnknownKind: The folder has no such file.
     """
-    if kind not in kinds(folder):
-        raise UnknownKind(f"there is no kind '{kind}'; there is {', '.join(kinds(folder))}")
+    _check(folder, kind)
     return importlib.import_module(f"{folder}.{kind}").Config
 
 
@@ -46,7 +45,6 @@ def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
     Raises:
         UnknownKind: There is no such kind, or it has no such preset.
     """
-    config_of(folder, kind)
     known: dict[str, dict[str, Any]] = presets(folder, kind)
     if name not in known:
         there = f"there is {', '.join(known)}" if known else f"'{kind}' has none"
@@ -56,15 +54,22 @@ def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
 
 def presets(folder: str, kind: str) -> dict[str, dict[str, Any]]:
     """All presets of a kind by name: the `PRESETS` of its file."""
+    _check(folder, kind)
     return getattr(importlib.import_module(f"{folder}.{kind}"), "PRESETS", {})
+
+
+def _check(folder: str, kind: str) -> None:
+    """Refuse what is no file of the folder, before anything is imported by that name."""
+    if kind not in kinds(folder):
+        raise UnknownKind(f"there is no kind '{kind}'; there is {', '.join(kinds(folder))}")
 
 
 def summary(folder: str, kind: str) -> str:
     """The first sentence of the kind's file, read without importing what it needs."""
+    _check(folder, kind)
     spec = importlib.util.find_spec(f"{folder}.{kind}")
-    if spec is None or spec.origin is None:
-        raise UnknownKind(f"there is no kind '{kind}' in {folder}")
-    text = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
+    source = "" if spec is None or spec.origin is None else Path(spec.origin).read_text("utf-8")
+    text = ast.get_docstring(ast.parse(source)) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 

@@ -15,7 +15,7 @@ from typing import Annotated
 
 import mujoco
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Le
 
 from sim.geometry import inverse_if_strong, log_se3
 from sim.render import VISION_FROM_MUJOCO
@@ -33,10 +33,10 @@ SOLVE_STEPS, SOLVE_TOLERANCE, SOLVE_DAMPING = 200, 1e-10, 1e-3
 class Drives:
     """How a camera twist becomes joint rates."""
 
-    weakest: Annotated[float, Gt(0)] = 0.1
+    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.1
     """Near a singular pose: below this smallest singular value of the Jacobian [m/s or rad/s of the
     camera per unit of joint rate] the inverse is damped."""
-    damping: Annotated[float, Gt(0)] = 0.1
+    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
     """Damping in a singular pose; the camera then moves less than asked for, and another way."""
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import mujoco
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from sim import placement
 from sim.assembly import TARGET, build_model, exposure_steps, outline_of, steps_between
@@ -28,7 +28,7 @@ class WorldConfig:
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]."""
-    drive_rate: Annotated[float, Gt(0)] = 120.0
+    drive_rate: Annotated[float, Ge(0.1), Le(100_000)] = 120.0
     """How often the drives recompute joint rates from the twist [Hz]; once a frame at least."""
     visibility: bool = False
     """Measure the visible fraction of the target in each frame (two more renderings a frame)."""

@@ -8,6 +8,13 @@ os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run
 import cv2
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
+
+# The same examples in each run: what CI finds anybody finds. The first call compiles: no deadline.
+settings.register_profile(
+    "repeatable", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("repeatable")
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("SERVOBENCH_DATA", ROOT.parent / "shared" / "data"))

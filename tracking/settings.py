@@ -31,8 +31,8 @@ class DiscSettings(Learning):
     update: Annotated[float, Ge(0), Le(1)] = 0.05
     """Share of the target's looks that is new in each picture where it was found; 0: the first
     picture decides."""
-    levels: Annotated[int, Ge(2), Le(32)] = 8
-    """Colour bins a channel: a power of two."""
+    levels: Literal[2, 4, 8, 16, 32] = 8
+    """Colour bins a channel."""
     density: Annotated[int, Ge(2), Le(256)] = 16
     """Points along the kernel's diameter at which the image is read."""
     lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.5, cap=0.75))

@@ -127,21 +127,31 @@ SMALLEST_SIDE = 4.0
 
 LEAST_INSIDE = 0.5
 """At least this share of a region lies inside the first image."""
+LARGEST_PICTURE = 16_384
+"""Longest side of a first picture [px]: larger ones only take all memory."""
+FARTHEST = 1e6
+"""Beyond this a region's numbers mean nothing, and their products would have no end."""
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
     """Refuse a region that is no region.
 
     Raises:
-        ValueError: The rectangle is empty, or most of it is outside the image.
+        ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
+            image is absurdly large.
     """
+    height, width = frame.image.shape[:2]
+    if max(height, width) > LARGEST_PICTURE:
+        raise ValueError(
+            f"the picture has {width} x {height} px; the limit is {LARGEST_PICTURE} px a side"
+        )
+    _check_numbers(region, state)
     sides = (region.width * state.scale, region.height * state.scale)
     if min(sides) < SMALLEST_SIDE:
         raise ValueError(
             f"the region is {sides[0]:.3g} x {sides[1]:.3g} px; "
             f"both sides must be at least {SMALLEST_SIDE:g} px"
         )
-    height, width = frame.image.shape[:2]
     corners = region.corners(state)
     image = np.array([[0, 0], [width, 0], [width, height], [0, height]])
     shared, _ = cv2.intersectConvexConvex(corners.astype(np.float32), image.astype(np.float32))
@@ -150,4 +160,19 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
         raise ValueError(
             f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px, most of it "
             f"outside the image of {width} x {height} px"
+        )
+
+
+def _check_numbers(region: Region, state: State) -> None:
+    """Refuse numbers that are not finite or far too large, and a scale that is none."""
+    numbers = (region.width, region.height, state.x, state.y, state.theta)
+    if not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
+        told = ", ".join(f"{number:.6g}" for number in numbers)
+        raise ValueError(
+            f"the region's width, height, x, y, theta are {told}; the limit is {FARTHEST:g}"
+        )
+    least, most = math.exp(-LARGEST_LOG), math.exp(LARGEST_LOG)
+    if not least <= state.scale <= most:
+        raise ValueError(
+            f"the region's scale is {state.scale:.6g}; it lies between {least:.3g} and {most:.3g}"
         )

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, final
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 
 from servo import features
 from servo.controllers._absence import Absence
@@ -31,22 +31,22 @@ from sim.types import Array, Posture
 
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
 Feature = Literal["xn", "yn", "an", "theta"]
-Weight = Annotated[float, Ge(0)]
+Weight = Annotated[float, Ge(0), Le(1e6)]
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """The control law."""
 
-    gain: Annotated[float, Gt(0)] = 2.0
+    gain: Annotated[float, Gt(0), Le(1000)] = 2.0
     """lambda [1/s], at the goal; with one frame of delay and period T the loop is unstable from
     lambda T = 1 on.
     """
-    gain_far: Annotated[float, Gt(0)] | None = None
+    gain_far: Annotated[float, Gt(0), Le(1000)] | None = None
     """lambda far from the goal [1/s], for a gain that adapts; by default it is the same."""
     gain_slope: Annotated[float, Ge(0)] = 30.0
     """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there."""
-    smooth_start: Annotated[float, Ge(0)] = 0.0
+    smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
     """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t); 0: the
     camera starts at once.
     """
@@ -58,7 +58,7 @@ class Config:
     secondary: tuple[Secondary, ...] = ()
     """What the motions that change no feature are used for: "level" (optical axis straight down),
     "avoid_limits" (of the joints), "centre" (joints to the middles of their ranges)."""
-    secondary_gain: Annotated[float, Gt(0)] = 1.0
+    secondary_gain: Annotated[float, Gt(0), Le(1000)] = 1.0
     """Gain of the secondary tasks [1/s]."""
     feed_forward: tuple[Feature, ...] = ("xn", "yn")
     """Features whose target motion is compensated; those that do not move only add noise."""
@@ -71,11 +71,11 @@ class Config:
     """How long the camera holds before it searches the target on a spiral [s]; by default it never
     does.
     """
-    search_speed: Annotated[float, Gt(0)] = 0.1
+    search_speed: Annotated[float, Gt(0), Le(100)] = 0.1
     """Speed of the camera while it searches [m/s]."""
-    fastest: Annotated[float, Gt(0)] = 0.6
+    fastest: Annotated[float, Gt(0), Le(100)] = 0.6
     """Largest speed of the camera [m/s]."""
-    fastest_turn: Annotated[float, Gt(0)] = 2.0
+    fastest_turn: Annotated[float, Gt(0), Le(100)] = 2.0
     """Largest angular speed of the camera [rad/s]."""
     acceleration: Annotated[float, Gt(0)] | None = None
     """Largest acceleration of the camera [m/s^2]; by default the drives' own."""

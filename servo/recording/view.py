@@ -38,8 +38,9 @@ def check(path: Path) -> None:
     try:
         with path.open("rb") as file:
             begin = file.read(4)
-    except OSError as error:
-        raise Mistake(f"{path}: cannot read this recording: {error.strerror}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no file can have this name"
+        raise Mistake(f"{path}: cannot read this recording: {reason}") from None
     if begin not in MAGIC:
         raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 
 from sim.types import Effect
 
@@ -21,10 +21,10 @@ class Config:
     """How long it stands [s]."""
     slide: Annotated[float, Gt(0)] = 0.2
     """How long the board takes to slide in, and out [s]."""
-    distance: float = 0.6
+    distance: Annotated[float, Ge(-5), Le(5)] = 0.6
     """Where it comes from and goes to: sideways distance from the line of sight [m]."""
 
-    offset: Annotated[float, Ge(0)] = 0.0
+    offset: Annotated[float, Ge(0), Le(5)] = 0.0
     """Where it stops: sideways from the line of sight [m]. Other than at 0 it goes back where
     it came from; from 0.12 to 0.26 it hides a part of the target only."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 
 from sim.types import Effect
 
@@ -17,7 +17,7 @@ class Config:
 
     start: Annotated[float, Ge(0)] = 3.0
     """When the brightness begins to change [s]."""
-    factor: Annotated[float, Ge(0)] = 0.7
+    factor: Annotated[float, Ge(0), Le(100)] = 0.7
     """The factor it goes to."""
     ramp: Annotated[float, Gt(0)] = 0.5
     """How long it takes to get there, and back [s]."""

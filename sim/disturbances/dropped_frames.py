@@ -7,7 +7,7 @@ from math import floor
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from sim.types import Effect
 
@@ -18,7 +18,7 @@ class Config:
 
     share: Annotated[float, Ge(0), Le(1)] = 0.2
     """Share of the time in which frames are dropped."""
-    length: Annotated[float, Gt(0)] = 0.03
+    length: Annotated[float, Ge(0.001)] = 0.03
     """How long one drop lasts at least [s]."""
     start: Annotated[float, Ge(0)] = 0.5
     """No frame is dropped before [s]."""

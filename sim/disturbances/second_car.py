@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.motions import line
-from sim.types import Effect
+from sim.types import Degrees, Effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Config:
     """Where it appears [m]."""
     y: Annotated[float, Ge(-5), Le(5)] = -0.6
     """Where it appears [m]."""
-    heading_deg: float = 90.0
+    heading_deg: Degrees = 90.0
     """Direction of the drive, from world x towards y [deg]."""
     speed: Annotated[float, Ge(-5), Le(5)] = 0.2
     """Speed [m/s]."""

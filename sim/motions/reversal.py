@@ -11,7 +11,7 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from sim.types import Pose
+from sim.types import Degrees, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Config:
     """Middle of the line [m]."""
     y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Middle of the line [m]."""
-    heading_deg: float = -90.0
+    heading_deg: Degrees = -90.0
     """Direction of the nose and of the first drive, from world x towards y [deg]."""
     speed: Annotated[float, Ge(-5), Le(5)] = 0.1
     """Speed [m/s]."""

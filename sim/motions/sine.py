@@ -9,7 +9,7 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from sim.types import Pose
+from sim.types import Degrees, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Config:
     """Middle [m]."""
     y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Middle [m]."""
-    heading_deg: float = 0.0
+    heading_deg: Degrees = 0.0
     """Direction of the nose and of the swing, from world x towards y [deg]."""
     amplitude: Annotated[float, Ge(-5), Le(5)] = 0.15
     """Amplitude [m]."""

@@ -7,9 +7,9 @@ from math import cos, radians, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
-from sim.types import Pose
+from sim.types import Degrees, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,15 +20,15 @@ class Config:
     """Start [m]."""
     y: Annotated[float, Ge(-5), Le(5)] = -0.1
     """Start [m]."""
-    heading_deg: float = -90.0
+    heading_deg: Degrees = -90.0
     """Direction of the nose at first, from world x towards y [deg]."""
-    turn_deg: float = 90.0
+    turn_deg: Degrees = 90.0
     """Each turn, from world x towards y [deg]."""
-    turn_duration: Annotated[float, Gt(0)] = 2.0
+    turn_duration: Annotated[float, Ge(0.1)] = 2.0
     """How long a turn lasts [s]."""
     speed: Annotated[float, Ge(-5), Le(5)] = 0.1
     """Speed on a leg [m/s]."""
-    leg_duration: Annotated[float, Gt(0)] = 2.0
+    leg_duration: Annotated[float, Ge(0.1)] = 2.0
     """How long a leg lasts [s]."""
 
     def build(self, rng: np.random.Generator) -> Spin:

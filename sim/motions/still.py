@@ -9,7 +9,7 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Pose
+from sim.types import Degrees, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Config:
     """Position on the table [m]."""
     y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Position on the table [m]."""
-    heading_deg: float = 0.0
+    heading_deg: Degrees = 0.0
     """Direction of the nose, from world x towards y [deg]."""
 
     def build(self, rng: np.random.Generator) -> Still:

@@ -7,9 +7,9 @@ from math import cos, radians, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
-from sim.types import Pose
+from sim.types import Degrees, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +20,11 @@ class Config:
     """Start [m]."""
     y: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Start [m]."""
-    heading_deg: float = 0.0
+    heading_deg: Degrees = 0.0
     """Direction of the drive, from world x towards y [deg]."""
     speed: Annotated[float, Ge(-5), Le(5)] = 0.12
     """Speed while it drives [m/s]."""
-    go: Annotated[float, Gt(0)] = 2.0
+    go: Annotated[float, Ge(0.1)] = 2.0
     """How long it drives [s]."""
     stop: Annotated[float, Ge(0)] = 1.5
     """How long it then stands [s]."""

@@ -19,6 +19,7 @@ from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile
 
 TRACKS = "tracks"
+LONGEST_LABEL = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +29,20 @@ class Contender:
     label: str
     config: Any
     """Its `Config`."""
+
+    def __post_init__(self) -> None:
+        """Refuse a label that is no folder's name: results are kept under it.
+
+        Raises:
+            ValueError: It is empty, hidden or too long, or has a slash or a control character.
+        """
+        label = self.label
+        plain_name = label.isprintable() and not set(label) & {"/", "\\"} and label == label.strip()
+        if not plain_name or not 0 < len(label) <= LONGEST_LABEL or label[0] == ".":
+            raise ValueError(
+                f"'{label}' names a folder: 1 to {LONGEST_LABEL} characters without / and \\, "
+                "no dot in front"
+            )
 
     def describe(self) -> dict[str, Any]:
         """Module and settings."""

@@ -17,6 +17,11 @@ STYLES = ("-", "--", ":", "-.")
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e", "#be185d", "#4b5563")
 
 
+def literal(text: str) -> str:
+    """A text as matplotlib shall draw it: with dollars, not with formulas between them."""
+    return text.replace("$", r"\$")
+
+
 def draw(results: Sequence[Result], order: Sequence[str], title: str, folder: Path) -> list[Path]:
     """success.png and precision.png; their paths.
 
@@ -39,9 +44,9 @@ def draw(results: Sequence[Result], order: Sequence[str], title: str, folder: Pa
             curve = np.mean([r[name] for r in results if r["tracker"] == label], axis=0)
             score = curve.mean() if mark is None else curve[mark]
             dashes, colour = STYLES[i // len(COLOURS) % len(STYLES)], COLOURS[i % len(COLOURS)]
-            said = f"{label} [{score:.3f}]"
+            said = f"{literal(label)} [{score:.3f}]"
             ax.plot(thresholds, curve, dashes, color=colour, lw=1.5, label=said)
-        ax.set(xlabel=below, ylabel=beside, title=f"{title}: {name}", ylim=(0, 1.02))
+        ax.set(xlabel=below, ylabel=beside, title=f"{literal(title)}: {name}", ylim=(0, 1.02))
         ax.margins(x=0)
         ax.grid(alpha=0.25)
         ax.spines[["top", "right"]].set_visible(False)

@@ -16,6 +16,7 @@ IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
 """Where OTB and VOT keep a sequence's pictures, beside its truth."""
 TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "truth.csv", "groundtruth.csv")
 CAMERA = "camera:"
+CAMERA_DIGITS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,14 @@ class Sequence:
         return Sequence(name, family, source, corners, region, first, states)
 
 
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; a name that no file can have is none."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
 def source_of(text: str, rate: float) -> Source:
     """Pictures of a folder (also in OTB's and VOT's layouts), a video file, or "camera:0".
 
@@ -53,14 +62,17 @@ def source_of(text: str, rate: float) -> Source:
     """
     if text.startswith(CAMERA):
         number = text.removeprefix(CAMERA)
-        if not number.isdecimal():
+        if not number.isdecimal() or len(number) > CAMERA_DIGITS:
             raise ValueError(f"{text}: a camera is given by its number, such as camera:0")
         return Live(int(number))
     path = Path(text)
-    if path.is_dir():
-        return Folder.of(pictures_in(path), rate)
-    if path.is_file():
-        return Video.of(path)
+    try:
+        if path.is_dir():
+            return Folder.of(pictures_in(path), rate)
+        if path.is_file():
+            return Video.of(path)
+    except OSError as error:
+        raise ValueError(f"{text}: cannot read this: {error.strerror}") from None
     raise ValueError(f"{text}: there is no such folder, video file, or camera:NUMBER")
 
 
@@ -102,7 +114,7 @@ def read_all(folder: Path, rate: float) -> list[Sequence]:
     Raises:
         ValueError: There is none.
     """
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise ValueError(f"{folder}: there is no such folder of sequences")
     places = [folder] if truths_in(folder) else sorted(p for p in folder.iterdir() if p.is_dir())
     found = [s for place in places if truths_in(place) for s in read_folder(place, rate)]

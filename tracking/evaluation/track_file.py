@@ -58,14 +58,25 @@ def read(path: Path) -> Track:
     Raises:
         ValueError: The file is no track.
     """
-    with path.open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(file)
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+    except (OSError, ValueError, csv.Error):
+        raise ValueError(f"{path}: this is not a track") from None
     if tuple(header) != HEADER:
         raise ValueError(f"{path}: this is not a track: its columns are {', '.join(header)}")
+    try:
+        return _track(rows)
+    except (ValueError, IndexError):
+        raise ValueError(f"{path}: this is not a track: a row is not one of numbers") from None
+
+
+def _track(rows: list[list[str]]) -> Track:
     at = {name: i for i, name in enumerate(HEADER)}
 
     def columns(*names: str) -> np.ndarray:
-        return np.array([[float(row[at[name]]) for name in names] for row in rows])
+        found = [[float(row[at[name]]) for name in names] for row in rows]
+        return np.array(found).reshape(-1, len(names))
 
     return Track(
         columns("x", "y", "theta", "scale"),

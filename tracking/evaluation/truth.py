@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.types import Array
-from tracking.types import Region, State
+from tracking.types import FARTHEST, Region, State
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
 SEPARATORS = re.compile(r"[,;\s]+")
@@ -21,6 +21,8 @@ BOX, QUAD = 4, 8
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
 BOX_NAMES = (("left", "top", "width", "height"), ("x", "y", "width", "height"),
              ("x", "y", "w", "h"))  # fmt: skip
+LONGEST = 80
+"""So much of a line is quoted in a message [characters]."""
 RECTANGULAR = 0.02
 """A quadrilateral is a rectangle if its corners are this near to one, over its size."""
 
@@ -37,7 +39,7 @@ def read(path: Path) -> Array:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is not text"
         raise ValueError(f"{path}: cannot read this truth: {reason}") from None
     lines = text.splitlines()
@@ -46,7 +48,10 @@ def read(path: Path) -> Array:
     if not lines:
         raise ValueError(f"{path}: this truth is empty")
     if re.match(r"\s*[A-Za-z_]\w*\s*,", lines[0]) and not lines[0].lower().startswith("nan"):
-        return _of_csv(lines, path)
+        try:
+            return _of_csv(lines, path)
+        except csv.Error as error:
+            raise ValueError(f"{path}: this is not CSV: {error}") from None
     shift = 1.0 if OTB_NAME.match(path.name) else 0.0
     rows = [_numbers(line, f"{path.name}, line {i}") for i, line in enumerate(lines, 1)]
     return np.stack([corners_of(row) - shift for row in rows])
@@ -85,13 +90,18 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
 
 
 def _numbers(line: str, place: str) -> Array:
+    shown = line.strip()[:LONGEST]
     try:
         numbers = np.array([float(part) for part in SEPARATORS.split(line.strip())])
     except ValueError:
-        raise ValueError(f"{place}: '{line.strip()}' is not a line of numbers") from None
+        raise ValueError(f"{place}: '{shown}' is not a line of numbers") from None
     if len(numbers) not in (BOX, QUAD):
         raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
-    return numbers if np.isfinite(numbers).all() else np.full(len(numbers), np.nan)
+    if not np.isfinite(numbers).all():
+        return np.full(len(numbers), np.nan)
+    if np.abs(numbers).max() > FARTHEST:
+        raise ValueError(f"{place}: '{shown}' is no place in a picture; the limit is {FARTHEST:g}")
+    return numbers
 
 
 def _of_csv(lines: list[str], path: Path) -> Array:

@@ -48,7 +48,13 @@ class CvMil:
         self._model = HueModel(frame.image, region, state, self._config)
         self._size = frame.image.shape
         self._mil: Any = cv2.TrackerMIL.create()
-        self._mil.init(np.ascontiguousarray(frame.image), box)
+        try:
+            self._mil.init(np.ascontiguousarray(frame.image), box)
+        except cv2.error:
+            raise ValueError(
+                f"the region is {box[2]} x {box[3]} px in an image of {frame.image.shape[1]} x "
+                f"{frame.image.shape[0]} px; MIL needs room around it to learn from"
+            ) from None
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Classify around the last box, which nobody can move: OpenCV's tracker takes no ego. A

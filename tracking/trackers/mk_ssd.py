@@ -6,7 +6,7 @@ Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, final
+from typing import Annotated, Literal, final
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -26,8 +26,8 @@ class Config:
 
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Kernels along each side: 3 is the paper's nine."""
-    levels: Annotated[int, Ge(2), Le(32)] = 8
-    """Colour bins a channel: a power of two."""
+    levels: Literal[2, 4, 8, 16, 32] = 8
+    """Colour bins a channel."""
     span: Annotated[float, Gt(0)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
     inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03

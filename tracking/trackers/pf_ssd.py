@@ -12,7 +12,7 @@ where Newton would lock onto what is in front.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, final
+from typing import Annotated, Literal, final
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -53,8 +53,8 @@ class Config(Learning):
     """Share of the old velocity that the new one keeps."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Kernels along each side: 3 is the paper's nine."""
-    levels: Annotated[int, Ge(2), Le(32)] = 8
-    """Colour bins a channel: a power of two."""
+    levels: Literal[2, 4, 8, 16, 32] = 8
+    """Colour bins a channel."""
     density: Annotated[int, Ge(1), Le(64)] = 4
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -22,6 +22,8 @@ PRESETS = {"paper": PLAIN | {"least_texture": 0.05, "steps": 15, "tolerance": 0.
 class Config(mean_shift.Config):
     """Mean shift's settings, and the texture's."""
 
+    levels: Literal[2, 4, 8, 16] = 8
+    """Colour bins a channel: five times as many joint bins must have a number of 16 bits."""
     density: Annotated[int, Ge(2), Le(256)] = 24
     """Points along the kernel's diameter at which the image is read."""
     threshold: Annotated[float, Ge(-255), Le(255)] = THRESHOLD

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -25,6 +25,8 @@ class Config(condensation.Config):
     scale_noise: Annotated[float, Ge(0), Le(1)] = 0.03
     """Spread of ln scale per frame; 0: the tracker keeps its size."""
 
+    levels: Literal[2, 4, 8, 16] = 8
+    """Colour bins a channel: five times as many joint bins must have a number of 16 bits."""
     density: Annotated[int, Ge(2), Le(256)] = 24
     """Points along the kernel's diameter at which the image is read."""
     threshold: Annotated[float, Ge(-255), Le(255)] = THRESHOLD
