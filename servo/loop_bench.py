@@ -23,7 +23,8 @@ from servo.measures import Outcome, summarise
 from servo.scenario import Scenario
 from servo.terminal import plain
 from sim import gl
-from tracking.evaluation.bench import Contender, number
+from tracking.evaluation.bench import Contender
+from tracking.evaluation.jobs import number
 from tracking.evaluation.statistics import bootstrap
 
 SCENARIOS = ("still", "line")

@@ -15,7 +15,7 @@ from servo.scenario import Scenario
 from servo.step import Step
 from servo.steps_table import TABLE, StepsTable
 from servo.versions import versions
-from tracking.evaluation.bench import number
+from tracking.evaluation.jobs import number
 
 RECORDING, REPORT = "run.rrd", "report.json"
 

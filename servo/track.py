@@ -22,7 +22,7 @@ from servo.terminal import COMPILING, STOPPED, plain, progress_bar
 from servo.versions import versions
 from sim.types import Array
 from tracking.evaluation import truth as truths
-from tracking.evaluation.bench import number
+from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
 from tracking.evaluation.sequence import CAMERA, source_of, truths_in
 from tracking.evaluation.sources import Source

@@ -11,7 +11,7 @@ from servo import scenario as scenarios
 from servo.episode import Episode
 from servo.measures import summarise
 from servo.scenario import Scenario
-from tracking.evaluation.bench import number
+from tracking.evaluation.jobs import number
 
 ALONG = 1
 """The car of `reversal` goes back and forth along the image's y axis: yn."""

@@ -12,8 +12,8 @@ from servo.measures import CONVERGED_PX, Outcome, summarise, violations
 from servo.step import Step
 from servo.study.plan import Run
 from servo.versions import versions
-from tracking.evaluation.bench import number
 from tracking.evaluation.contact_sheet import page, tile
+from tracking.evaluation.jobs import number
 from tracking.evaluation.sources import Picture
 
 Row = dict[str, Any]

@@ -57,9 +57,7 @@ def scaling(folder, seeds):
             wall, inside, _ = carried(study, workers, kept)
         walls.setdefault(workers, []).append(wall)
         share = 100 * (1 - inside / (wall * workers))
-        say(
-            f"{workers} workers: {study.size} runs in {wall:.1f} s; not inside runs: {share:.1f} %"
-        )
+        say(f"{workers} workers: {study.size} runs in {wall:.1f} s; not inside runs: {share:.1f} %")
     gain = min(walls[1]) / min(walls[2])
     say(f"two workers are {gain:.2f} times as fast as one")
 

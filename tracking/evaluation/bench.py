@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import Comparison, measure_all
 from tracking.evaluation.sequence import Sequence, read_all
 from tracking.evaluation.sources import RATE
@@ -172,11 +172,6 @@ class SequenceJob:
 def track_path(folder: Path, key: str) -> Path:
     """Where the track of a job is."""
     return folder / TRACKS / f"{key}.csv"
-
-
-def number(value: float) -> float | None:
-    """JSON has neither infinity nor nan: null."""
-    return value if math.isfinite(value) else None
 
 
 def plain(config: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import multiprocessing
 import os
 import traceback
@@ -114,3 +115,8 @@ def _known(job: Job, folder: Path) -> dict[str, Any] | None:
 
 def _path(job: Job, folder: Path) -> Path:
     return folder / RESULTS / f"{job.key}.json"
+
+
+def number(value: float) -> float | None:
+    """JSON has neither infinity nor nan: null."""
+    return value if math.isfinite(value) else None

@@ -9,7 +9,6 @@ from enum import Enum
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from sim.types import Array
 from tracking.evaluation.track import Track
@@ -128,6 +127,8 @@ def lost_signal(c: Comparison) -> float:
     doubt = 1 - c.track.confidence[: len(off)]
     if off.all() or not off.any():
         return float("nan")
+    from scipy import stats  # takes a second
+
     rank = stats.mannwhitneyu(doubt[off], doubt[~off]).statistic
     return float(rank / (off.sum() * (~off).sum()))
 

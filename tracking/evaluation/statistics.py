@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from sim.types import Array
 
@@ -42,6 +41,8 @@ class McNemar:
         discordant = self.wins + self.losses
         if discordant == 0:
             return 1.0
+        from scipy import stats  # takes a second
+
         return float(stats.binomtest(self.wins, discordant).pvalue)
 
 
