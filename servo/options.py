@@ -11,6 +11,7 @@ import click
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
+MOST_WORKERS = 1024
 COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
@@ -19,7 +20,11 @@ changes_option = click.option(
     help="Change any setting; repeat at will.",
 )  # fmt: skip
 workers_option = click.option(
-    "--workers", type=COUNT, default=2, help="Processes side by side.", show_default=True
+    "--workers",
+    type=click.IntRange(1, MOST_WORKERS),
+    default=2,
+    help="Processes side by side.",
+    show_default=True,
 )
 
 

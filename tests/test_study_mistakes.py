@@ -1,6 +1,10 @@
 """What is wrong in a study is one sentence, before anything runs."""
 
+from importlib import resources
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from servo import cli
 from servo.mistake import Mistake
@@ -23,11 +27,12 @@ BAD = {
     ),
     "wrong setting": (
         STILL + "axes.run.latncy = [1]",
-        "run 0: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
+        "where run.latncy = 1: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
     ),
     "wrong value": (
         STILL + "axes.run.latency = [1, 500]",
-        "run 3: still.toml: run.latency = 500: input should be less than or equal to 100",
+        "where run.latency = 500: still.toml: run.latency = 500: input should be less than or "
+        "equal to 100",
     ),
     "too few numbers": (
         STILL + "axes.start.x = { uniform = [1.0] }",
@@ -98,3 +103,32 @@ def test_a_missing_scheduler_is_one_sentence(monkeypatch, capfd, tmp_path):
         "servobench: --scheduler tcp://127.0.0.1:1: no scheduler with workers answers there"
     )
     assert len(said.splitlines()) == 1
+
+
+NAMES = ("particles", "noise", "latency_gain", "depth_error")
+TEXTS = [(resources.files("scenes") / "studies" / f"{n}.toml").read_bytes() for n in NAMES]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("fuzz") / "any.toml"
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(TEXTS), st.data())
+def test_any_file_is_a_study_or_one_sentence(path, text, data):
+    begin = data.draw(st.integers(0, len(text)))
+    end = data.draw(st.integers(begin, min(begin + 30, len(text))))
+    piece = data.draw(
+        st.binary(max_size=10) | st.sampled_from([b"[]", b"{}", b"-1", b"nan", b'"*"'])
+    )
+    path.write_bytes(text[:begin] + piece + text[end:])
+    assert outcome(path)
+
+
+def outcome(path):
+    """The number of runs, or the sentence; anything else is raised."""
+    try:
+        return load(str(path)).size
+    except Mistake as mistake:
+        return str(mistake)

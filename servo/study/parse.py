@@ -4,6 +4,7 @@ its place.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -20,7 +21,7 @@ from servo.study.plan import Base, Study
 KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
-MOST_RUNS = 1_000_000
+MOST_RUNS, MOST_CHECKED = 1_000_000, 2000
 SUCCESS = "success_rate"
 
 
@@ -81,14 +82,18 @@ def _compared(study: Study, asked: Any, place: str) -> Study:
 
 
 def _check(study: Study, place: str) -> None:
-    """Parse every cell once, so that a wrong setting is told before hours of running."""
-    first = study.seeds[0]
-    for run in study.runs():
-        if run.seed == first:
-            try:
-                run.parsed()
-            except Mistake as error:
-                raise Mistake(f"{place}: run {run.number}: {error}") from None
+    """Parse every cell once, so that a wrong setting is told before hours of running; of more cells
+    than MOST_CHECKED the first ones.
+    """
+    cells = replace(study, seeds=study.seeds[:1]).runs()
+    for run in itertools.islice(cells, MOST_CHECKED):
+        try:
+            run.parsed()
+        except Mistake as error:
+            told = ", ".join(f"{key} = {value}" for key, value in run.settings.items())
+            raise Mistake(
+                f"{place}: where {told}: {error}" if told else f"{place}: {error}"
+            ) from None
 
 
 def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
