@@ -105,7 +105,7 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
                             "Against the axes", "Over two axes", "Contact sheets", "Cells", "Runs",
                             "Again"]  # fmt: skip
     assert blocks["What was varied, and what held"].points == [
-        "tracker.kind = kams, camera.rate = 5: success_rate is 0, expected at least 0.9",
+        "tracker.kind = kams, camera.rate = 5.0: success_rate is 0, expected at least 0.9",
     ]
     assert blocks["Compared"].points == [
         "pf_ssd succeeds more often than kams: 9 to 1 (p = 0.021 after Holm)."

@@ -11,9 +11,9 @@ import numpy as np
 from servo.measures import MEANINGS, Outcome
 from servo.report import page, study_axes, study_time
 from servo.report.page import Badge, Block, Cell, Fact, Figure, Picture, Section, Table, Tone
-from servo.report.study_cells import cells, missed
 from servo.report.study_data import SUCCESS, Row, Study, interval, load, median
 from servo.report.words import NOTHING, cut, listed, shown, spread
+from servo.study.results import grouped, missed
 
 MOST_SHEETS, MOST_ROWS, MOST_FAILURES, MOST_TOLD = 24, 500, 12, 12
 TIME = "track_ms"
@@ -29,7 +29,8 @@ def section(folder: Path) -> Section:
         Mistake: A file is missing or broken.
     """
     study = load(folder)
-    plan, broken = study.plan, missed(study)
+    plan = study.plan
+    broken = missed(list(study.axes), plan.expect, study.rows)
     blocks = [
         _overview(study, broken),
         *(_shown(study) if study.rows else []),
@@ -158,7 +159,7 @@ def _named(study: Study, row: Row) -> str:
 
 
 def _cells(study: Study) -> list[Block]:
-    found = cells(study)
+    found = grouped(list(study.axes), study.rows)
     rows = [
         [*(shown(v) for v in settings.values()), str(len(group)),
          *(spread(interval(group, name)) for name in (SUCCESS, *COLUMNS))]

@@ -151,7 +151,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
             )
     for path in paths:
         plain(console, f"  {path}")
-    told = missed(study, cells)
+    told = missed([axis.key for axis in study.every_axis], study.expect, rows)
     for line in told:
         plain(Console(stderr=True), f"servobench: {line}")
     return 1 if told else 0

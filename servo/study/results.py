@@ -41,12 +41,6 @@ class Cell:
                 means[name] = _interval(found)
         return Cell(settings, len(rows), _interval([row["success"] for row in rows]), means)
 
-    def value(self, name: str) -> float:
-        """The success rate, or the mean of a measure; infinite where no run has it."""
-        if name == SUCCESS:
-            return self.success.value
-        return self.means[name].value if name in self.means else np.inf
-
 
 @dataclass(frozen=True, slots=True)
 class Compared:
@@ -59,13 +53,18 @@ class Compared:
     """The exact p, corrected for the number of comparisons."""
 
 
-def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
-    """The cells that have runs, in the order of the study."""
-    keys = [axis.key for axis in study.every_axis]
+def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, Any], list[Row]]]:
+    """Rows with the same values of axes, and these values, in the order of the rows."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[k] for k in keys), []).append(row)
-    return [Cell.of(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
+    return [(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
+
+
+def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
+    """The cells that have runs, in the order of the study."""
+    keys = [axis.key for axis in study.every_axis]
+    return [Cell.of(settings, group) for settings, group in grouped(keys, rows)]
 
 
 def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
@@ -90,14 +89,14 @@ def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
     ]
 
 
-def missed(study: Study, cells: Sequence[Cell]) -> list[str]:
-    """A sentence for each bound that a cell does not keep."""
+def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -> list[str]:
+    """A sentence for each bound that the rows with the same values of axes do not keep."""
     told: list[str] = []
-    for cell in cells:
-        for name, bound in study.expect.items():
-            found, least = cell.value(name), name == SUCCESS
-            if found < bound if least else not found <= bound:
-                where = ", ".join(f"{k} = {v}" for k, v in cell.settings.items()) or "all runs"
+    for settings, group in grouped(keys, rows):
+        for name, bound in expect.items():
+            found, least = _mean(group, "success" if name == SUCCESS else name), name == SUCCESS
+            if not (found >= bound if least else found <= bound):
+                where = ", ".join(f"{k} = {v}" for k, v in settings.items()) or "all runs"
                 words = "at least" if least else "at most"
                 told.append(f"{where}: {name} is {found:.3g}, expected {words} {bound:g}")
     return told
@@ -130,6 +129,12 @@ def comparisons_csv(found: Sequence[Compared]) -> bytes:
 def _mcnemar(first: dict[Any, bool], second: dict[Any, bool]) -> McNemar:
     both = [at for at in first if at in second]
     return McNemar.of(*(np.array([held[at] for at in both], float) for held in (first, second)))
+
+
+def _mean(rows: Sequence[Row], name: str) -> float:
+    """Over the runs that have it; infinite where none has."""
+    found = [row[name] for row in rows if row.get(name) is not None]
+    return float(np.mean(found)) if found else np.inf
 
 
 def _interval(values: Sequence[float]) -> Interval:
