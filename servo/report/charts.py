@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from servo.report.drawing import INK, canvas, colour, css, svg
@@ -18,7 +18,7 @@ from servo.report.words import shown
 from sim.types import Array
 from tracking.evaluation.statistics import Interval
 
-ERRORS, SETTINGS = 50.0, 15.0
+ERRORS, SETTINGS = 50.0, 10.0
 """Errors and settings that differ by more than this factor are drawn on a logarithmic axis."""
 DEEPEST = 1e3
 """So far below the largest value a logarithmic axis reaches."""
@@ -167,6 +167,8 @@ def _scale(axes: Axes, axis: Axis, values: Sequence[Array], which: str) -> None:
         (axes.set_xscale if which == "x" else axes.set_yscale)("log")
         limits(max(above.min(), above.max() / DEEPEST) / ROOM, above.max() * ROOM)
         shaft = axes.xaxis if which == "x" else axes.yaxis
+        if above.max() / above.min() < DEEPEST / ROOM:
+            shaft.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         shaft.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         shaft.set_minor_formatter(NullFormatter())
     elif axis.low is not None or axis.high is not None:

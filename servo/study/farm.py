@@ -26,6 +26,12 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": DEATHS,
     "distributed.comm.timeouts.connect": PATIENCE,
     "distributed.worker.daemon": True,
+    # Nobody looks at these, and over thousands of runs they grow.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.log-length": 100,
+    "distributed.admin.low-level-log-length": 100,
+    "distributed.admin.system-monitor.log-length": 60,
+    "distributed.admin.system-monitor.gil.enabled": False,
 }
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 """What a worker has to tell comes back with its task."""

@@ -1,7 +1,7 @@
-"""What a study costs beside its runs: `uv run python tests/benchmarks/studies.py [SEEDS]`.
+"""What a study costs beside its runs: `uv run python tests/benchmarks/studies.py [memory]`.
 
 Prints the gain of a second worker on `particles`, the share of time that is not inside runs, and
-the memory over a thousand short runs.
+the memory over a thousand short runs; with `memory` that alone.
 """
 
 import os
@@ -75,5 +75,6 @@ def memory(folder, seeds):
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as there:
-        scaling(Path(there), int(sys.argv[1]) if len(sys.argv) > 1 else 2)
+        if "memory" not in sys.argv:
+            scaling(Path(there), 2)
         memory(Path(there), 72)
