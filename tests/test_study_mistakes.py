@@ -21,6 +21,10 @@ BAD = {
         STILL + "axes.run.latency = []",
         "axes.run.latency = []: an axis is a list of values, or a law for them",
     ),
+    "seeds as an axis": (
+        STILL + "axes.run.seed = [1, 2]",
+        "axes.run.seed: list these under `seeds` instead",
+    ),
     "a value twice": (
         STILL + "axes.run.latency = [1, 1]",
         "axes.run.latency has the same value twice",

@@ -22,6 +22,8 @@ SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
 """Axes that are given as [first, last, count]."""
 LAWS = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
 """How values are drawn, and how many numbers that takes."""
+ELSEWHERE = {SCENARIO: "scenario", "run.seed": "seeds"}
+"""Axes that a study has anyway: where their values belong."""
 ALL = "*"
 MOST_VALUES = 10_000
 
@@ -67,8 +69,8 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
     draws: list[Draw] = []
     for key, given in flat(table, {*SPANS, *LAWS}).items():
         at = f"{place}: axes.{key}"
-        if key == SCENARIO:
-            raise Mistake(f"{at}: list the scenarios under `scenario` instead")
+        if key in ELSEWHERE:
+            raise Mistake(f"{at}: list these under `{ELSEWHERE[key]}` instead")
         if isinstance(given, dict):
             law, numbers = _law(given, at)
             if law in LAWS:

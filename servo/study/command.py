@@ -151,6 +151,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
             )
     for path in paths:
         plain(console, f"  {path}")
+    plain(console, f"a page of it: servobench report {shlex.quote(str(store.folder))}")
     told = missed([axis.key for axis in study.every_axis], study.expect, rows)
     for line in told:
         plain(Console(stderr=True), f"servobench: {line}")
