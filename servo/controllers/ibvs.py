@@ -87,16 +87,16 @@ class Config:
         return Ibvs(self)
 
 
-def adaptive_gain(config: Config, x: float) -> float:
+def adaptive_gain(config: Config, ahead: Array) -> float:
     """lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf, as in ViSP.
 
     Args:
         config: l0 is its gain, linf its gain_far, l0' its gain_slope.
-        x: Largest part of L# e.
+        ahead: L# e (6,); x is its largest part.
     """
     if config.gain_far is None or config.gain_far == config.gain:
         return config.gain
-    span = config.gain - config.gain_far
+    x, span = float(np.abs(ahead).max()), config.gain - config.gain_far
     return span * float(np.exp(-config.gain_slope * x / abs(span))) + config.gain_far
 
 
@@ -171,7 +171,7 @@ class Ibvs:
             return self._absence.search(dt)
         c, inverse = self._config, self._inverse()
         ahead = inverse.pseudo @ outlook.error
-        gain = adaptive_gain(c, float(np.abs(ahead).max()))
+        gain = adaptive_gain(c, ahead)
         twist = -gain * ahead - inverse.pseudo @ (self._fed * outlook.motion)
         if c.smooth_start > 0:
             self._first = gain * ahead if self._first is None else self._first

@@ -80,7 +80,7 @@ class FeatureFilters:
             return Outlook.plain(error, self._estimate())
         self._filter.predict()
         self._filter.update(z)
-        innovation, variance = self._filter.y[:, 0].copy(), np.diag(self._filter.S)
+        innovation, variance = self._filter.y[:, 0].copy(), self._filter.S.diagonal()
         if self._alarm is not None:
             jumped = self._alarm.rings(innovation / np.sqrt(variance))
             self._restart(self._filter, jumped, z, self._model_at(dt))
