@@ -80,7 +80,7 @@ def _bench(console: Console) -> None:
 def _recorded() -> tuple[speed.LoopTimes, float]:
     """Times of a loop that writes everything, and the size of its recording a frame [bytes]."""
     with tempfile.TemporaryDirectory() as folder:
-        with Episode(scenarios.load("line", ["run.duration=4.0"])) as episode:
+        with Episode(scenarios.load("line")) as episode:
             output = RunFolder(Path(folder), episode, rerun=True)
             times = speed.times_of(episode, output.add)
             output.close()
