@@ -32,7 +32,7 @@ run.latency = [0, 1]
 start.x = { uniform = [-20.0, 20.0] }
 """
 RUNS = 12
-PATIENCE = 60.0
+PATIENCE = 180.0
 """No step of these tests takes longer [s]."""
 
 
