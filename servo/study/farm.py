@@ -7,6 +7,7 @@ import os
 import traceback
 import uuid
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -127,6 +128,8 @@ def carry_out(
             task, _ = under_way.pop(future.key)
             yield task, _result(future)
             top_up()
+    except (OSError, CancelledError) as error:  # whatever was asked of it just then
+        raise ConnectionError("the scheduler is gone") from error
     finally:
         for _, future in under_way.values():
             future.cancel()
