@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo import cli, commands
+from servo import cli
 from servo.report import study
 from servo.report.command import write
 
@@ -63,28 +63,6 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
         (folder / "comparisons.csv").write_text(
             f"first,second,wins,losses,ties,z,p,p_holm\n{line}\n"
         )
-    return folder
-
-
-def make_papers(folder):
-    (folder / "figures").mkdir(parents=True)
-    claims = {
-        name: {"says": "it is so", "measured": "1 & 2", "holds": holds, "table": [["x"], ["7"]],
-               "figures": ["figures/one.png"]} for name, holds in (("P0-1", True), ("P2-2", False))
-    }  # fmt: skip
-    text = json.dumps({"version": "0.1.0", "quick": True, "claims": claims})
-    (folder / "papers.json").write_text(text)
-    (folder / "figures" / "one.png").write_bytes(encoded(".png"))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """A real run of half a second that misses one of two bounds."""
-    folder = tmp_path_factory.mktemp("run") / "out"
-    changes = ["run.duration=0.5", "expect={}", "expect.tilt_peak_deg=1.0",
-               "expect.servo_rms_px=0.5", "tracker.kind=mean_shift"]  # fmt: skip
-    assert commands.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
     return folder
 
 
@@ -168,7 +146,7 @@ def test_no_text_from_a_file_becomes_part_of_the_page(ran, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def whole(ran, tmp_path_factory):
+def whole(make_papers, ran, tmp_path_factory):
     """A page about several folders."""
     folder = tmp_path_factory.mktemp("whole")
     folders = [ran, make_study(folder / "study"), make_papers(folder / "papers")]
@@ -186,7 +164,7 @@ def test_the_page_refers_to_nothing_outside_and_has_no_stand_in_colours(whole):
     assert "stroke: var(--series-1)" in page
 
 
-def test_the_command_prints_the_path_it_wrote(monkeypatch, capfd, tmp_path):
+def test_the_command_prints_the_path_it_wrote(make_papers, monkeypatch, capfd, tmp_path):
     folder = make_papers(tmp_path / "papers")
     monkeypatch.setattr(sys, "argv", ["servobench", "report", str(folder)])
     with pytest.raises(SystemExit) as ended:

@@ -9,11 +9,9 @@ import tomllib
 
 import cv2
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo import commands
 from servo import scenario as scenarios
 from servo.mistake import Mistake
 from servo.report import again
@@ -22,8 +20,6 @@ from servo.report.study_data import Series
 from servo.report.study_time import band, survival
 
 EVIL = "<script>alert(1)</script>"
-AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
-FLOATS = pa.list_(pa.float32())
 
 
 def encoded(kind):
@@ -31,30 +27,8 @@ def encoded(kind):
     return cv2.imencode(kind, image)[1].tobytes()
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """A real run of half a second that misses one of two bounds."""
-    folder = tmp_path_factory.mktemp("run") / "out"
-    changes = ["run.duration=0.5", "expect={}", "expect.tilt_peak_deg=1.0",
-               "expect.servo_rms_px=0.5", "tracker.kind=mean_shift"]  # fmt: skip
-    assert commands.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
-    return folder
-
-
 def text_of(folder, tmp_path):
     return write([folder], tmp_path / "page.html").read_text(encoding="utf-8")
-
-
-def make_papers(folder):
-    (folder / "figures").mkdir(parents=True)
-    claims = {
-        name: {"says": "it is so", "measured": "1 & 2", "holds": holds, "table": [["x"], ["7"]],
-               "figures": ["figures/one.png"]} for name, holds in (("P0-1", True), ("P2-2", False))
-    }  # fmt: skip
-    text = json.dumps({"version": "0.1.0", "quick": True, "claims": claims})
-    (folder / "papers.json").write_text(text)
-    (folder / "figures" / "one.png").write_bytes(encoded(".png"))
-    return folder
 
 
 def make_bench(folder):
@@ -162,7 +136,7 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     assert "Its trackers or sequences came from a file of your own" in page
 
 
-def test_papers_tell_which_claims_hold(tmp_path):
+def test_papers_tell_which_claims_hold(make_papers, tmp_path):
     page = text_of(make_papers(tmp_path / "papers"), tmp_path)
     assert '<span class="badge bad">1 of 2 hold</span>' in page
     assert "<h2>P2-2 does not hold</h2>" in page
@@ -225,7 +199,7 @@ def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
         write([tmp_path / "run"], None)
 
 
-def test_a_page_that_cannot_be_written_is_a_mistake(tmp_path):
+def test_a_page_that_cannot_be_written_is_a_mistake(make_papers, tmp_path):
     folder = make_papers(tmp_path / "papers")
     with pytest.raises(Mistake, match=r"gone/x\.html: cannot write this page: No such file or"):
         write([folder], tmp_path / "gone" / "x.html")
