@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
 from servo.mistake import Mistake
-from servo.terminal import COMPILING, STOPPED, plain, progress_bar
-from tracking.evaluation.jobs import Done, Job, run_all
+from servo.terminal import COMPILING, plain, progress_bar, stop
+from tracking.evaluation.jobs import Done, Job, attempt, known
 
 MOST_RUNS = 100_000
 """Runs of one command: more would fill memory before the first of them ends."""
@@ -26,8 +29,46 @@ def check_number(runs: int) -> None:
         raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
 
 
+class Team:
+    """Processes that do jobs, started when there is something to do; use it in a `with`."""
+
+    def __init__(self, workers: int) -> None:
+        """Engage a team.
+
+        Args:
+            workers: Number of processes; 1: this one.
+        """
+        self._workers = workers
+        self._open = ExitStack()
+
+    def __enter__(self) -> Team:
+        return self
+
+    def __exit__(self, *told: Any) -> None:
+        self._open.__exit__(*told)
+
+    def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
+        """Do what has no result yet; the others give what they have. The order is that of ends."""
+        kept = {job.key: known(job, folder) for job in jobs}
+        yield from (done for done in kept.values() if done is not None)
+        todo = [job for job in jobs if kept[job.key] is None]
+        if self._workers == 1 or not todo:
+            yield from (attempt(job, folder) for job in todo)
+            return
+        from servo.farm import carry_out  # Dask takes a second to import
+
+        for job, ended in carry_out(self._farm, todo, partial(attempt, folder=folder)):
+            yield Done(job, None, ended.error) if ended.error else ended.value
+
+    @cached_property
+    def _farm(self):
+        from servo.farm import farm
+
+        return self._open.enter_context(farm(self._workers, None))
+
+
 def work(
-    jobs: Sequence[Job], folder: Path, workers: int, console: Console, title: str
+    jobs: Sequence[Job], folder: Path, team: Team, console: Console, title: str
 ) -> tuple[list[Done], int]:
     """Run jobs under a progress bar, in the order asked for; the exit code: 1 for failures.
 
@@ -43,17 +84,15 @@ def work(
     except OSError as error:
         raise Mistake(f"{folder}: cannot write to this folder: {error.strerror}") from None
     done: dict[str, Done] = {}
-    code = 0
     try:
         with progress_bar(console) as bar:
             task = bar.add_task(escape(title), total=len(jobs), note=COMPILING)
-            for one in run_all(jobs, folder, workers):
+            for one in team.results(jobs, folder):
                 done[one.job.key] = one
                 bar.update(task, advance=1, note=escape(one.job.key))
     except KeyboardInterrupt:
-        plain(Console(stderr=True), f"{STOPPED} The same command goes on from there.")
-        code = 130
+        stop("The same command goes on from there.")
     failed = [d for d in done.values() if d.result is None]
     for d in failed:
         plain(Console(stderr=True), f"servobench: {d.job.key} failed:\n{d.error}")
-    return [done[key] for key in keys if key in done], code or (1 if failed else 0)
+    return [done[key] for key in keys if key in done], 1 if failed else 0

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo import loop_bench, suites
-from servo.batch import check_number, work
+from servo.batch import Team, check_number, work
 from servo.terminal import plain
 from tracking.evaluation import curves, summary
 from tracking.evaluation.bench import SequenceJob, track_path
@@ -53,7 +53,8 @@ def run(
     chosen = listed if listed and trackers is None else suites.contenders(trackers)
     check_number(len(chosen) * len(entries) * seeds)
     jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
-    done, code = work(jobs, folder, workers, console, f"bench {Path(name).stem}")
+    with Team(workers) as team:
+        done, code = work(jobs, folder, team, console, f"bench {Path(name).stem}")
     results = [d.result for d in done if d.result is not None]
     if not results:
         return code

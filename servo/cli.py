@@ -11,7 +11,7 @@ from servo.options import (
     COUNT,
     NATURAL,
     PATH,
-    InOrder,
+    Commands,
     changes_option,
     out_option,
     quiet_option,
@@ -20,7 +20,7 @@ from servo.options import (
 
 
 @click.group(
-    cls=InOrder, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
+    cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
 )
 def app() -> None:
     """A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it."""

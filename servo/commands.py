@@ -20,7 +20,7 @@ from servo.measures import Report, Violation, check_expect, summarise, violation
 from servo.run_folder import RunFolder, prepare
 from servo.scenario import Scenario
 from servo.step import Step
-from servo.terminal import COMPILING, STOPPED, WAITING, plain, progress_bar
+from servo.terminal import COMPILING, WAITING, plain, progress_bar
 from sim import gl
 
 FPS_FRAMES = 60
@@ -53,9 +53,6 @@ def run_scenario(
                 began = time.perf_counter()
                 output.add(step)
                 writing.append(time.perf_counter() - began)
-        except KeyboardInterrupt:
-            plain(Console(stderr=True), STOPPED)
-            return 130
         finally:
             output.close()
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)

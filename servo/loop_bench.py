@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo import scenario as scenarios
-from servo.batch import check_number, work
+from servo.batch import Team, check_number, work
 from servo.episode import Episode
 from servo.measures import Outcome, summarise
 from servo.scenario import Scenario
@@ -94,7 +94,8 @@ def run(
     gl.backend()
     check_number(len(chosen) * len(SCENARIOS) * seeds)
     jobs = [LoopJob(c, name, s) for c in chosen for name in SCENARIOS for s in range(seeds)]
-    done, code = work(jobs, folder, workers, console, "bench closed loop")
+    with Team(workers) as team:
+        done, code = work(jobs, folder, team, console, "bench closed loop")
     results = [d.result for d in done if d.result is not None]
     if results:
         _print(console, results)

@@ -33,8 +33,17 @@ def out_option(default: str) -> Callable[[Command], Command]:
     return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
 
 
-class InOrder(click.Group):
-    """Lists commands as they stand here, not by the alphabet."""
+class Commands(click.Group):
+    """Lists commands as they stand, not by the alphabet; Ctrl-C means the same to all of them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(self.commands)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            from servo.terminal import stop  # only now: it imports rich
+
+            stop()

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 STOPPED = "servobench: stopped; what was written is complete up to here."
+INTERRUPTED = 128 + 2
+"""The exit code of what Ctrl-C (signal 2) has ended."""
 COMPILING = "(the first run on a machine compiles the hot loops)"
 WAITING = f"preparing {COMPILING}"
 
@@ -24,3 +28,9 @@ def progress_bar(console: Console) -> Progress:
 def plain(console: Console, text: str) -> None:
     """Print paths and commands as they are: no colours, no line breaks, no markup."""
     console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def stop(more: str = "") -> NoReturn:
+    """Say that Ctrl-C was heard, and end the program."""
+    plain(Console(stderr=True), f"{STOPPED} {more}".rstrip())
+    raise SystemExit(INTERRUPTED)

@@ -18,7 +18,7 @@ from servo.mistake import Mistake
 from servo.parsing import fill_plugin
 from servo.run_folder import REPORT, prepare
 from servo.scenario import override
-from servo.terminal import COMPILING, STOPPED, plain, progress_bar
+from servo.terminal import COMPILING, INTERRUPTED, STOPPED, plain, progress_bar
 from servo.versions import versions
 from sim.types import Array
 from tracking.evaluation import truth as truths
@@ -172,7 +172,7 @@ def _write(
                 bar.update(task, advance=1, note=shot.estimate.status.name)
     except KeyboardInterrupt:
         plain(Console(stderr=True), STOPPED)
-        code = 130
+        code = INTERRUPTED
     finally:
         for part in (rows, *extras):
             part.close()

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from servo import cli
+from servo.batch import Team
 from tracking.evaluation import summary
 from tracking.evaluation.bench import SequenceJob
-from tracking.evaluation.jobs import RESULTS, run_all
+from tracking.evaluation.jobs import RESULTS
 from tracking.evaluation.measures import MEASURES
 
 SUITE = """
@@ -127,7 +128,7 @@ class Moody:
 
 
 def test_a_failed_job_is_told_and_the_others_go_on(tmp_path):
-    done = list(run_all([Moody("a"), Moody("bad"), Moody("c")], tmp_path, 1))
+    done = list(Team(1).results([Moody("a"), Moody("bad"), Moody("c")], tmp_path))
     assert [d.result for d in done] == [{"said": "a"}, None, {"said": "c"}]
     assert "RuntimeError: out of paint" in done[1].error
     assert sorted(p.stem for p in (tmp_path / RESULTS).iterdir()) == ["a", "c"]

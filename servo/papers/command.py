@@ -12,12 +12,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.batch import work
+from servo.batch import Team, work
 from servo.mistake import Mistake, unknown
 from servo.papers import estimators, kams, kernels, servoing, texture
 from servo.papers.claim import Claim, Effort, Verdict
 from servo.terminal import plain
 from sim import gl
+from tracking.evaluation.jobs import Job
 
 CLAIMS = (
     *kams.CLAIMS, *kernels.CLAIMS, *servoing.CLAIMS, *texture.CLAIMS, *estimators.CLAIMS,
@@ -45,25 +46,27 @@ def run(
     if any(claim in (*servoing.CLAIMS, *estimators.CLAIMS) for claim in chosen):
         gl.backend()
     verdicts: dict[str, Verdict] = {}
-    worst = 0
-    for claim in chosen:
-        try:
-            jobs = claim.jobs(effort)
-        except ValueError as error:
-            raise Mistake(str(error)) from None
-        done, code = work(jobs, folder, workers, console, claim.name)
-        if code:
-            worst = max(worst, code)
-            if code != 1:
-                return code
-            continue
-        verdict = claim.judge([d.result for d in done if d.result is not None], folder / FIGURES)
-        verdicts[claim.name] = verdict
-        _print(console, claim, verdict)
+    failed = 0
+    with Team(workers) as team:
+        for claim in chosen:
+            done, code = work(_jobs(claim, effort), folder, team, console, claim.name)
+            if code:
+                failed = code
+                continue
+            verdict = claim.judge([d.result for d in done if d.result], folder / FIGURES)
+            verdicts[claim.name] = verdict
+            _print(console, claim, verdict)
     _write(verdicts, known, effort, folder)
     plain(console, f"  {folder / FIGURES}\n  {folder / SUMMARY}")
     missed = [name for name, verdict in verdicts.items() if not verdict.holds]
-    return worst or (1 if missed and not effort.quick else 0)
+    return failed or (1 if missed and not effort.quick else 0)
+
+
+def _jobs(claim: Claim, effort: Effort) -> Sequence[Job]:
+    try:
+        return claim.jobs(effort)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
 
 
 def _print(console: Console, claim: Claim, verdict: Verdict) -> None:

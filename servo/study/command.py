@@ -15,15 +15,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from servo.farm import carry_out, farm
 from servo.mistake import Mistake
-from servo.study.farm import carry_out, farm
 from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.plan import Study
 from servo.study.progress import Board
 from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
 from servo.study.store import Store
-from servo.terminal import STOPPED, plain
+from servo.terminal import plain, stop
 from servo.versions import versions
 from sim import gl
 
@@ -74,13 +74,12 @@ def run(request: Request) -> int:
     with Store(folder, study, manifest(study, request.command)) as store:
         try:
             failed = _work(study, store, request, console)
+            code = _sum_up(study, store, console)
         except KeyboardInterrupt:
-            plain(Console(stderr=True), f"{STOPPED} {_again(store, study, request)}")
-            return 130
+            stop(_again(store, study, request))
         except ConnectionError:
             lost = f"the scheduler {request.scheduler or ''} is gone; "
             raise Mistake(lost + _again(store, study, request)) from None
-        code = _sum_up(study, store, console)
     for path, error in failed:
         plain(Console(stderr=True), f"servobench: {path}: {error}")
     return 1 if failed else code

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import psutil
 
+from servo.farm import carry_out, farm
 from servo.study import command, store
-from servo.study.farm import carry_out, farm
 from servo.study.parse import load
 from servo.study.perform import perform
 

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
+import threading
 import traceback
 import uuid
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
+import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
 
 from servo.mistake import Mistake
-from tracking.evaluation.jobs import alone
 
 Task = TypeVar("Task")
 DEATHS = 2
@@ -34,10 +37,9 @@ SETTINGS = {
     "distributed.admin.system-monitor.log-length": 60,
     "distributed.admin.system-monitor.gil.enabled": False,
 }
+LOGGERS = ("distributed", "distributed.client", "tornado")
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 """What a worker has to tell comes back with its task."""
-UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""A terminal sends Ctrl-C to the workers too, but it is the client that stops them."""
 ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Workers share the processors already."""
 
@@ -63,20 +65,18 @@ def farm(workers: int, address: str | None) -> Generator[Client]:
         Mistake: There is no scheduler at the address, or its workers run several tasks at once.
     """
     quiet = logging.CRITICAL
+    for name in LOGGERS:  # a cluster is silenced only until it closes
+        logging.getLogger(name).setLevel(quiet)
     with dask.config.set(SETTINGS):
         if address is None:
-            with (
-                LocalCluster(
+            with _deaf_children():  # it is the client that stops them
+                cluster = LocalCluster(
                     n_workers=workers, threads_per_worker=1, processes=True,
-                    env=ONE_THREAD | SILENT, preload=UNINTERRUPTED, dashboard_address=":0",
-                    silence_logs=quiet,
-                ) as cluster,
-                Client(cluster, set_as_default=False) as client,
-            ):  # fmt: skip
+                    env=ONE_THREAD | SILENT, dashboard_address=":0", silence_logs=quiet,
+                )  # fmt: skip
+            with cluster, Client(cluster, set_as_default=False) as client:
                 yield client
             return
-        for name in ("distributed", "distributed.client", "tornado"):
-            logging.getLogger(name).setLevel(quiet)
         with _client(address) as client:
             yield client
 
@@ -157,5 +157,29 @@ def _result(future: Future[Any]) -> Ended:
 def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
-    alone()
+    cv2.setNumThreads(1)
     return work(task)
+
+
+@contextmanager
+def _deaf_children() -> Generator[None]:
+    """Processes and threads started in here are not interrupted by Ctrl-C; it waits until the end.
+
+    A terminal sends it to all processes at once, and in a child that is still importing it would
+    print a traceback. Without effect where there are no such signals (Windows, other threads).
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # the thread that starts it unblocks the signal
+    heard = threading.Event()  # by a thread that was there before
+    handler = signal.signal(signal.SIGINT, lambda *_: heard.set())
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+        if heard.is_set():
+            signal.raise_signal(signal.SIGINT)
