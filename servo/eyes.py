@@ -101,4 +101,4 @@ class Eyes:
     def _told(self, plane: Plane) -> Plane:
         """What the matrix is told of a plane."""
         f = self._config.depth_factor
-        return Plane(plane.A / f, plane.B / f, plane.C / f)
+        return plane if f == 1.0 else Plane(plane.A / f, plane.B / f, plane.C / f)

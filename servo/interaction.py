@@ -25,6 +25,7 @@ LEAST_ELONGATION = 1.1
 """Long over short axis from which an orientation is servoed on: below, its row of L explodes."""
 ROUND = 1e-9
 """Below this difference of the principal moments, over their sum, a shape has no orientation."""
+Row = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,28 +50,28 @@ class Shape:
         )
 
 
-def row_xn(m: Moments, plane: Plane, an: float, s: Shape) -> Array:
+def row_xn(m: Moments, plane: Plane, an: float, s: Shape) -> Row:
     """Row (6,) of xn = an xg."""
     A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
     vx, vy, vz = -an * (s.k - A * m.xg / 2), B * xn / 2, an * (A * s.e12 + B * s.e11)
-    return np.array([vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn])
+    return vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn
 
 
-def row_yn(m: Moments, plane: Plane, an: float, s: Shape) -> Array:
+def row_yn(m: Moments, plane: Plane, an: float, s: Shape) -> Row:
     """Row (6,) of yn = an yg."""
     A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
     vx, vy, vz = A * yn / 2, -an * (s.k - B * m.yg / 2), an * (A * s.e11 + B * s.e21)
-    return np.array([vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn])
+    return vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn
 
 
-def row_an(m: Moments, plane: Plane, an: float, s: Shape) -> Array:
+def row_an(m: Moments, plane: Plane, an: float, s: Shape) -> Row:
     """Row (6,) of an = K / sqrt(a)."""
     A, B, C, k = plane.A, plane.B, plane.C, s.k
     vz = -an * (3 * k - C) / 2
-    return np.array([A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0])
+    return A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0
 
 
-def row_theta(m: Moments, plane: Plane) -> Array:
+def row_theta(m: Moments, plane: Plane) -> Row:
     """Row (6,) of theta = atan2(2 mu11, mu20 - mu02) / 2.
 
     Raises:
@@ -87,7 +88,7 @@ def row_theta(m: Moments, plane: Plane) -> Array:
     wy = 5 * (-m.mu21 * d + m.mu11 * (m.mu30 - m.mu12)) / D + (xg * q * s - yg * (1 + q * c)) / 2
     vx = (A * q * s + B * (1 - q * c)) / 2
     vy = -(A * (1 + q * c) + B * q * s) / 2
-    return np.array([vx, vy, B * wx - A * wy, wx, wy, -1.0])
+    return vx, vy, B * wx - A * wy, wx, wy, -1.0
 
 
 def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
@@ -103,6 +104,6 @@ def interaction(m: Moments, plane: Plane, scale: float) -> Array:
     The row of theta is zero for a round shape.
     """
     an = scale / sqrt(m.area)
-    theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else np.zeros(6)
+    theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else (0.0,) * 6
     seen = m, plane, an, Shape.of(m, plane)
     return np.array([row_xn(*seen), row_yn(*seen), row_an(*seen), theta])

@@ -46,7 +46,7 @@ class Inverse:
             moves: Degrees of freedom (6,) that may move.
             weights: Weights (6,) of the degrees of freedom.
         """
-        known, moving = np.flatnonzero(rows), np.flatnonzero(moves)
+        (known,), (moving,) = rows.nonzero(), moves.nonzero()
         w = weights[moving]
         pseudo = np.zeros(L.shape[::-1])
         pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)

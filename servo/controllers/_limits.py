@@ -23,18 +23,19 @@ class Limits:
     ) -> None:
         """Begin at rest, with limits in m/s, rad/s, m/s^2 and rad/s^2; None: there is none."""
         self._speed, self._turn = speed, turn
-        self._acceleration = np.inf if acceleration is None else acceleration
-        self._acceleration_turn = np.inf if acceleration_turn is None else acceleration_turn
+        self._most_change = None
+        if acceleration is not None or acceleration_turn is not None:
+            self._most_change = (acceleration or np.inf, acceleration_turn or np.inf)
         self._last = np.zeros(6)
 
     def apply(self, twist: Array, dt: float) -> tuple[Array, bool]:
         """The twist (6,) that is allowed now, and whether it is another one."""
         allowed = twist / max(1.0, _excess(twist, self._speed, self._turn))
-        change = allowed - self._last
-        most = dt * self._acceleration, dt * self._acceleration_turn
-        hurry = _excess(change, *most)
-        if hurry > 1.0:
-            allowed = self._last + change / hurry
+        if self._most_change is not None:
+            change = allowed - self._last
+            hurry = _excess(change, *(dt * most for most in self._most_change))
+            if hurry > 1.0:
+                allowed = self._last + change / hurry
         self._last = allowed
         return allowed, bool((allowed != twist).any())
 

@@ -137,19 +137,19 @@ class Ibvs:
         if seen is not None:
             self._look(seen)
         error = features.error_of(self._seen, self._goal)
-        coming = np.array([self._matrix_seen @ twist for twist in self._coming]).reshape(-1, 4)
-        own = OwnMotion(self._matrix_seen @ posture.twist, coming)
-        measured = np.full(4, np.nan)
-        relative = OwnMotion(own.past / self._unit, own.coming / self._unit)
+        relative, L = error / self._unit, self._matrix_seen / self._unit[:, None]
+        coming = np.array([L @ twist for twist in self._coming]).reshape(-1, 4)
+        own = OwnMotion(L @ posture.twist, coming)
         if seen is not None:
             ready = self._measured.ready
-            difference = self._measured.measure(error, own.past, dt)
-            measured = difference if ready else measured
-            outlook = self._task.estimator.update(error / self._unit, relative, dt)
+            difference = self._unit * self._measured.measure(relative, own.past, dt)
+            measured = difference if ready else np.full(4, np.nan)
+            outlook = self._task.estimator.update(relative, own, dt)
             mode = self._absence.seen()
         else:
             self._measured.forget()
-            outlook, mode = self._task.estimator.skip(relative, dt), self._absence.wait(dt)
+            measured = np.full(4, np.nan)
+            outlook, mode = self._task.estimator.skip(own, dt), self._absence.wait(dt)
         outlook = outlook.times(self._unit)
         twist, saturated = self._limits.apply(self._twist(outlook, mode, posture, dt), dt)
         self._coming.append(twist)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from servo.estimators.difference import Difference
 from servo.types import Outlook, OwnMotion
+from sim.geometry import inverse
 from sim.types import Array
 
 FEATURES = 4
@@ -109,6 +110,7 @@ class FeatureFilters:
         order = self._order = len(model.F)
         first = np.eye(order)[0]
         f = KalmanFilter(dim_x=FEATURES * order, dim_z=FEATURES)
+        f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
         f.F, f.H = blocks(each, model.F), blocks(each, first[None])
         f.Q, f.R, f.P = blocks(noisy, model.Q), model.R * noisy, blocks(noisy, model.P)
         f.x = blocks(z, first)[:, None]
