@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import annealing, colour, sampled
+from tracking.hot import annealing, colour, newton, sampled
 from tracking.hot import kernels as hot
 
 RNG = np.random.default_rng(5)
@@ -173,7 +173,7 @@ def test_normal_equations_agree_with_numpy():
     dq[0, 2] = 0.0
     e = (np.sqrt(q + floor) - root).ravel()
     J = (dq / (2 * np.sqrt(q + floor))[:, :, None]).reshape(-1, 4)
-    cost, gradient, curvature = hot.ssd_normal_equations(sums, totals, root, floor)
+    cost, gradient, curvature = newton.ssd_normal_equations(sums, totals, root, floor)
     assert cost == pytest.approx(e @ e / 3, rel=1e-13)
     np.testing.assert_allclose(gradient, J.T @ e / 3, rtol=1e-12)
     np.testing.assert_allclose(curvature, J.T @ J / 3, rtol=1e-12)
@@ -186,7 +186,43 @@ def test_a_damped_step_agrees_with_numpy():
     scaled = H * np.outer(units, units)
     scaled[np.diag_indices(4)] += 0.3 * np.trace(scaled) / 4
     expected = -units * np.linalg.solve(scaled, units * g)
-    np.testing.assert_allclose(hot.damped_step(g, H, 0.3, units), expected, rtol=1e-12)
+    np.testing.assert_allclose(newton.damped_step(g, H, 0.3, units), expected, rtol=1e-12)
+
+
+def descend_twin(image, x, kernels, roots, units, most, tolerance, hopeless):
+    cost, g, H = newton.linearise(image, x, kernels, roots)
+    damping, evaluations = newton.FIRST_DAMPING, 1
+    while cost <= hopeless and evaluations < most and damping < newton.MOST_DAMPING:
+        step = newton.damped_step(g, H, damping, units)
+        if np.abs(step / units).max() < tolerance:
+            return x + step, cost, evaluations
+        there = newton.linearise(image, x + step, kernels, roots)
+        evaluations += 1
+        if there[0] < cost:
+            x, damping, (cost, g, H) = x + step, damping * newton.LESS, there
+        else:
+            damping *= newton.MORE
+    return x, cost, evaluations
+
+
+@pytest.mark.parametrize(
+    ("most", "tolerance", "hopeless"),
+    [(8, 0.2, 2.0), (30, 0.0, 2.0), (3, 0.0, 2.0), (8, 0.2, 1e-3)],
+    ids=["until the step is short", "until no step is better", "cut off", "hopeless"],
+)
+def test_a_descent_agrees_with_python(smooth_image, most, tolerance, hopeless):
+    *parts, levels = SHAPE
+    true, units = np.array([60.0, 45.0, 0.2, 0.0]), np.array([1.0, 1.0, 0.05, 0.05])
+    kernels = (*parts, levels, 2000)
+    sums, totals = newton.histograms(smooth_image, true, kernels)
+    roots = np.sqrt(sums[:, :, 0] / totals[:, :1] + newton.FLOOR)
+    start = true + [3.0, -2.0, 0.1, 0.05]
+    asked = smooth_image, start, kernels, roots, units, most, tolerance, hopeless
+    found, expected = newton.descend(*asked), descend_twin(*asked)
+    np.testing.assert_allclose(found[0], expected[0], rtol=1e-12)
+    assert found[1] == pytest.approx(expected[1], rel=1e-12)
+    assert found[2] == expected[2]
+    assert (found[2] == 1) == (hopeless < 1)
 
 
 @pytest.mark.parametrize("bits", [1, 3, 5])

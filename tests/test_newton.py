@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from tracking.hot import kernels as hot
-from tracking.search.newton import FLOOR, UNITS, KernelModel
+from tracking.hot.newton import FLOOR
+from tracking.search.newton import UNITS, KernelModel
 from tracking.types import Region, State
 
 REGION, TRUE = Region(60.0, 40.0), State(80.0, 60.0, 0.3, 1.0)

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     Weight = tuple[float, float, float, float, float]
 
 
-TINY = np.finfo(np.float64).tiny
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _level(value: int, levels: int) -> float:
     """Where a channel's value lies among its bins, whose centres are at (b + 0.5) * 256 / levels;
@@ -164,67 +161,3 @@ def kernel_histograms(
                 for p in range(5):
                     totals[k, p] += weight[p]
     return sums, totals
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def ssd_normal_equations(
-    sums: Array, totals: Array, root_reference: Array, floor: float
-) -> tuple[float, Array, Array]:
-    """Cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - reference_k||^2.
-
-    Args:
-        sums: As of kernel_histograms (K, B, 5).
-        totals: As of kernel_histograms (K, 5).
-        root_reference: Square roots of the reference histograms plus floor (K, B).
-        floor: Added to every bin under the root.
-    """
-    n_kernels, n_bins = root_reference.shape
-    cost = 0.0
-    gradient = np.zeros(4)
-    curvature = np.zeros((4, 4))
-    row = np.empty(4)
-    root_floor = np.sqrt(floor)
-    for k in range(n_kernels):
-        total = max(totals[k, 0], 1e-12)
-        for b in range(n_bins):
-            mass = sums[k, b, 0]
-            if mass == 0.0:
-                e = root_floor - root_reference[k, b]
-                cost += e * e
-                continue
-            q = mass / total
-            root = np.sqrt(q + floor)
-            e = root - root_reference[k, b]
-            cost += e * e
-            for p in range(4):
-                row[p] = (sums[k, b, 1 + p] - q * totals[k, 1 + p]) / (2.0 * total * root)
-            for p in range(4):
-                gradient[p] += row[p] * e
-                for r in range(p + 1):
-                    curvature[p, r] += row[p] * row[r]
-    for p in range(4):
-        for r in range(p):
-            curvature[r, p] = curvature[p, r]
-    return cost / n_kernels, gradient / n_kernels, curvature / n_kernels
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
-    """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
-
-    Args:
-        gradient: (4,).
-        curvature: (4, 4).
-        damping: Relative to the mean of the scaled diagonal.
-        units: How much of each coordinate counts as one (4,).
-    """
-    H, g = np.empty((4, 4)), np.empty(4)
-    trace = 0.0
-    for p in range(4):
-        g[p] = units[p] * gradient[p]
-        for r in range(4):
-            H[p, r] = curvature[p, r] * units[p] * units[r]
-        trace += H[p, p]
-    for p in range(4):
-        H[p, p] += damping * trace / 4.0 + TINY
-    return -units * np.linalg.solve(H, g)

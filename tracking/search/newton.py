@@ -19,25 +19,19 @@ Colours are binned softly (trilinearly) here, which makes O smooth in the state.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot import kernels as hot
-from tracking.types import LARGEST_LOG, Region, State
+from tracking.hot import newton as hot
+from tracking.types import Region, State
 
-FLOOR = 1e-3
-"""Added to every bin under the root, whose derivative has no bound at an empty one."""
 ANGLE_UNIT, SCALE_UNIT = 1 / 20, 1 / 20
 """Angle [rad] and ln scale that count as much as one pixel."""
 TINY = 1e-12
 UNITS = np.array([1.0, 1.0, ANGLE_UNIT, SCALE_UNIT])
-FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e3
-"""Levenberg damping relative to the trace: at first, after a bad step, after a good one, and to
-give up at.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +57,13 @@ class Linearisation:
 
     @property
     def distance(self) -> float:
-        """The Bhattacharyya distance: O = 2 d_m^2 (equation 6)."""
-        return float(np.sqrt(min(self.cost / 2, 1.0)))
+        """The Bhattacharyya distance d_m."""
+        return distance_of(self.cost)
+
+
+def distance_of(cost: float) -> float:
+    """The Bhattacharyya distance: O = 2 d_m^2 (equation 6)."""
+    return sqrt(min(cost / 2, 1.0))
 
 
 class KernelModel:
@@ -93,28 +92,22 @@ class KernelModel:
             levels: Bins a channel.
             pixels: Larger targets are read at every second, third, ... pixel to stay below this.
         """
-        self._half = (region.width / 2, region.height / 2)
         offsets = (np.arange(per_side) + 0.5) / per_side - 0.5
         u, v = np.meshgrid(offsets * region.width, offsets * region.height)
-        self._centres = np.stack([u.ravel(), v.ravel()], axis=1)
-        self._span = (span * region.width / per_side, span * region.height / per_side)
-        self._levels = levels
-        self._area, self._pixels = region.width * region.height, pixels
+        centres = np.stack([u.ravel(), v.ravel()], axis=1)
+        axes = (span * region.width / per_side, span * region.height / per_side)
+        half = (region.width / 2, region.height / 2)
+        self._kernels: hot.Kernels = half, centres, axes, levels, pixels
         sums, totals = self.histograms(image, state.vector)
-        self._root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + FLOOR)
+        self._root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + hot.FLOOR)
 
     def histograms(self, image: Image, x: Array) -> tuple[Array, Array]:
         """Histograms under the kernels at x (4,), not normalised: as of `hot.kernel_histograms`."""
-        area = self._area * float(np.exp(2 * x[3]))
-        stride = max(1, int(math.sqrt(area / self._pixels)))
-        return hot.kernel_histograms(
-            image, x, self._half, self._centres, self._span, self._levels, stride
-        )
+        return hot.histograms(image, x, self._kernels)
 
     def linearise(self, image: Image, x: Array) -> Linearisation:
         """Objective, gradient and curvature at x (4,)."""
-        at = self.histograms(image, x)
-        return Linearisation(*hot.ssd_normal_equations(*at, self._root_reference, FLOOR))
+        return Linearisation(*hot.linearise(image, x, self._kernels, self._root_reference))
 
     def refine(
         self,
@@ -136,22 +129,8 @@ class KernelModel:
                 and to try this one would cost a third of the search.
             hopeless: A start with a larger distance than this is returned as it is.
         """
-        x = state.vector
-        here = self.linearise(image, x)
-        damping, evaluations = FIRST_DAMPING, 1
-        if here.distance > hopeless:
-            return Refined(state, here.distance, evaluations)
-        while evaluations < most and damping < MOST_DAMPING:
-            step = hot.damped_step(here.gradient, here.curvature, damping, UNITS)
-            if abs(x[3] + step[3]) > LARGEST_LOG:
-                break
-            if float(np.max(np.abs(step / UNITS))) < tolerance:
-                x = x + step
-                break
-            there = self.linearise(image, x + step)
-            evaluations += 1
-            if there.cost < here.cost:
-                x, here, damping = x + step, there, damping * LESS
-            else:
-                damping *= MORE
-        return Refined(State.of(x), here.distance, evaluations)
+        x, cost, evaluations = hot.descend(
+            image, state.vector, self._kernels, self._root_reference, UNITS,
+            most, tolerance, 2 * hopeless**2,
+        )  # fmt: skip
+        return Refined(State.of(x), distance_of(cost), evaluations)
