@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tracking.search import sampling
+from tracking.hot import sampling
 from tracking.search.annealing import Annealing, Schedule, anneal, exponent
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State

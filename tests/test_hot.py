@@ -91,6 +91,13 @@ def test_coefficients_agree_with_numpy():
     )
 
 
+def test_squared_distances_agree_with_numpy():
+    rho = RNG.uniform(0.8, 1.1, (20, 9))
+    expected = np.maximum(1 - rho.mean(axis=1), 0)
+    assert 0 < (expected == 0).sum() < 20
+    np.testing.assert_allclose(sampled.squared_distances(rho), expected, atol=1e-14)
+
+
 def test_histograms_agree_with_numpy():
     window, states, points, parts, weights, root = sampled_case()
     found = sampled.histograms(window, states[0], points, parts, weights, *root.shape)

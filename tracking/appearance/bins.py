@@ -34,7 +34,7 @@ class Window:
             more: How much farther the window goes [px].
         """
         height, width = image.shape[:2]
-        low, high = states.min(axis=0).tolist(), states.max(axis=0).tolist()
+        low, high = np.minimum.reduce(states).tolist(), np.maximum.reduce(states).tolist()
         reach = radius * math.exp(high[3]) + more
         return Window(
             _whole(math.floor(low[0] - reach), width),
@@ -93,8 +93,8 @@ class Labeller:
             radius: How far, at scale 1 [px].
             more: How much farther [px].
         """
-        last, needed = self._last, Window.around(states, radius, image, more)
-        if last is None or last[0] is not image or not last[1].holds(needed):
+        last = self._last if self._last is not None and self._last[0] is image else None
+        if last is None or not last[1].holds(Window.around(states, radius, image, more)):
             window = Window.around(states, max(radius, self._farthest), image, more)
             last = self._last = image, window, self.bins.label(image, window)
         _, held, labels = last

@@ -57,12 +57,14 @@ class SampledModel:
 
     def distances(self, image: Image, states: Array) -> Array:
         """d_m (N,) of each state (N, 4)."""
-        return _distance(self._coefficients(self._window(image, states), states))
+        return np.sqrt(
+            hot.squared_distances(self._coefficients(self._window(image, states), states))
+        )
 
     def energy(self, image: Image, states: Array) -> Array:
         """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring."""
         window = self._window(image, states)
-        squared = _distance(self._coefficients(window, states)) ** 2
+        squared = hot.squared_distances(self._coefficients(window, states))
         eta = self._reference.learning.contrast
         if eta == 0:
             return squared
@@ -87,7 +89,7 @@ class SampledModel:
         found, rho, evaluations = hot.mean_shift(
             window, states, points, weights, self._reference.root_parts, most, tolerance
         )
-        return found, _distance(rho[:, None]), evaluations
+        return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: Image, state: State) -> None:
         """Take over how the target and its surroundings look now, as far as the settings want."""
@@ -128,8 +130,3 @@ def disc_model(
     labeller = Labeller(bins)
     reference = Reference(image, region, state, labeller, dense, learning)
     return SampledModel(layout, around, labeller, reference)
-
-
-def _distance(rho: Array) -> Array:
-    """d_m (N,) of coefficients (N, K)."""
-    return np.sqrt(np.maximum(1.0 - rho.mean(axis=1), 0.0))

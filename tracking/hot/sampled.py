@@ -104,6 +104,15 @@ def coefficients(
 
 
 @numba.njit(cache=True, nogil=True)
+def squared_distances(rho: Array) -> Array:
+    """d_m^2 (N,) of coefficients (N, K)."""
+    found = np.empty(len(rho))
+    for n in range(len(rho)):
+        found[n] = max(1.0 - np.mean(rho[n]), 0.0)
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
 def _mean_shift_step(
     window: Window,
     state: Array,

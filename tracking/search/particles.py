@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.types import Array
-from tracking.search import sampling
+from tracking.hot import sampling
 from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
@@ -40,9 +40,8 @@ class ParticleFilter:
 
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
         """Move every sample by the velocity (4,) per frame, and spread them."""
-        spread = widen * self._noise * self._rng.standard_normal(self.samples.shape)
-        self.samples = self.samples + velocity + spread
-        self.samples[:, 3] = self.samples[:, 3].clip(-LARGEST_LOG, LARGEST_LOG)
+        draws, spread = self._rng.standard_normal(self.samples.shape), widen * self._noise
+        self.samples = sampling.moved(self.samples, velocity, spread, draws, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
         """Weigh the samples by a log-likelihood (N,), on top of the weights they have."""
@@ -62,8 +61,7 @@ class ParticleFilter:
 
     def cloud(self) -> Array:
         """Samples and weights as (N, 5): x, y, theta, scale, weight."""
-        scale = np.exp(self.samples[:, 3:])
-        return np.hstack([self.samples[:, :3], scale, self.weights[:, None]])
+        return sampling.cloud(self.samples, self.weights)
 
     def best(self) -> State:
         """The sample with the largest weight."""
@@ -84,9 +82,8 @@ class ParticleFilter:
 
     def resample(self, power: float = 1.0) -> None:
         """Draw the samples anew, as often as their weights, raised to a power, say."""
-        weights = self.weights**power
-        drawn = sampling.systematic(weights / weights.sum(), self._rng)
-        self.samples = self.samples[drawn]
+        weights = self.weights if power == 1.0 else self.weights**power
+        self.samples = self.samples[sampling.systematic(weights, self._rng.random())]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
     def gather(self, state: State) -> None:

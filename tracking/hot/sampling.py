@@ -1,0 +1,94 @@
+"""Compiled: weighted samples. Each loop is short, but a filter runs all of them in every frame."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+
+from sim.types import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@numba.njit(cache=True, nogil=True)
+def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
+    """Samples (N, 4) that all moved by a change (4,) and were spread by it (4,) times draws (N, 4).
+
+    The last coordinate, ln scale, stays within plus or minus the most.
+    """
+    found = np.empty_like(samples)
+    for n in range(len(samples)):
+        for d in range(4):
+            found[n, d] = samples[n, d] + change[d] + spread[d] * draws[n, d]
+        found[n, 3] = min(max(found[n, 3], -most), most)
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def normalised(log_weights: Array) -> Array:
+    """Weights (N,) that sum to 1, of log-weights up to a constant."""
+    weights = np.exp(log_weights - np.max(log_weights))
+    return weights / np.sum(weights)
+
+
+@numba.njit(cache=True, nogil=True)
+def effective_size(weights: Array) -> float:
+    """How many equally weighted samples carry as much: 1 / sum w^2, between 1 and N."""
+    return 1.0 / np.sum(weights * weights)
+
+
+@numba.njit(cache=True, nogil=True)
+def mean(samples: Array, weights: Array) -> Array:
+    """Weighted mean (D,) of samples (N, D). Angles must be continuous, as ours are."""
+    found = np.zeros(samples.shape[1])
+    for n in range(len(samples)):
+        for d in range(len(found)):
+            found[d] += weights[n] * samples[n, d]
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def covariance(samples: Array, weights: Array) -> Array:
+    """Weighted covariance (D, D) of samples (N, D)."""
+    middle, count = mean(samples, weights), samples.shape[1]
+    found = np.zeros((count, count))
+    for n in range(len(samples)):
+        for i in range(count):
+            for j in range(count):
+                apart = (samples[n, i] - middle[i]) * (samples[n, j] - middle[j])
+                found[i, j] += weights[n] * apart
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def cloud(samples: Array, weights: Array) -> Array:
+    """Samples (N, 4) with their scale instead of its logarithm, and weights: (N, 5)."""
+    found = np.empty((len(samples), 5))
+    found[:, :3] = samples[:, :3]
+    found[:, 3] = np.exp(samples[:, 3])
+    found[:, 4] = weights
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def systematic(weights: Array, first: float) -> NDArray[Any]:
+    """Indices (N,) of a systematic resampling (Kitagawa 1996): sample i is drawn floor or ceil of
+    N w_i times.
+
+    Args:
+        weights: Not negative (N,); they need not sum to 1.
+        first: A uniform draw from [0, 1).
+    """
+    count, step = len(weights), np.sum(weights) / len(weights)
+    drawn = np.empty(count, np.int64)
+    i, reached = 0, weights[0]
+    for n in range(count):
+        # Rounding must not leave the last position without a sample.
+        while reached <= (n + first) * step and i < count - 1:
+            i += 1
+            reached += weights[i]
+        drawn[n] = i
+    return drawn
