@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 from servo import scenario
 from servo.mistake import Mistake
@@ -237,3 +238,10 @@ def test_a_bound_is_for_every_cell():
         "tracker.kind = frozen, run.latency = 2: success_rate is 0.25, expected at least 0.7",
         "tracker.kind = frozen, run.latency = 2: servo_rms_px is 3, expected at most 2",
     ]
+
+
+def test_in_a_narrow_terminal_names_give_way_and_no_digit_is_left_out(small, capsys):
+    (cell,) = results.cells_of(small, rows(*(("frozen", 0, s, True, 1.237) for s in range(10))))
+    long = {"estimator.kind": "kalman_cv", "features.depth_factor": 0.354, "scenario": "reversal"}
+    command._print_cells(Console(width=64), [replace(cell, settings=long)])
+    assert "10 1.00 1.00-1.00 1.24" in capsys.readouterr().out
