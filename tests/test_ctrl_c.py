@@ -42,7 +42,7 @@ def test_a_bench_whose_workers_still_start_or_are_at_work(tmp_path, results):
     (tmp_path / "mine.toml").write_text(SUITE)
     words = [SERVOBENCH, "bench", "mine.toml", "--seeds", "300", "--workers", "2", "--out", "out"]
     with subprocess.Popen(
-        [*words, "--quiet"], cwd=tmp_path, start_new_session=True,
+        [*words, "--quiet"], cwd=tmp_path, start_new_session=True, preexec_fn=hear,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as bench:  # fmt: skip
         wait_for(lambda: len(children(bench.pid)) >= 3)  # two workers and a tracker of resources
@@ -52,6 +52,11 @@ def test_a_bench_whose_workers_still_start_or_are_at_work(tmp_path, results):
     assert said == ("", f"{STOPPED} The same command goes on from there.\n")
     assert bench.returncode == 130
     assert not (tmp_path / "out" / "table.csv").exists()  # of half the runs it would mislead
+
+
+def hear():
+    """What a shell runs in its background, these tests perhaps, ignores Ctrl-C, and so would we."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def wait_for(condition):

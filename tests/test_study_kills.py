@@ -57,7 +57,11 @@ def undisturbed(tmp_path_factory):
 
 def sweep(*options):
     words = [BIN / "servobench", "sweep", "mine.toml", "--out", "out", "-q", *options]
-    return subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    # What a shell runs in its background, these tests perhaps, ignores Ctrl-C: not this.
+    return subprocess.Popen(
+        words, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
 
 
 def finished():
