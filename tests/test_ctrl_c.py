@@ -13,15 +13,6 @@ from servo import catalogue, cli
 
 STOPPED = "servobench: stopped; what was written is complete up to here."
 SERVOBENCH = str(Path(sys.executable).parent / "servobench")
-SUITE = """
-[[sequences]]
-kind = "clutter"
-level = "a"
-frames = 40
-
-[[trackers]]
-kind = "sok"
-"""
 PATIENCE = 180.0
 """No step of these tests takes longer [s]."""
 
@@ -39,10 +30,9 @@ def test_a_command_that_does_nothing_about_it(monkeypatch, capfd):
 
 @pytest.mark.parametrize("results", [0, 1])
 def test_a_bench_whose_workers_still_start_or_are_at_work(tmp_path, results):
-    (tmp_path / "mine.toml").write_text(SUITE)
-    words = [SERVOBENCH, "bench", "mine.toml", "--seeds", "300", "--workers", "2", "--out", "out"]
+    words = "bench clutter --trackers sok --seeds 300 --workers 2 --out out --quiet"
     with subprocess.Popen(
-        [*words, "--quiet"], cwd=tmp_path, start_new_session=True, preexec_fn=hear,
+        [SERVOBENCH, *words.split()], cwd=tmp_path, start_new_session=True, preexec_fn=hear,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as bench:  # fmt: skip
         wait_for(lambda: len(children(bench.pid)) >= 3)  # two workers and a tracker of resources

@@ -51,3 +51,16 @@ def test_pose_and_inverse_cancel():
     unit = T @ T.inverse()
     np.testing.assert_allclose(unit.rotation, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(unit.translation, np.zeros(3), atol=1e-15)
+
+
+def test_the_inverse_is_numpys_and_a_singular_matrix_has_none():
+    A = np.random.default_rng(2).normal(size=(6, 6))
+    np.testing.assert_allclose(g.inverse(A), np.linalg.inv(A), rtol=1e-9, atol=1e-12)
+    with pytest.raises(np.linalg.LinAlgError, match="Singular matrix"):
+        g.inverse(np.ones((3, 3)))
+
+
+def test_a_matrix_weaker_than_allowed_counts_as_having_no_inverse():
+    A = np.diag([2.0, 1.0, 0.1])  # |A^-1| is 10.06, so it proves 0.0994 at best
+    np.testing.assert_allclose(g.inverse_if_strong(A, 0.099), np.diag([0.5, 1.0, 10.0]))
+    assert g.inverse_if_strong(A, 0.1) is None

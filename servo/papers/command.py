@@ -53,8 +53,8 @@ def run(
             if code:
                 failed = code
                 continue
-            verdict = claim.judge([d.result for d in done if d.result], folder / FIGURES)
-            verdicts[claim.name] = verdict
+            results = [d.result for d in done if d.result is not None]
+            verdicts[claim.name] = verdict = claim.judge(results, folder / FIGURES)
             _print(console, claim, verdict)
     _write(verdicts, known, effort, folder)
     plain(console, f"  {folder / FIGURES}\n  {folder / SUMMARY}")

@@ -57,9 +57,8 @@ class SampledModel:
 
     def distances(self, image: Image, states: Array) -> Array:
         """d_m (N,) of each state (N, 4)."""
-        return np.sqrt(
-            hot.squared_distances(self._coefficients(self._window(image, states), states))
-        )
+        rho = self._coefficients(self._window(image, states), states)
+        return np.sqrt(hot.squared_distances(rho))
 
     def energy(self, image: Image, states: Array) -> Array:
         """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring."""

@@ -14,7 +14,7 @@ so dx = -2 J_U^+ e. Four things the paper leaves out matter:
   0 to 16 px away then end anywhere within half a pixel, after 9 to 20 evaluations instead of 5.
 * Plain Gauss-Newton oscillates: Levenberg damping, and a step counts only if it lowers O.
 
-Colours are binned softly (trilinearly) here, which makes O smooth in the state.
+Colours are binned softly (tetrahedrally) here, which makes O smooth in the state.
 """
 
 from __future__ import annotations
