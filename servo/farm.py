@@ -125,6 +125,9 @@ def carry_out(
     try:
         top_up()
         for future in ended:
+            if future.status in ("lost", "pending"):  # its worker died with it: it is done again
+                ended.add(future)
+                continue
             task, _ = under_way.pop(future.key)
             yield task, _result(future)
             top_up()
@@ -143,7 +146,7 @@ def _threads(client: Client) -> dict[str, int]:
 def _result(future: Future[Any]) -> Ended:
     if future.status == "finished":
         return Ended(future.result())
-    if future.status != "error":  # "cancelled" or "lost", but not by us
+    if future.status != "error":  # "cancelled", but not by us
         raise ConnectionError("the scheduler is gone")
     error: Any = future.exception()
     if isinstance(error, KilledWorker):

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,26 +132,6 @@ def test_a_failed_job_is_told_and_the_others_go_on(tmp_path):
     assert [d.result for d in done] == [{"said": "a"}, None, {"said": "c"}]
     assert "RuntimeError: out of paint" in done[1].error
     assert sorted(p.stem for p in (tmp_path / RESULTS).iterdir()) == ["a", "c"]
-
-
-def test_a_job_that_kills_its_workers_fails_alone(tmp_path):
-    class Deadly(Moody):  # here, so that it travels whole to processes that know no tests
-        def describe(self):
-            return {"key": self.key}
-
-        def run(self, folder):
-            if self.key == "deadly":
-                os.kill(os.getpid(), 9)
-            return {"said": self.key}
-
-    with Team(2) as team:
-        jobs = [Deadly(key) for key in ("a", "deadly", "b", "c")]
-        done = {d.job.key: d for d in team.results(jobs, tmp_path)}
-    assert {k: d.result for k, d in done.items() if k != "deadly"} == {
-        k: {"said": k} for k in "abc"
-    }
-    assert done["deadly"].result is None
-    assert done["deadly"].error.startswith("3 workers died of it, one after the other: ")
 
 
 def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place):
