@@ -92,6 +92,23 @@ def test_trackers_repeat_bit_for_bit(kind):
     assert once == again
 
 
+@pytest.mark.parametrize("kind", TRACKERS)
+def test_a_buffer_that_the_caller_uses_again_changes_nothing(kind):
+    """Cameras and decoders write the next picture into the same array."""
+    sequence, buffer = list(frames(12)), np.empty((120, 160, 3), np.uint8)
+    tracker = build("tracking.trackers", kind)
+    again = []
+    for frame in sequence:
+        buffer[:] = frame.image
+        reused = Frame(buffer, frame.time, frame.index)
+        if frame.index == 0:
+            tracker.start(reused, Region(40.0, 20.0), FIRST)
+        else:
+            again.append(tracker.update(reused).state)
+        buffer[:] = 0  # and nothing is kept of it from call to call
+    assert again == [estimate.state for estimate in track(kind, count=12)]
+
+
 @pytest.mark.parametrize("kind", [k for k in TRACKERS if k != "frozen"])
 def test_a_target_that_is_gone_is_lost_not_an_exception(kind):
     assert track(kind, count=30, gone_after=8)[-1].status is Status.LOST

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Labeller
+from tracking.appearance.bins import Labelled
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.layout import grid
 from tracking.appearance.reference import ANCHOR, RARE, SURROUNDINGS_RATE, Learning, Reference
@@ -18,10 +18,12 @@ def picture(left, right, ground):
     return image
 
 
+def labelled(image):
+    return Labelled(image, ColourBins())
+
+
 def reference(image, **settings):
-    return Reference(
-        image, REGION, STATE, Labeller(ColourBins()), grid(REGION, 1, 20), Learning(**settings)
-    )
+    return Reference(labelled(image), REGION, STATE, grid(REGION, 1, 20), Learning(**settings))
 
 
 def weights(ref):
@@ -30,7 +32,7 @@ def weights(ref):
 
 def test_without_learning_the_first_picture_decides():
     ref = reference(picture(RED, GREEN, BLUE))
-    ref.learn(picture(GREEN, GREEN, RED), STATE)
+    ref.learn(labelled(picture(GREEN, GREEN, RED)), STATE)
     assert weights(ref) == pytest.approx({RED: 0.5, GREEN: 0.5, BLUE: 0.0})
 
 
@@ -45,15 +47,15 @@ def test_bins_that_the_surroundings_share_count_less():
 def test_the_surroundings_are_learned_anew():
     ref = reference(picture(RED, GREEN, BLUE), discriminate=True)
     assert weights(ref)[RED] == pytest.approx(0.5, abs=1e-3)
-    ref.learn(picture(RED, GREEN, RED), STATE)
+    ref.learn(labelled(picture(RED, GREEN, RED)), STATE)
     share = (0.5 + RARE) / (0.5 + SURROUNDINGS_RATE + 2 * RARE)
     assert weights(ref)[RED] == pytest.approx(share / (share + 1), abs=1e-3)
 
 
 def test_looks_follow_the_target_but_stay_near_the_first_ones():
     ref = reference(picture(RED, GREEN, BLUE), update=0.25)
-    ref.learn(picture(RED, RED, BLUE), STATE)
+    ref.learn(labelled(picture(RED, RED, BLUE)), STATE)
     assert weights(ref)[GREEN] == pytest.approx(ANCHOR * 0.5 + (1 - ANCHOR) * 0.75 * 0.5)
     for _ in range(200):
-        ref.learn(picture(RED, RED, BLUE), STATE)
+        ref.learn(labelled(picture(RED, RED, BLUE)), STATE)
     assert weights(ref)[GREEN] == pytest.approx(ANCHOR * 0.5)

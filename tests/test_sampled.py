@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Labeller, Window
+from tracking.appearance.bins import Labelled, Window
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.layout import disc, grid, histograms, ring
 from tracking.appearance.reference import Learning
@@ -44,7 +44,7 @@ def test_ring_lies_around_the_template():
 
 
 def test_histograms_sum_to_one(smooth_image):
-    parts = histograms(smooth_image, Labeller(ColourBins()), grid(REGION, 3, 5), TRUE)
+    parts = histograms(Labelled(smooth_image, ColourBins()), grid(REGION, 3, 5), TRUE)
     np.testing.assert_allclose(parts.sum(axis=1), np.ones(9), rtol=1e-12)
 
 
@@ -59,22 +59,23 @@ def test_distance_is_least_at_the_true_state(smooth_image):
         (0, 0, 0, -0.15),
     ]
     states = TRUE.vector + np.array(away)
-    distances = cells.distances(smooth_image, states)
+    distances = cells.distances(cells.label(smooth_image), states)
     assert distances.argmin() == 0
     assert distances[0] < 0.3  # 25 points a cell against 400 in the reference: not 0
 
 
 def test_distance_is_the_root_mean_over_the_parts(smooth_image):
     cells, state = model(smooth_image), State(83.0, 61.0, 0.3, 1.0)
-    reference = histograms(smooth_image, Labeller(ColourBins()), grid(REGION, 3, 20), TRUE)
-    seen = histograms(smooth_image, Labeller(ColourBins()), grid(REGION, 3, 5), state)
+    reference = histograms(Labelled(smooth_image, ColourBins()), grid(REGION, 3, 20), TRUE)
+    seen = histograms(Labelled(smooth_image, ColourBins()), grid(REGION, 3, 5), state)
     rho = np.sqrt(reference * seen).sum(axis=1)
-    distances = cells.distances(smooth_image, state.vector[None])
+    distances = cells.distances(cells.label(smooth_image), state.vector[None])
     assert distances[0] == pytest.approx(np.sqrt(1 - rho.mean()), rel=1e-12)
 
 
 def test_what_lies_off_the_image_does_not_look_like_the_target(smooth_image):
-    distances = model(smooth_image).distances(smooth_image, np.array([[-80.0, -80.0, 0.0, 0.0]]))
+    cells = model(smooth_image)
+    distances = cells.distances(cells.label(smooth_image), np.array([[-80.0, -80.0, 0.0, 0.0]]))
     assert distances[0] == 1.0
 
 
@@ -83,12 +84,11 @@ def test_contrast_makes_a_shrunken_box_worse():
     image[40:80, 50:110] = (20, 40, 200)
     region, true = Region(60.0, 40.0), State(80.0, 60.0)
     small = np.array([true.vector, true.vector + [0, 0, 0, -0.2]])
-    energies = [
-        cell_model(
-            image, region, true, ColourBins(), Learning(contrast=c), per_side=3, density=5
-        ).energy(image, small)
+    models = [
+        cell_model(image, region, true, ColourBins(), Learning(contrast=c), per_side=3, density=5)
         for c in (0.0, 0.5)
     ]
+    energies = [cells.energy(cells.label(image), small) for cells in models]
     # A uniform target's histogram does not see that the box shrank into it; its ring does.
     assert energies[0][1] - energies[0][0] == pytest.approx(0.0, abs=1e-3)
     assert energies[1][1] - energies[1][0] > 0.2
@@ -104,10 +104,9 @@ def test_disc_has_an_epanechnikov_kernel_that_sums_to_one():
 def test_mean_shift_climbs_to_the_target_and_never_down(smooth_image):
     model = disc_model(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
     starts = TRUE.vector + np.array([(4, 0, 0, 0), (-3, 3, 0, 0), (0, -4, 0, 0)])
-    ends, distances, evaluations = model.climb(
-        smooth_image, starts, most=30, tolerance=0.05, reach=20.0
-    )
-    assert np.all(distances <= model.distances(smooth_image, starts))
+    image = model.label(smooth_image)
+    ends, distances, evaluations = model.climb(image, starts, most=30, tolerance=0.05, reach=20.0)
+    assert np.all(distances <= model.distances(image, starts))
     # The likeness of hard bins is flat to about a pixel around its mode.
     np.testing.assert_allclose(ends[:, :2], [[80, 60]] * 3, atol=1.5)
     np.testing.assert_array_equal(ends[:, 2:], starts[:, 2:])
@@ -116,15 +115,16 @@ def test_mean_shift_climbs_to_the_target_and_never_down(smooth_image):
 
 def test_one_mean_shift_step_is_the_weighted_mean(smooth_image):
     layout, state = disc(REGION, 24), State(83.0, 61.0, 0.3, 1.0)
-    q = histograms(smooth_image, Labeller(ColourBins()), disc(REGION, 96), TRUE)[0]
-    p = histograms(smooth_image, Labeller(ColourBins()), layout, state)[0]
+    q = histograms(Labelled(smooth_image, ColourBins()), disc(REGION, 96), TRUE)[0]
+    p = histograms(Labelled(smooth_image, ColourBins()), layout, state)[0]
     c, s = np.cos(0.3), np.sin(0.3)
     at = layout.points @ np.array([[c, s], [-s, c]]) + (83.0, 61.0)
     labels = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
     seen = labels[at[:, 1].astype(int), at[:, 0].astype(int)]
     w = np.sqrt(q[seen] / p[seen])
     model = disc_model(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
-    ends, _, _ = model.climb(smooth_image, state.vector[None], most=2, tolerance=0.0, reach=20.0)
+    image = model.label(smooth_image)
+    ends, _, _ = model.climb(image, state.vector[None], most=2, tolerance=0.0, reach=20.0)
     np.testing.assert_allclose(ends[0, :2], w @ at / w.sum(), atol=1e-9)
 
 
@@ -154,18 +154,15 @@ class Counting:
 
 def test_a_picture_is_labelled_once_and_only_where_needed(smooth_image):
     bins = Counting()
-    labeller = Labeller(bins)
-    labeller.expect(30.0)
+    picture = Labelled(smooth_image, bins, farthest=30.0)
     near, far = TRUE.vector[None], TRUE.vector[None] + [40.0, 0, 0, 0]
-    labels, left, top = labeller.around(smooth_image, near, 20.0)
+    labels, left, top = picture.around(near, 20.0)
     assert len(bins.windows) == 1
     assert labels.shape[1] >= 60  # as far as was said to be needed later
-    again, _, _ = labeller.around(smooth_image, near, 30.0)
+    again, _, _ = picture.around(near, 30.0)
     assert again is labels
-    labeller.around(smooth_image, far, 20.0)
+    picture.around(far, 20.0)
     assert len(bins.windows) == 2
-    labeller.around(smooth_image.copy(), far, 20.0)
-    assert len(bins.windows) == 3
     whole = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
     height, width = labels.shape
     np.testing.assert_array_equal(labels, whole[top : top + height, left : left + width])

@@ -24,7 +24,8 @@ from servo.papers.claim import (
 )
 from servo.suites import GENERATORS
 from sim import plugins
-from sim.types import Array, Image
+from sim.types import Array
+from tracking.appearance.bins import Labelled
 from tracking.evaluation.bench import Contender, Entry, Generated, Recorded, SequenceJob, plain
 from tracking.evaluation.jobs import Job
 from tracking.evaluation.sequence import read_all
@@ -161,7 +162,13 @@ class SpreadJob:
         spreads: list[tuple[float, float]] = []
         reach = float(np.sqrt(sequence.region.area(sequence.start)))
         for image in pictures[1:]:
-            anneal(cloud, np.zeros(4), _probe(model, image, c, reach, spreads), layers, 1.0)
+            anneal(
+                cloud,
+                np.zeros(4),
+                _probe(model, model.label(image), c, reach, spreads),
+                layers,
+                1.0,
+            )
             cloud.resample()
         kept = np.array(spreads).reshape(-1, c.layers, 2)[WARM_UP:]
         return {"tracker": tracker.label, "spread": kept.mean(axis=0).T.tolist()}
@@ -171,7 +178,7 @@ class SpreadJob:
 
 
 def _probe(
-    model: Any, image: Image, config: Any, reach: float, spreads: list[tuple[float, float]]
+    model: Any, image: Labelled, config: Any, reach: float, spreads: list[tuple[float, float]]
 ) -> Callable[[ParticleFilter], Array]:
     """KAMS's likelihood, which writes down the spread before and after the climb."""
 

@@ -142,7 +142,8 @@ class DistanceJob:
         for kind, name in (("kernel_pf", "one"), ("mk_pf", "nine")):
             config = contender(kind, "paper").config
             model = config.model(image, sequence.region, sequence.start)
-            found[name] = [model.distances(image, states).tolist() for states in (turned, moved)]
+            first = model.label(image)
+            found[name] = [model.distances(first, states).tolist() for states in (turned, moved)]
         return found
 
 

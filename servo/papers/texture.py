@@ -71,7 +71,7 @@ def _likeness(label: str, seed: int, folder: Path) -> Array:
         pictures[0], sequence.region, sequence.start
     )
     return np.array([
-        1 - float(plain.distances(image, state[None])[0]) ** 2
+        1 - float(plain.distances(plain.label(image), state[None])[0]) ** 2
         for image, state in zip(pictures[1:], states[1:], strict=True)
     ])  # fmt: skip
 

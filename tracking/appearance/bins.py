@@ -70,32 +70,37 @@ class Bins(Protocol):
         ...
 
 
-class Labeller:
-    """Labels the pixels of one picture after another: each picture once, and only where needed."""
+class Labelled:
+    """One picture with the bin numbers of its pixels, each computed once and only where needed.
 
-    def __init__(self, bins: Bins) -> None:
+    The labels live as long as this object. A caller may write the next picture into the same
+    array, as cameras do: the next picture is another object.
+    """
+
+    def __init__(self, image: Image, bins: Bins, farthest: float = 0.0) -> None:
+        """Label nothing yet.
+
+        Args:
+            image: RGB (H, W, 3); not written to while this object is in use.
+            bins: What is counted.
+            farthest: Label at least this far around any state [px].
+        """
         self.bins = bins
-        self._farthest = 0.0
-        self._last: tuple[Image, Window, Labels] | None = None
+        self._image, self._farthest = image, farthest
+        self._last: tuple[Window, Labels] | None = None
 
-    def expect(self, radius: float) -> None:
-        """Label at least this far around any state [px], for who will ask next."""
-        self._farthest = max(self._farthest, radius)
-
-    def around(
-        self, image: Image, states: Array, radius: float, more: float = 0.0
-    ) -> tuple[Labels, int, int]:
+    def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:
         """Labels (h, w), and the first column and row they stand for.
 
         Args:
-            image: RGB (H, W, 3).
             states: Around which (N, 4).
             radius: How far, at scale 1 [px].
             more: How much farther [px].
         """
-        last = self._last if self._last is not None and self._last[0] is image else None
-        if last is None or not last[1].holds(Window.around(states, radius, image, more)):
-            window = Window.around(states, max(radius, self._farthest), image, more)
-            last = self._last = image, window, self.bins.label(image, window)
-        _, held, labels = last
+        last = self._last
+        if last is None or not last[0].holds(Window.around(states, radius, self._image, more)):
+            reach = max(radius, self._farthest)
+            window = Window.around(states, reach, self._image, more)
+            last = self._last = window, self.bins.label(self._image, window)
+        held, labels = last
         return labels, held.left, held.top

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import Array, Image
-from tracking.appearance.bins import Labeller
+from sim.types import Array
+from tracking.appearance.bins import Labelled
 from tracking.hot import sampled as hot
 from tracking.types import Region, State
 
@@ -76,10 +76,10 @@ def ring(region: Region, width: float, density: int) -> Layout:
     return Layout.of(points, np.zeros(len(points), np.int64), np.ones(len(points)))
 
 
-def histograms(image: Image, labeller: Labeller, layout: Layout, state: State) -> Array:
+def histograms(image: Labelled, layout: Layout, state: State) -> Array:
     """Normalised histograms (K, B) of the parts of a layout; points off the image are left out."""
     vector = state.vector
-    window = labeller.around(image, vector[None], layout.radius)
+    window = image.around(vector[None], layout.radius)
     at = (layout.points, layout.parts, layout.weights)
-    counts = hot.histograms(window, vector, *at, layout.count, labeller.bins.count)
+    counts = hot.histograms(window, vector, *at, layout.count, image.bins.count)
     return counts / np.maximum(counts.sum(axis=1, keepdims=True), TINY)

@@ -16,8 +16,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Array, Image
-from tracking.appearance.bins import Labeller
+from sim.types import Array
+from tracking.appearance.bins import Labelled
 from tracking.appearance.layout import Layout, histograms, ring
 from tracking.types import Region, State
 
@@ -58,44 +58,42 @@ class Reference:
 
     def __init__(
         self,
-        image: Image,
+        image: Labelled,
         region: Region,
         state: State,
-        labeller: Labeller,
         layout: Layout,
         learning: Learning,
     ) -> None:
         """Learn from the first picture.
 
         Args:
-            image: First frame (H, W, 3).
+            image: First frame.
             region: The template.
             state: Where the target is.
-            labeller: What is counted.
             layout: Where the target is read.
             learning: What else is learned.
         """
-        self.learning, self._labeller, self._layout = learning, labeller, layout
+        self.learning, self._layout = learning, layout
         self._around = ring(region, SURROUNDINGS, SURROUNDINGS_DENSITY)
-        if learning.discriminate:
-            labeller.expect(self._around.radius)
-        self._first = self._now = self._read(image, layout, state)
-        self._background = self._read(image, self._around, state)[0]
+        self._first = self._now = histograms(image, layout, state)
+        self._background = histograms(image, self._around, state)[0]
         self._combine()
 
-    def learn(self, image: Image, state: State) -> None:
+    @property
+    def radius(self) -> float:
+        """How far around the target a picture is read for learning, at scale 1 [px]."""
+        return self._around.radius if self.learning.discriminate else self._layout.radius
+
+    def learn(self, image: Labelled, state: State) -> None:
         """Take over the looks at a state where the target was found."""
         if self.learning.update > 0:
-            self._now = _blend(self._now, self._read(image, self._layout, state),
+            self._now = _blend(self._now, histograms(image, self._layout, state),
                                self.learning.update)  # fmt: skip
         if self.learning.discriminate:
-            seen = self._read(image, self._around, state)[0]
+            seen = histograms(image, self._around, state)[0]
             self._background = _blend(self._background, seen, SURROUNDINGS_RATE)
         if self.learning.update > 0 or self.learning.discriminate:
             self._combine()
-
-    def _read(self, image: Image, layout: Layout, state: State) -> Array:
-        return histograms(image, self._labeller, layout, state)
 
     def _combine(self) -> None:
         parts = _blend(self._now, self._first, ANCHOR)

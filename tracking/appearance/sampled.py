@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.appearance.bins import Bins, Labeller
+from tracking.appearance.bins import Bins, Labelled
 from tracking.appearance.layout import Layout, disc, grid, ring
 from tracking.appearance.reference import Learning, Reference
 from tracking.hot import sampled as hot
@@ -40,27 +40,29 @@ class SampledModel:
     does not see.
     """
 
-    def __init__(
-        self, layout: Layout, around: Layout, labeller: Labeller, reference: Reference
-    ) -> None:
+    def __init__(self, layout: Layout, around: Layout, bins: Bins, reference: Reference) -> None:
         """Put a model together.
 
         Args:
             layout: Where states are read.
             around: The ring, for the contrast.
-            labeller: What is counted.
+            bins: What is counted.
             reference: How the target looks.
         """
-        self._labeller, self._layout, self._ring = labeller, layout, around
+        self._bins, self._layout, self._ring = bins, layout, around
         self._reference = reference
         self._radius = max(layout.radius, around.radius)
 
-    def distances(self, image: Image, states: Array) -> Array:
+    def label(self, image: Image) -> Labelled:
+        """A picture (H, W, 3), ready to be read by the other methods; one object a picture."""
+        return Labelled(image, self._bins, self._reference.radius)
+
+    def distances(self, image: Labelled, states: Array) -> Array:
         """d_m (N,) of each state (N, 4)."""
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(hot.squared_distances(rho))
 
-    def energy(self, image: Image, states: Array) -> Array:
+    def energy(self, image: Labelled, states: Array) -> Array:
         """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring."""
         window = self._window(image, states)
         squared = hot.squared_distances(self._coefficients(window, states))
@@ -72,12 +74,12 @@ class SampledModel:
         return squared + eta * likeness
 
     def climb(
-        self, image: Image, states: Array, *, most: int, tolerance: float, reach: float
+        self, image: Labelled, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
         """Mean shift from each state (N, 4): the states at the modes, their distances, the cost.
 
         Args:
-            image: RGB (H, W, 3).
+            image: The picture.
             states: Where to begin.
             most: Largest number of histograms read for a state.
             tolerance: A shorter shift ends a search [px].
@@ -90,7 +92,7 @@ class SampledModel:
         )
         return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
 
-    def learn(self, image: Image, state: State) -> None:
+    def learn(self, image: Labelled, state: State) -> None:
         """Take over how the target and its surroundings look now, as far as the settings want."""
         self._reference.learn(image, state)
 
@@ -98,8 +100,8 @@ class SampledModel:
         at = (self._layout.points, self._layout.parts, self._layout.weights)
         return hot.coefficients(window, states, *at, self._reference.root_parts)
 
-    def _window(self, image: Image, states: Array, reach: float = 0.0) -> hot.Window:
-        return self._labeller.around(image, states, self._radius, reach)
+    def _window(self, image: Labelled, states: Array, reach: float = 0.0) -> hot.Window:
+        return image.around(states, self._radius, reach)
 
 
 def cell_model(
@@ -115,9 +117,8 @@ def cell_model(
     """The template in per_side^2 cells, with a ring around it."""
     layout, dense = (grid(region, per_side, d) for d in (density, REFERENCE_DENSITY * density))
     around = ring(region, learning.ring, per_side * density)
-    labeller = Labeller(bins)
-    reference = Reference(image, region, state, labeller, dense, learning)
-    return SampledModel(layout, around, labeller, reference)
+    reference = Reference(Labelled(image, bins), region, state, dense, learning)
+    return SampledModel(layout, around, bins, reference)
 
 
 def disc_model(
@@ -126,6 +127,5 @@ def disc_model(
     """The template under one Epanechnikov kernel, with a ring around it."""
     layout, dense = (disc(region, d) for d in (density, REFERENCE_DENSITY * density))
     around = ring(region, learning.ring, density)
-    labeller = Labeller(bins)
-    reference = Reference(image, region, state, labeller, dense, learning)
-    return SampledModel(layout, around, labeller, reference)
+    reference = Reference(Labelled(image, bins), region, state, dense, learning)
+    return SampledModel(layout, around, bins, reference)

@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.types import Array, Frame
+from tracking.appearance.bins import Labelled
 from tracking.lock import Lock
 from tracking.search.annealing import Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
@@ -80,32 +81,32 @@ class Annealed:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Anneal, estimate, resample."""
-        c = self._config
+        c, image = self._config, self._model.label(frame.image)
         self._evaluations = 0
 
         def likelihood(cloud: ParticleFilter) -> Array:
             if c.climb > 0:
-                self._climb(frame, cloud)
+                self._climb(image, cloud)
             self._evaluations += len(cloud.samples)
-            return c.log_likelihood(self._model.energy(frame.image, cloud.samples))
+            return c.log_likelihood(self._model.energy(image, cloud.samples))
 
         widen = c.widen_when_lost if self._status is Status.LOST else 1.0
         layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
         anneal(self._cloud, self._velocity.step(ego), likelihood, layers, widen)
         state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
-        distance = float(self._model.distances(frame.image, state.vector[None])[0])
+        distance = float(self._model.distances(image, state.vector[None])[0])
         self._status = self._lock.judge(distance, frame.time)
         found = self._cloud.estimate(state, distance, self._status, self._evaluations + 1)
         self._velocity.learn(state, seen=self._status is Status.LOCKED)
         self._cloud.resample()
         if self._status is Status.LOCKED:
-            self._model.learn(frame.image, state)
+            self._model.learn(image, state)
         return found
 
-    def _climb(self, frame: Frame, cloud: ParticleFilter) -> None:
+    def _climb(self, image: Labelled, cloud: ParticleFilter) -> None:
         """Move all particles to the nearest modes."""
         cloud.samples, _, evaluations = self._model.climb(
-            frame.image,
+            image,
             cloud.samples,
             most=self._config.climb,
             tolerance=CLIMB_TOLERANCE,

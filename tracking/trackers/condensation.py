@@ -59,7 +59,7 @@ class Condensation:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, estimate, resample."""
-        c, image = self._config, frame.image
+        c, image = self._config, self._model.label(frame.image)
         widen = c.widen_when_lost if self._status is Status.LOST else 1.0
         self._cloud.predict(self._velocity.step(ego), widen)
         self._cloud.weigh(c.log_likelihood(self._model.energy(image, self._cloud.samples)))

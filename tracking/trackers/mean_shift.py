@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Frame
+from tracking.appearance.bins import Labelled
 from tracking.lock import Lock
 from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN, ShiftSettings
@@ -58,30 +59,30 @@ class MeanShift:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Climb, and around the target if it looks wrong; keep the best."""
-        c = self._config
+        c, image = self._config, self._model.label(frame.image)
         begin = self._state.vector + self._velocity.step(ego)
-        found, distances, evaluations = self._climb(frame, self._sizes(begin))
+        found, distances, evaluations = self._climb(image, self._sizes(begin))
         if 1 - distances.min() < c.confidence:
-            more, others, work = self._climb(frame, self._around(begin))
+            more, others, work = self._climb(image, self._around(begin))
             found, distances = np.vstack([found, more]), np.append(distances, others)
             evaluations += work
-        index = np.argmin(self._model.energy(frame.image, found) if c.scale else distances)
+        index = np.argmin(self._model.energy(image, found) if c.scale else distances)
         best, distance = found[index], float(distances[index])
         best[3] = begin[3] + SCALE_TRUST * (best[3] - begin[3])
         self._state = State.of(best)
         status = self._lock.judge(distance, frame.time)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         if status is Status.LOCKED:
-            self._model.learn(frame.image, self._state)
+            self._model.learn(image, self._state)
         return Estimate(
             self._state, np.zeros((4, 4)), distance, status,
             follows=(False, c.scale), evaluations=evaluations,
         )  # fmt: skip
 
-    def _climb(self, frame: Frame, states: Array) -> tuple[Array, Array, int]:
+    def _climb(self, image: Labelled, states: Array) -> tuple[Array, Array, int]:
         c = self._config
         return self._model.climb(
-            frame.image, states, most=c.steps, tolerance=c.tolerance, reach=2 * self._size
+            image, states, most=c.steps, tolerance=c.tolerance, reach=2 * self._size
         )
 
     def _sizes(self, begin: Array) -> Array:

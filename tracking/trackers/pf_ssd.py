@@ -120,12 +120,12 @@ class PfSsd:
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
         c, image = self._config, self._view(frame.image)
-        lost = self._status is Status.LOST
+        labelled, lost = self._cells.label(image), self._status is Status.LOST
         self._filter.predict(self._velocity.step(ego), c.widen_when_lost if lost else 1.0)
         if lost:
             height, width = image.shape[:2]
             self._filter.scatter(c.scatter, (width, height), self._found)
-        self._filter.weigh(-c.gamma * self._cells.energy(image, self._filter.samples))
+        self._filter.weigh(-c.gamma * self._cells.energy(labelled, self._filter.samples))
         proposed = self._filter.mean()
         descended = self._descend(image, proposed)
         evaluations = len(self._filter.samples) + descended.evaluations
@@ -145,7 +145,7 @@ class PfSsd:
                 self._filter.gather(state)
             else:
                 self._filter.shift(state.vector - proposed.vector)
-            self._cells.learn(image, state)
+            self._cells.learn(labelled, state)
             self._found = state
         # Where it was while it was lost says nothing about how it moves.
         self._velocity.learn(state, seen=seen and not lost)
