@@ -17,7 +17,7 @@ from servo.step import Scene, Seconds, Step
 from servo.types import Command, Sight, Task
 from sim.types import Frame, Posture, Truth
 from sim.world import World
-from tracking.types import Estimate, Region, State, Status, Tracker
+from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -91,7 +91,7 @@ class Episode:
         except ValueError as error:
             raise Mistake(f"{scenario.name}: first frame: {error}") from None
         # The tracker has not said yet what it follows: angle and size wait for its first word.
-        told = Estimate(given, np.zeros((4, 4)), 0.0, Status.LOCKED, follows=(False, False))
+        told = Estimate(given, unknown_covariance(), 0.0, Status.LOCKED, follows=(False, False))
         self._first = first, truth, told
         self.eyes = Eyes(scenario.features, world.camera, region, world.outline)
         self._carried = np.zeros(4)

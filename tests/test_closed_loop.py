@@ -32,9 +32,11 @@ def test_the_baseline_does_not_close_it(tmp_path):
 def test_what_a_tracker_follows_is_told(tmp_path):
     told = {
         kind: LoopJob(contender(kind), "still", 0, ("run.duration=0.2",)).run(tmp_path)["follows"]
-        for kind in ("kams", "annealed", "pf_ssd")
+        for kind in ("frozen", "kams", "annealed", "pf_ssd")
     }
-    assert told == {"kams": "x, y", "annealed": "x, y, s", "pf_ssd": "x, y, theta, s"}
+    assert told == {
+        "frozen": "x, y", "kams": "x, y", "annealed": "x, y, s", "pf_ssd": "x, y, theta, s"
+    }  # fmt: skip
 
 
 def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd, tmp_path):

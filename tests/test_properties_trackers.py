@@ -57,7 +57,14 @@ def followed(kind, images, region, state):
 
 def numbers(estimate):
     s = estimate.state
-    parts = [np.array([s.x, s.y, s.theta, s.scale, estimate.distance]), estimate.covariance.ravel()]
+    followed = np.diag(estimate.covariance)
+    parts = [np.array([s.x, s.y, s.theta, s.scale, estimate.distance])]
+    if np.isfinite(followed[0]):  # a tracker that gives a covariance
+        known = np.array([True, True, *estimate.follows])
+        assert np.isnan(estimate.covariance[~known]).all()
+        parts.append(estimate.covariance[np.ix_(known, known)].ravel())
+    else:
+        assert np.isnan(estimate.covariance).all()
     if estimate.particles is not None:
         parts.append(estimate.particles.ravel())
     return np.concatenate(parts)

@@ -88,7 +88,7 @@ class Estimate:
     state: State
     """Where the target is."""
     covariance: Array
-    """Covariance (4, 4) of (x, y, theta, ln scale)."""
+    """Covariance (4, 4) of (x, y, theta, ln scale); nan where the tracker has none."""
     distance: float
     """Bhattacharyya distance between the target as it looks here and as it first looked, 0..1."""
     status: Status
@@ -101,6 +101,11 @@ class Estimate:
     """Histograms evaluated in this frame."""
     particles: Array | None = None
     """Particles (N, 5): x, y, theta, scale, weight; weights sum to 1."""
+
+
+def unknown_covariance() -> Array:
+    """The covariance (4, 4) of an estimate whose tracker has none: nan."""
+    return np.full((4, 4), np.nan)
 
 
 class Tracker(Protocol):

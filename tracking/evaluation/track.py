@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.evaluation.sources import Picture, Source
-from tracking.types import Estimate, Region, State, Status, Tracker
+from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +58,14 @@ def follow(tracker: Tracker, source: Source, region: Region, state: State) -> It
         if picture.image is None:
             if index == 0:
                 raise ValueError(f"{picture.name}: the first picture cannot be decoded")
-            blind = Estimate(last, np.zeros((4, 4)), 1.0, Status.LOST, follows)
+            blind = Estimate(last, unknown_covariance(), 1.0, Status.LOST, follows)
             yield Shot(picture, index, blind, 0.0, None)
             continue
         frame = Frame(picture.image, picture.time, index)
         began = time.perf_counter()
         if index == 0:
             tracker.start(frame, region, state)
-            found = Estimate(state, np.zeros((4, 4)), 0.0, Status.LOCKED)
+            found = Estimate(state, unknown_covariance(), 0.0, Status.LOCKED)
         else:
             found = tracker.update(frame)
         seconds = time.perf_counter() - began

@@ -52,8 +52,16 @@ class ParticleFilter:
         return State.of(sampling.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
-        """Covariance (4, 4) of the samples."""
-        return sampling.covariance(self.samples, self.weights)
+        """Covariance (4, 4) of the samples; nan in what does not vary between them."""
+        found = sampling.covariance(self.samples, self.weights)
+        kept = np.array([False, False, *(not on for on in self._follows)])
+        found[kept], found[:, kept] = np.nan, np.nan
+        return found
+
+    @property
+    def _follows(self) -> tuple[bool, bool]:
+        """Whether angle, and size, vary between the samples."""
+        return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
     def ess(self) -> float:
         """Effective sample size."""
@@ -74,7 +82,7 @@ class ParticleFilter:
             covariance=self.covariance(),
             distance=distance,
             status=status,
-            follows=(bool(self._noise[2] > 0), bool(self._noise[3] > 0)),
+            follows=self._follows,
             ess=self.ess(),
             evaluations=evaluations,
             particles=self.cloud(),

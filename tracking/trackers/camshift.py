@@ -11,7 +11,7 @@ import numpy as np
 from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.trackers._opencv import HueModel, HueSettings, box_of
-from tracking.types import Estimate, Region, State, check_region
+from tracking.types import Estimate, Region, State, check_region, unknown_covariance
 
 SMALLEST_BOX = 4
 """A window that shrank below this begins at this size again [px]."""
@@ -61,7 +61,7 @@ class Camshift:
             self._state = State(x, y, self._state.theta, scale * float(np.sqrt(area / first)))
         distance = self._model.distance(frame.image, self._state)
         status = self._lock.judge(distance, frame.time)
-        return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, True))
+        return Estimate(self._state, unknown_covariance(), distance, status, follows=(False, True))
 
     def _fit(self, frame: Frame) -> tuple[float, float, float] | None:
         """Centre and area of the ellipse that CamShift finds [px]; None where it finds nothing."""

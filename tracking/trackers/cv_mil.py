@@ -16,7 +16,7 @@ import numpy as np
 from sim.types import Array, Frame
 from tracking.lock import Lock
 from tracking.trackers._opencv import HueModel, HueSettings, box_of
-from tracking.types import Estimate, Region, State, check_region
+from tracking.types import Estimate, Region, State, check_region, unknown_covariance
 
 SEED_BITS = 31
 
@@ -67,4 +67,4 @@ class CvMil:
                 self._state = State(x + width / 2, y + height / 2, theta, scale)
         distance = self._model.distance(frame.image, self._state)
         status = self._lock.judge(distance, frame.time)
-        return Estimate(self._state, np.zeros((4, 4)), distance, status, follows=(False, False))
+        return Estimate(self._state, unknown_covariance(), distance, status, follows=(False, False))

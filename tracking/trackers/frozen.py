@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,14 +24,16 @@ class Config:
 
 @final
 class Frozen:
-    """Always the first state, and honest about knowing nothing more."""
+    """Always the first state; it follows nothing, and never claims to see the target."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Remember the first state."""
         check_region(frame, region, state)
-        self._state, self._since = state, frame.time
+        self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """The first state, carried along if told; UNSURE, because nobody looked."""
+        """The first state, moved by the camera's motion if that is given; always UNSURE."""
         self._state = self._state.moved(ego)
-        return Estimate(self._state, np.zeros((4, 4)), 1.0, Status.UNSURE)
+        return Estimate(
+            self._state, unknown_covariance(), 1.0, Status.UNSURE, follows=(False, False)
+        )

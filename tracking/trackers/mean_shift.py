@@ -13,7 +13,7 @@ from tracking.appearance.bins import Labelled
 from tracking.lock import Lock
 from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN, ShiftSettings
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 SCALE_STEP = 0.1
 """With scale, sizes 10 % smaller and larger are tried too."""
@@ -75,7 +75,7 @@ class MeanShift:
         if status is Status.LOCKED:
             self._model.learn(image, self._state)
         return Estimate(
-            self._state, np.zeros((4, 4)), distance, status,
+            self._state, unknown_covariance(), distance, status,
             follows=(False, c.scale), evaluations=evaluations,
         )  # fmt: skip
 

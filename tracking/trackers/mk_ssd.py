@@ -15,7 +15,7 @@ from sim.types import Array, Frame
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel
 from tracking.search.velocity import Velocity
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
@@ -70,5 +70,7 @@ class MkSsd:
         status = self._lock.judge(ended.distance, frame.time)
         self._state = ended.state if status is Status.LOCKED else self._state.moved(ego)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
-        nothing = np.zeros((4, 4))
-        return Estimate(self._state, nothing, ended.distance, status, evaluations=ended.evaluations)
+        return Estimate(
+            self._state, unknown_covariance(), ended.distance, status,
+            evaluations=ended.evaluations,
+        )  # fmt: skip
