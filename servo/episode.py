@@ -50,7 +50,7 @@ class Episode:
         camera, outline = self.world.camera, self.world.outline
         root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         self.scale = s.features.scaling.factor(root_area)
-        self.goal = np.array([camera.cx + s.goal.x, camera.cy + s.goal.y])
+        self.goal = np.array([camera.width / 2 + s.goal.x, camera.height / 2 + s.goal.y])
         self.goal_theta = radians(s.goal.angle_deg)
         try:
             self._place_camera()
@@ -104,7 +104,7 @@ class Episode:
         self.controller.start(Task(goal, self.scale, estimator, scenario.run.latency))
 
     def _goal_size(self, time: float) -> float:
-        return self.world.camera.fx / self.scenario.goal.depth_at(time)
+        return self.world.camera.focal / self.scenario.goal.depth_at(time)
 
     def _goal_sight(self, time: float) -> Sight:
         length, width = np.ptp(self.world.outline[:, :2], axis=0) * self._goal_size(time)

@@ -1,4 +1,4 @@
-"""Which OpenGL a renderer can have on this machine, and a plain sentence where it can have none.
+"""The OpenGL that renderers share, and a plain sentence where this machine has none.
 
 MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong
 thing, so this file looks first, without importing MuJoCo.
@@ -7,13 +7,22 @@ thing, so this file looks first, without importing MuJoCo.
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import sys
+import threading
+from typing import Any
 
 APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
 EGL_PLATFORM_DEVICE = 0x313F
 MOST_DEVICES = 16
 CHOSEN_BY = "MUJOCO_GL"
+NO_WINDOW = 16
+"""Side of a context's own buffer [px]: everything is rendered into buffers of MuJoCo's."""
+KEPT = threading.local()
+"""The GL context of each thread. To make one takes 0.2 s of CPU, so it is kept until the end of the
+process; a context belongs to the thread that made it.
+"""
 
 
 class NoRenderer(RuntimeError):
@@ -42,6 +51,23 @@ def backend() -> str:
             f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'."
         )
     return "egl"
+
+
+def make_current() -> None:
+    """Make this thread's GL context current; the first call in a thread makes the context.
+
+    The context is made directly, so that nothing depends on MUJOCO_GL at the time mujoco was
+    imported.
+
+    Raises:
+        NoRenderer: As for `backend`.
+    """
+    process = os.getpid()  # a forked process cannot use its parent's context
+    if getattr(KEPT, "process", None) != process:
+        module = importlib.import_module(f"mujoco.{backend()}")
+        KEPT.context, KEPT.process = module.GLContext(NO_WINDOW, NO_WINDOW), process
+    context: Any = KEPT.context
+    context.make_current()
 
 
 def _library(name: str) -> ctypes.CDLL | None:

@@ -38,7 +38,7 @@ class CameraConfig:
     rate: Annotated[float, Ge(0.5), Le(1000)] = 30.0
     """Frames a second [Hz]; the physics rate must be a whole multiple of it."""
     fovy_deg: Annotated[float, Gt(1), Lt(170)] = 45.0
-    """Vertical field of view [deg]."""
+    """Vertical field of view [deg]; a camera whose model has a sensor size keeps its intrinsics."""
     supersample: Annotated[int, Ge(1), Le(4)] = 1
     """Rendered this many times as large and averaged: 2 smooths the edges, and doubles the time."""
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
@@ -50,9 +50,27 @@ class CameraConfig:
 
 
 def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera:
-    """The intrinsics of a camera of the model, for an image of this size."""
-    f = height / 2 / np.tan(np.radians(model.cam_fovy[model.camera(name).id]) / 2)
-    return Camera(fx=f, fy=f, cx=width / 2, cy=height / 2, width=width, height=height)
+    """The intrinsics of a camera of the model, for an image of this size.
+
+    A camera with a sensor size has focal length and principal point in metres on the sensor, which
+    the image fills; all others have a vertical field of view, square pixels, and the principal
+    point in the middle of the image.
+
+    Raises:
+        ValueError: The camera's projection is not perspective.
+    """
+    camera = model.camera(name).id
+    if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
+        raise ValueError(f"the camera '{name}' of the robot's model has to be a perspective one")
+    sensor = model.cam_sensorsize[camera].astype(float)
+    if not sensor.all():
+        f = height / 2 / np.tan(np.radians(model.cam_fovy[camera]) / 2)
+        return Camera(fx=f, fy=f, cx=width / 2, cy=height / 2, width=width, height=height)
+    intrinsic = model.cam_intrinsic[camera].reshape(2, 2).astype(float)
+    focal, offset = (intrinsic / sensor * (width, height)).tolist()
+    # MuJoCo's offset says where the middle of the image lies as seen from the principal point.
+    cx, cy = width / 2 - offset[0], height / 2 - offset[1]
+    return Camera(fx=focal[0], fy=focal[1], cx=cx, cy=cy, width=width, height=height)
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
@@ -63,23 +81,17 @@ def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
 
 
 class Renderer:
-    """Renders one camera of one model into memory. Holds a GL context: close it."""
+    """Renders one camera of one model into memory. Holds GL buffers: close it."""
 
     def __init__(
         self, model: mujoco.MjModel, camera: str, width: int, height: int, supersample: int = 1
     ) -> None:
         self._size = (width, height)
         width, height = width * supersample, height * supersample
-        backend = gl.backend()
-        # The context is made directly, so that nothing depends on MUJOCO_GL at the time mujoco was
-        # imported.
-        context: Any = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
-        context.make_current()
-        self._gl = context
+        gl.make_current()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
         self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._rect = mujoco.MjrRect(0, 0, width, height)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -88,10 +100,9 @@ class Renderer:
         self._upside_down = np.empty((height, width, 3), np.uint8)
 
     def close(self) -> None:
-        """Give the GL context back."""
-        self._gl.make_current()
+        """Give the GL buffers back."""
+        gl.make_current()
         self._context.free()
-        self._gl.free()
 
     def render(self, data: mujoco.MjData) -> Image:
         """A new RGB picture (H, W, 3) of the scene as it is."""
@@ -123,13 +134,15 @@ class Renderer:
 
     def describe(self) -> str:
         """The name the OpenGL driver gives itself."""
-        self._gl.make_current()
+        gl.make_current()
         opengl: Any = importlib.import_module("OpenGL.GL")
         names = (opengl.GL_RENDERER, opengl.GL_VERSION)
         return ", ".join(opengl.glGetString(name).decode() for name in names)
 
     def _draw(self, data: mujoco.MjData) -> None:
-        self._gl.make_current()
+        gl.make_current()
+        # Worlds that are open at the same time share the context, and draw into their own buffers.
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._camera, every, self._scene

@@ -2,8 +2,8 @@
 joints.
 
 Nothing here knows which robot it is: joints, limits and actuators come from the MJCF model, in
-which every actuator is a `velocity` servo named like the joint it drives, and the camera's optical
-centre is the site `eye`.
+which every actuator is a `velocity` servo of one joint, and the camera's optical centre is the site
+`eye`. A model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -65,10 +65,40 @@ def damped_inverse(J: Array, drives: Drives) -> Array:
     return (Vt.T * (s / (s**2 + missing * drives.damping**2))) @ U.T
 
 
+def _check_drives(model: mujoco.MjModel, design: Design) -> None:
+    """Refuse actuators that are no velocity servos, and an optical centre away from the camera."""
+    place = f"the robot's model {design.model}"
+    if model.nu == 0:
+        raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
+    for i in range(model.nu):
+        name = model.actuator(i).name
+        gain, bias = model.actuator_gainprm[i, 0], model.actuator_biasprm[i, :3]
+        if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT or model.actuator_gear[i, 0] != 1:
+            raise ValueError(f"{place}: the actuator '{name}' has to drive one joint, with gear 1")
+        if gain <= 0 or not np.array_equal(bias, [0.0, 0.0, -gain]):
+            raise ValueError(f"{place}: the actuator '{name}' has to be a <velocity> servo")
+        low, high = model.actuator_ctrlrange[i]
+        if model.actuator_ctrllimited[i] and not low < 0 < high:
+            raise ValueError(
+                f"{place}: the actuator '{name}' has the ctrlrange {low:g} {high:g}; it has to "
+                "allow both directions"
+            )
+    eye, camera = model.site(EYE), model.camera(EYE)
+    same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
+    if eye.bodyid != camera.bodyid or not same:
+        raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
+
+
 class Robot:
     """The chain of joints between the world and the camera."""
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
+        """Read the joints and their drives from a model.
+
+        Raises:
+            ValueError: The model is no robot of this kind; the message says what is wrong.
+        """
+        _check_drives(model, design)
         self._model, self._design = model, design
         self._site = model.site(EYE).id
         joints = model.actuator_trnid[:, 0]
@@ -80,9 +110,11 @@ class Robot:
         limited = model.jnt_limited[joints].astype(bool)
         self.lower = np.where(limited, model.jnt_range[joints, 0], -np.inf)
         self.upper = np.where(limited, model.jnt_range[joints, 1], np.inf)
-        self.fastest = model.actuator_ctrlrange[:, 1].copy()
+        bounded = model.actuator_ctrllimited.astype(bool)[:, None]
+        rates = np.where(bounded, model.actuator_ctrlrange, [-np.inf, np.inf])
+        self.slowest, self.fastest = rates.T
         stops = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
-        self._bounds = [bound.tolist() for bound in (*stops, self.fastest)]
+        self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
         self._jacobians = np.zeros((2, 3, model.nv))
 
     def posture(self, data: mujoco.MjData, twist: Array) -> Posture:
@@ -120,9 +152,9 @@ class Robot:
         factor = 1.0
         # A few joints: Python is faster here than arrays.
         joints = zip(wanted.tolist(), data.qpos[self._qpos].tolist(), *self._bounds, strict=True)
-        for rate, q, lower, upper, fastest in joints:
-            room = upper - q if rate > 0 else q - lower
-            most = min(fastest, STOP_GAIN * max(room, 0.0))
+        for rate, q, lower, upper, slowest, fastest in joints:
+            room, most = (upper - q, fastest) if rate > 0 else (q - lower, -slowest)
+            most = min(most, STOP_GAIN * max(room, 0.0))
             if abs(rate) > most:
                 factor = min(factor, most / abs(rate))
         return wanted * factor, factor < 1.0

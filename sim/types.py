@@ -36,6 +36,11 @@ class Camera:
     height: int
     """Image height [px]."""
 
+    @property
+    def focal(self) -> float:
+        """Geometric mean of the focal lengths [px]: size in the image over size at depth 1 m."""
+        return float(np.sqrt(self.fx * self.fy))
+
     def normalise(self, pixels: Array) -> Array:
         """Pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
         return (pixels - (self.cx, self.cy)) / (self.fx, self.fy)

@@ -72,7 +72,7 @@ class World:
         self._eye_at = self._set_stage(0.0)
 
     def close(self) -> None:
-        """Give the renderer's GL context back."""
+        """Give the renderer's buffers back."""
         self._renderer.close()
 
     def start(self, pixel: Array, theta: float, depth: float) -> bool:
@@ -161,7 +161,5 @@ class World:
 
     def _visible(self) -> float:
         car = self.model.geom_bodyid == self.model.body(TARGET).id
-        shadow = self.model.geom("target/shadow").id
-        car[shadow] = False
         alone = self._renderer.silhouette(self.data, car, alone=True)
         return self._renderer.silhouette(self.data, car, alone=False) / alone if alone else 0.0

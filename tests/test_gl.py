@@ -1,5 +1,7 @@
 import ctypes
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 from sim import gl
@@ -62,3 +64,39 @@ def test_rendering_that_was_switched_off_says_so(monkeypatch):
         gl.NoRenderer, match=r"^Rendering is switched off by MUJOCO_GL=off: unset it\.$"
     ):
         gl.backend()
+
+
+def first_picture(*changes):
+    from servo.episode import Episode
+    from servo.scenario import load
+
+    with Episode(load("still", list(changes))) as episode:
+        return episode.world.look().image.copy()
+
+
+def test_the_first_picture_does_not_depend_on_what_was_rendered_before():
+    gl.KEPT.__dict__.clear()
+    alone = first_picture()
+    first_picture("camera.width=640", "camera.height=480", "camera.supersample=2")
+    first_picture("robot.kind=arm", "disturbances=[{kind='spot', start=0.0}]")
+    assert np.array_equal(first_picture(), alone)
+
+
+def test_worlds_that_are_open_at_the_same_time_draw_their_own_pictures():
+    from servo.episode import Episode
+    from servo.scenario import load
+
+    alone = [first_picture("start.x=30"), first_picture("camera.width=200", "camera.height=100")]
+    with Episode(load("still", ["start.x=30"])) as a:
+        with Episode(load("still", ["camera.width=200", "camera.height=100"])) as b:
+            together = [e.world.look().image.copy() for e in (a, b)]
+            assert all(map(np.array_equal, together, alone))
+        assert np.array_equal(a.world.look().image, alone[0])  # b's buffers are gone
+
+
+def test_each_thread_has_a_context_of_its_own():
+    alone = first_picture()
+    with ThreadPoolExecutor(2) as threads:
+        for _ in range(2):
+            for picture in threads.map(lambda _: first_picture(), range(4)):
+                assert np.array_equal(picture, alone)

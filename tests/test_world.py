@@ -79,7 +79,6 @@ def test_the_truth_lies_on_the_rendered_car(world):
 def test_the_silhouette_has_the_size_of_the_reference_rectangle(world):
     see(world)
     car = world.model.geom_bodyid == world.model.body("target/car").id
-    car[world.model.geom("target/shadow").id] = False
     pixels = world._renderer.silhouette(world.data, car, alone=True)
     rectangle = 0.2 * 0.1 * (world.camera.fx / 1.0) ** 2
     assert pixels == pytest.approx(rectangle, rel=0.06)  # rounded corners, wheels that stick out

@@ -1,0 +1,118 @@
+"""Robot models that differ from ours: driven as they say, or refused with what is wrong."""
+
+import re
+import shutil
+from importlib import resources
+
+import mujoco
+import numpy as np
+import pytest
+
+from servo.episode import Episode
+from servo.mistake import Mistake
+from servo.scenario import load
+from sim.robot import Design, Drives, Robot
+from sim.robots import gantry
+
+ONE_JOINT = """
+<mujoco>
+  <worldbody>
+    <body name="slide"><joint name="x" type="slide" axis="1 0 0"/><geom size=".01" mass="1"/>
+      <camera name="eye" pos="0 0 1"/><site name="eye" pos="0 0 {height}"/>
+    </body>
+  </worldbody>
+  <actuator>{actuator}</actuator>
+</mujoco>"""
+VELOCITY = '<velocity name="x" joint="x" kv="10"/>'
+DRIVES = Drives(weakest=0.1, damping=1e-6)
+
+
+def robot(actuator=VELOCITY, height=1):
+    model = mujoco.MjModel.from_xml_string(ONE_JOINT.format(actuator=actuator, height=height))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return Robot(model, Design("mine.xml", (0.0,), DRIVES)), data
+
+
+def test_without_a_ctrlrange_a_drive_has_no_limit():
+    machine, data = robot()
+    rates, limited = machine.rates(data, np.array([50.0, 0, 0, 0, 0, 0]))
+    assert rates.tolist() == pytest.approx([50.0])
+    assert not limited
+
+
+def test_a_drive_may_be_slower_in_one_direction():
+    machine, data = robot('<velocity name="x" joint="x" kv="10" ctrlrange="-0.2 0.5"/>')
+    for asked, made in ((0.4, 0.4), (-0.4, -0.2), (0.6, 0.5)):
+        rates, limited = machine.rates(data, np.array([asked, 0, 0, 0, 0, 0]))
+        assert rates.tolist() == pytest.approx([made])
+        assert limited == (asked != made)
+
+
+WRONG = {
+    "": "has no actuators; each joint needs a velocity actuator",
+    '<position name="x" joint="x" kp="10"/>': "the actuator 'x' has to be a <velocity> servo",
+    '<motor name="x" joint="x"/>': "the actuator 'x' has to be a <velocity> servo",
+    '<velocity name="x" joint="x" kv="10" gear="3"/>': (
+        "the actuator 'x' has to drive one joint, with gear 1"
+    ),
+    '<velocity name="x" site="eye" kv="10"/>': (
+        "the actuator 'x' has to drive one joint, with gear 1"
+    ),
+    '<velocity name="x" joint="x" kv="10" ctrlrange="0 0.5"/>': (
+        "the actuator 'x' has the ctrlrange 0 0.5; it has to allow both directions"
+    ),
+}
+
+
+@pytest.mark.parametrize("actuator", WRONG)
+def test_another_drive_is_refused(actuator):
+    with pytest.raises(ValueError, match=re.escape(WRONG[actuator])) as refused:
+        robot(actuator)
+    assert str(refused.value).startswith("the robot's model mine.xml")
+
+
+def test_a_site_away_from_the_camera_is_refused():
+    with pytest.raises(ValueError, match="the site 'eye' has to be where the camera 'eye' is"):
+        robot(height=0.9)
+
+
+@pytest.fixture
+def edited(monkeypatch, tmp_path):
+    """Makes the gantry another robot: its file with one text replaced."""
+
+    def edit(pattern, replacement):
+        folder = resources.files("scenes")
+        for name in ("room.xml", "wood.png"):
+            shutil.copy(str(folder / name), tmp_path)
+        text, count = re.subn(pattern, replacement, (folder / "gantry.xml").read_text())
+        assert count
+        (tmp_path / "mine.xml").write_text(text)
+        design = Design(str(tmp_path / "mine.xml"), (0.0,) * 6, Drives())
+        monkeypatch.setattr(gantry.Config, "build", lambda config, rng: design)
+
+    return edit
+
+
+def test_a_gantry_without_ctrlranges_converges(edited):
+    edited(r' ctrlrange="[^"]*"', "")
+    with Episode(load("still", ["run.duration=2.5"])) as episode:
+        steps = [step.light() for step in episode]
+    assert not any(step.limited for step in steps)
+    assert steps[-1].servo_error < 1.0
+
+
+def test_an_off_centre_camera_is_servoed_to_the_middle_of_the_image(edited):
+    sensor = 'resolution="320 240" sensorsize="0.004 0.003" focalpixel="300 300"'
+    edited('fovy="45"', f'{sensor} principalpixel="20 -12"')
+    with Episode(load("still", ["run.duration=3.0"])) as episode:
+        steps = [step.light() for step in episode]
+    assert steps[-1].servo_error < 1.0
+    assert steps[-1].tracking_error < 1.0
+    np.testing.assert_allclose(steps[-1].truth.centre, [160, 120], atol=1.0)
+
+
+def test_a_robot_that_cannot_be_driven_is_a_sentence(edited):
+    edited(r'<velocity name="yaw"([^>]*)kv="24"', r'<position name="yaw"\1kp="24"')
+    with pytest.raises(Mistake, match="the actuator 'yaw' has to be a <velocity> servo"):
+        Episode(load("still"))
