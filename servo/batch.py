@@ -11,9 +11,10 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from servo.mistake import Mistake
+from servo.mistake import FULL, Mistake
+from servo.result_folder import GOES_ON
 from servo.terminal import COMPILING, plain, progress_bar, stop
-from tracking.evaluation.jobs import Done, Job, attempt, known
+from tracking.evaluation.jobs import Done, Job, attempt, damaged, known
 
 MOST_RUNS = 100_000
 """Runs of one command: more would fill memory before the first of them ends."""
@@ -73,26 +74,34 @@ def work(
     """Run jobs under a progress bar, in the order asked for; the exit code: 1 for failures.
 
     Raises:
-        Mistake: The folder cannot be written, or two jobs have the same name.
+        Mistake: Two jobs have the same name.
+        OSError: The disk is full.
     """
     keys = [job.key for job in jobs]
     double = next((key for key in keys if keys.count(key) > 1), None)
     if double is not None:
         raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Mistake(f"{folder}: cannot write to this folder: {error.strerror}") from None
+    _print_damaged(damaged(jobs, folder))
     done: dict[str, Done] = {}
     try:
         with progress_bar(console) as bar:
             task = bar.add_task(escape(title), total=len(jobs), note=COMPILING)
             for one in team.results(jobs, folder):
                 done[one.job.key] = one
+                if one.refused is not None and one.refused.errno in FULL:
+                    raise one.refused
                 bar.update(task, advance=1, note=escape(one.job.key))
     except KeyboardInterrupt:
-        stop("The same command goes on from there.")
+        stop(f"{GOES_ON.capitalize()}.")
     failed = [d for d in done.values() if d.result is None]
     for d in failed:
         plain(Console(stderr=True), f"servobench: {d.job.key} failed:\n{d.error}")
     return [done[key] for key in keys if key in done], 1 if failed else 0
+
+
+def _print_damaged(paths: Sequence[Path]) -> None:
+    for path in paths:
+        plain(
+            Console(stderr=True),
+            f"servobench: {path}: this result is damaged, and is computed again",
+        )

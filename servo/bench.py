@@ -13,8 +13,9 @@ from rich.table import Table
 
 from servo import loop_bench, suites
 from servo.batch import Team, check_number, work
+from servo.result_folder import result_folder
 from servo.terminal import plain
-from tracking.evaluation import curves, summary
+from tracking.evaluation import atomic, curves, summary
 from tracking.evaluation.bench import SequenceJob, track_path
 from tracking.evaluation.contact_sheet import sheet
 from tracking.evaluation.track_file import read as read_track
@@ -53,16 +54,18 @@ def run(
     chosen = listed if listed and trackers is None else suites.contenders(trackers)
     check_number(len(chosen) * len(entries) * seeds)
     jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
-    with Team(workers) as team:
-        done, code = work(jobs, folder, team, console, f"bench {Path(name).stem}")
-    results = [d.result for d in done if d.result is not None]
-    if not results:
-        return code
-    rows = summary.rows_of(results)
+    title = Path(name).stem
+    with result_folder(folder, "bench"):
+        with Team(workers) as team:
+            done, code = work(jobs, folder, team, console, f"bench {title}")
+        results = [d.result for d in done if d.result is not None]
+        if not results:
+            return code
+        rows = summary.rows_of(results)
+        paths = summary.write(results, rows, folder)
+        paths += curves.draw(results, [row.tracker for row in rows], title, folder)
+        paths += _sheets(jobs, rows[0].tracker, folder)
     print_rows(console, rows)
-    paths = summary.write(results, rows, folder)
-    paths += curves.draw(results, [row.tracker for row in rows], Path(name).stem, folder)
-    paths += _sheets(jobs, rows[0].tracker, folder)
     for path in paths:
         plain(console, f"  {path}")
     return code
@@ -115,13 +118,12 @@ def _short(value: float) -> str:
 
 def _sheets(jobs: Sequence[SequenceJob], best: str, folder: Path) -> list[Path]:
     """A contact sheet of each sequence's first seed, with the best tracker's estimate."""
-    place = folder / SHEETS
-    place.mkdir(exist_ok=True)
+    place = atomic.folder(folder, SHEETS)
     for job in jobs:
         if job.contender.label == best and job.seed == 0:
             sequence = job.entry.build(0)
             found = read_track(track_path(folder, job.key)).corners
             picture: Any = sheet(sequence.source, sequence.truth, found)
-            path = place / f"{sequence.name}.png"
-            cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+            bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+            atomic.write(place, f"{sequence.name}.png", cv2.imencode(".png", bgr)[1].tobytes())
     return [place]

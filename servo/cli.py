@@ -238,12 +238,7 @@ def doctor(bench: bool) -> None:
 
 
 def main() -> None:
-    """The entry point: a user's mistake is one sentence on stderr and exit code 2."""
-    from servo.mistake import Mistake
-    from sim.gl import NoRenderer
+    """The entry point."""
+    from servo.guard import guarded
 
-    try:
-        app()
-    except (Mistake, NoRenderer) as error:
-        print(f"servobench: {error}", file=sys.stderr)
-        sys.exit(2)
+    guarded(app)

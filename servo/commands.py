@@ -35,7 +35,12 @@ def run_scenario(
     quiet: bool,
     rerun: bool,
 ) -> int:
-    """Run one scenario into a folder; the exit code: 1 where a bound was missed."""
+    """Run one scenario into a folder; the exit code: 1 where a bound was missed.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+        Refused: The disk did not take all of it; the rows come first.
+    """
     scenario = _load(name, changes, seed)
     gl.backend()
     console = Console(quiet=quiet)
@@ -63,6 +68,8 @@ def run_scenario(
     for path in paths:
         plain(console, f"  {path}")
     _print_missed(Console(stderr=True), missed, _command(name, changes, scenario.run.seed))
+    if output.refused is not None:
+        raise output.refused
     return 1 if missed else 0
 
 

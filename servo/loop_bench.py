@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 from collections.abc import Sequence
@@ -20,10 +19,13 @@ from servo import scenario as scenarios
 from servo.batch import Team, check_number, work
 from servo.episode import Episode
 from servo.measures import Outcome, summarise
+from servo.result_folder import result_folder
 from servo.scenario import Scenario
 from servo.terminal import plain
 from sim import gl
+from tracking.evaluation import atomic
 from tracking.evaluation.bench import Contender
+from tracking.evaluation.csv_text import csv_text
 from tracking.evaluation.jobs import number
 from tracking.evaluation.statistics import bootstrap
 
@@ -94,13 +96,15 @@ def run(
     gl.backend()
     check_number(len(chosen) * len(SCENARIOS) * seeds)
     jobs = [LoopJob(c, name, s) for c in chosen for name in SCENARIOS for s in range(seeds)]
-    with Team(workers) as team:
-        done, code = work(jobs, folder, team, console, "bench closed loop")
-    results = [d.result for d in done if d.result is not None]
+    with result_folder(folder, "bench closed_loop"):
+        with Team(workers) as team:
+            done, code = work(jobs, folder, team, console, "bench closed loop")
+        results = [d.result for d in done if d.result is not None]
+        paths = _write(results, folder) if results else []
     if results:
         _print(console, results)
-        for path in _write(results, folder):
-            plain(console, f"  {path}")
+    for path in paths:
+        plain(console, f"  {path}")
     return code
 
 
@@ -138,12 +142,9 @@ def _cell(group: Sequence[dict[str, Any]], measure: str) -> str:
 
 
 def _write(results: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
-    paths = [folder / "runs.csv", folder / "bench.json"]
     names = list(results[0]["measures"])
-    with paths[0].open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow([*COLUMNS, *names])
-        for r in results:
-            table.writerow([*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)])
-    paths[1].write_text(json.dumps({"runs": list(results)}, indent=1) + "\n", encoding="utf-8")
-    return paths
+    rows = [[*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)] for r in results]
+    return [
+        atomic.write(folder, "runs.csv", csv_text([*COLUMNS, *names], rows)),
+        atomic.write(folder, "bench.json", json.dumps({"runs": list(results)}, indent=1) + "\n"),
+    ]

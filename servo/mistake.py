@@ -1,10 +1,13 @@
-"""What a person got wrong: light to import, so that it can be caught without its senders."""
+"""What a person got wrong, and what a machine refused; quick to import, for those who catch it."""
 
 from __future__ import annotations
 
 import difflib
+import errno
 from collections.abc import Iterable
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
+"""Errors of a machine that has no more room, or no more open files."""
 LONGEST = 2000
 """A sentence that quotes more than can be read keeps its two ends [characters]."""
 
@@ -16,10 +19,38 @@ class Mistake(ValueError):
     """
 
     def __init__(self, sentence: str) -> None:
-        line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
-        if len(line) > LONGEST:
-            line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"
-        super().__init__(line)
+        super().__init__(_one_line(sentence))
+
+
+class Refused(RuntimeError):
+    """Something the machine did not do, such as writing to a full disk, in one sentence."""
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(_one_line(sentence))
+
+    @staticmethod
+    def by(error: OSError, kept: str = "") -> Refused:
+        """Of the operating system's error; `kept` says what is there nevertheless."""
+        return Refused("; ".join(filter(None, (refusal(error), kept))))
+
+
+def unwritable(place: object, error: OSError) -> Mistake | Refused:
+    """Why a folder cannot be written to: the user's choice of it, or a machine that is full."""
+    sentence = f"{place}: cannot write to this folder: {error.strerror}"
+    return Refused(sentence) if error.errno in FULL else Mistake(sentence)
+
+
+def refusal(error: OSError) -> str:
+    """An error of the operating system in one sentence: which file, and why."""
+    why = error.strerror or str(error)
+    return why if error.filename is None else f"{error.filename}: {why}"
+
+
+def _one_line(sentence: str) -> str:
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
+    if len(line) > LONGEST:
+        line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"
+    return line
 
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:

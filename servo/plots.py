@@ -12,11 +12,10 @@ from matplotlib.figure import Figure
 
 from servo.step import Step
 from servo.types import FEATURES
-from tracking.evaluation.curves import literal
+from tracking.evaluation.figures import literal, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
-DOTS = 130
 MOTION, ERRORS = "target_motion.png", "errors.png"
 MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot must show; its outliers may leave it."""
@@ -24,11 +23,12 @@ MIDDLE = (1, 99)
 
 def draw(steps: Sequence[Step], title: str, unit: str, folder: Path) -> list[Path]:
     """Both plots of a run as PNG files in a folder; their paths. The unit is that of xn, yn, an."""
-    paths = [folder / MOTION, folder / ERRORS]
     title = literal(title)
-    _motion_figure(steps, title, unit).savefig(paths[0], dpi=DOTS)
-    _error_figure(steps, title, unit).savefig(paths[1], dpi=DOTS)
-    return paths
+    figures = {
+        MOTION: _motion_figure(steps, title, unit),
+        ERRORS: _error_figure(steps, title, unit),
+    }
+    return [save(figure, folder, name) for name, figure in figures.items()]
 
 
 def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:

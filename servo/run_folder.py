@@ -10,11 +10,12 @@ from typing import Any
 from servo import plots
 from servo.episode import Episode
 from servo.measures import Report, Violation
-from servo.mistake import Mistake
+from servo.mistake import Mistake, Refused, unwritable
 from servo.scenario import Scenario
 from servo.step import Step
-from servo.steps_table import TABLE, StepsTable
+from servo.steps_table import STREAM, TABLE, StepsTable
 from servo.versions import versions
+from tracking.evaluation import atomic
 from tracking.evaluation.jobs import number
 
 RECORDING, REPORT = "run.rrd", "report.json"
@@ -26,32 +27,58 @@ def prepare(asked: Path | None, name: str) -> Path:
     Raises:
         Mistake: It holds something already, or cannot be written.
     """
-    if asked is None:
-        base = Path("runs") / name
-        folder, again = base, 2
-        while folder.exists():
-            folder, again = base.with_name(f"{base.name}-{again}"), again + 1
-    else:
-        folder = asked
     try:
-        if folder.is_dir() and any(folder.iterdir()):
-            raise Mistake(f"{folder}: there is something in this folder; choose another with --out")
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / RECORDING
-        probe.touch()
-        probe.unlink()
+        if asked is None:
+            return _next_free(Path("runs"), name)
+        if asked.is_dir() and any(asked.iterdir()):
+            raise Mistake(f"{asked}: there is something in this folder; choose another with --out")
+        asked.mkdir(parents=True, exist_ok=True)
+        atomic.write(asked, RECORDING, b"").unlink()  # a probe
     except OSError as error:
-        raise Mistake(f"{folder}: cannot write to this folder: {error.strerror}") from None
-    return folder
+        raise unwritable(asked or Path("runs") / name, error) from None
+    return asked
+
+
+def _next_free(runs: Path, name: str) -> Path:
+    """A new folder, also where other runs make theirs at the same time."""
+    runs.mkdir(parents=True, exist_ok=True)
+    folder, again = runs / name, 2
+    while True:
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            folder, again = runs / f"{name}-{again}", again + 1
+        else:
+            return folder
 
 
 class RunFolder:
-    """Takes the steps of one run as they come, and what is left at its end."""
+    """Takes the steps of one run as they come, and what is left at its end.
+
+    Rows come first: their room on the disk is reserved, and a recording that the disk refuses ends
+    without them.
+    """
+
+    refused: Refused | None = None
+    """Why the recording is not whole, if it is not."""
 
     def __init__(self, folder: Path, episode: Episode, *, rerun: bool) -> None:
+        """Open the files.
+
+        Raises:
+            Mistake: Another run is writing into this folder.
+            Refused: The disk has no room for the rows.
+        """
         self.folder, self._scenario = folder, episode.scenario
-        rows = max(1, round(episode.scenario.camera.rate))
-        self._table = StepsTable(folder, episode.world.robot, rows)
+        at_once = max(1, round(episode.scenario.camera.rate))
+        try:
+            self._table = StepsTable(folder, episode.world.robot, at_once, episode.frames)
+        except FileExistsError:
+            raise Mistake(f"{folder}: another run is writing into this folder") from None
+        except OSError as error:
+            (folder / STREAM).unlink(missing_ok=True)
+            sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
+            raise Refused(sentence) from None
         self._log = None
         if rerun:
             from servo.recording.log import RerunLog  # rerun takes half a second to import
@@ -61,25 +88,47 @@ class RunFolder:
     def add(self, step: Step) -> None:
         """Write a step."""
         self._table.add(step)
-        if self._log:
-            self._log.add(step)
+        if self._log and self.refused is None:
+            try:
+                self._log.add(step)
+            except Refused as error:
+                self.refused = error
 
     def close(self) -> None:
-        """Finish recording and table, which then hold every step they were given."""
+        """Finish recording and table, which then hold every step they were given.
+
+        Raises:
+            Refused: The table cannot be written; the rows are in the stream.
+        """
         if self._log:
-            self._log.close()
-        self._table.close()
+            try:
+                self._log.close()
+            except Refused as error:
+                self.refused = self.refused or error
+        try:
+            self._table.close()
+        except OSError as error:
+            kept = f"all rows are in {self.folder / STREAM}"
+            raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
     def finish(
         self, steps: Sequence[Step], report: Report, missed: Sequence[Violation]
     ) -> list[Path]:
-        """Write report and plots; the paths of everything written."""
+        """Write report and plots; the paths of everything written.
+
+        Raises:
+            Refused: The disk refuses; the rows are complete.
+        """
         text = json.dumps(_summary(self._scenario, report, missed), indent=2, allow_nan=False)
-        (self.folder / REPORT).write_text(text + "\n", encoding="utf-8")
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
-        drawn = plots.draw(steps, title, self._scenario.features.scaling.unit, self.folder)
+        unit = self._scenario.features.scaling.unit
+        try:
+            written = atomic.write(self.folder, REPORT, text + "\n")
+            drawn = plots.draw(steps, title, unit, self.folder)
+        except OSError as error:
+            raise Refused.by(error, f"all rows are in {self.folder / TABLE}") from None
         recording = [self.folder / RECORDING] if self._log else []
-        return [*recording, self.folder / TABLE, self.folder / REPORT, *drawn]
+        return [*recording, self.folder / TABLE, written, *drawn]
 
 
 def _summary(scenario: Scenario, report: Report, missed: Sequence[Violation]) -> dict[str, Any]:

@@ -6,10 +6,11 @@ that a killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads wh
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +19,7 @@ import pyarrow.parquet as pq
 from servo.step import Step
 from servo.types import DOF, FEATURES
 from sim.robot import Robot
+from tracking.evaluation import atomic
 
 STREAM, TABLE = "steps.arrows", "steps.parquet"
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
@@ -26,6 +28,10 @@ FEATURE_NAMES = ("xn", "yn", "an", "theta_rad")
 REAL, WHOLE, FLAG, TEXT = pa.float64(), pa.int64(), pa.bool_(), pa.string()
 TIMED = "seconds_"
 """Columns that begin so hold wall-clock time; all others repeat bit for bit with the seed."""
+CELL, COLUMN_OF_BATCH = 16, 320
+"""Room of a value in stream and table, and of a column's part of a batch, never less [bytes]."""
+SPARE = 1 << 20
+"""Room for report and plots, which are written when the rows are [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,16 +137,28 @@ def _seconds_column(stage: str) -> Column:
 class StepsTable:
     """Writes the table of one run into a folder."""
 
-    def __init__(self, folder: Path, robot: Robot, rows_at_once: int) -> None:
-        self._folder, self._columns, self._at_once = (
-            folder,
-            columns(robot.names, robot.units),
-            rows_at_once,
-        )
+    def __init__(self, folder: Path, robot: Robot, rows_at_once: int, rows: int) -> None:
+        """Reserve room for all rows on the disk, so that nothing else can take it.
+
+        Args:
+            folder: Where to write.
+            robot: Whose joints are columns.
+            rows_at_once: Rows that are written together.
+            rows: Rows of the whole run.
+
+        Raises:
+            FileExistsError: Somebody writes a run into this folder already.
+            OSError: The disk has no room for the rows.
+        """
+        self._folder, self._at_once = folder, rows_at_once
+        self._columns = columns(robot.names, robot.units)
         self._rows: list[dict[str, Any]] = []
         fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in self._columns]
         self._schema = pa.schema(fields)
-        self._file = (folder / STREAM).open("wb")
+        self._file = (folder / STREAM).open("xb")
+        width = len(self._columns)
+        batches = 1 + rows / rows_at_once
+        _reserve(self._file, round(width * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)
         self._stream = pa.ipc.new_stream(self._file, self._schema)
 
     def add(self, step: Step) -> None:
@@ -150,12 +168,15 @@ class StepsTable:
             self._flush()
 
     def close(self) -> None:
-        """Turn the stream into the table."""
+        """Turn the stream into the table; where the disk refuses that, the stream stays."""
         self._flush()
         self._stream.close()
+        self._file.truncate()
         self._file.close()
         with pa.ipc.open_stream(str(self._folder / STREAM)) as reader:
-            pq.write_table(reader.read_all(), self._folder / TABLE)
+            whole = reader.read_all()
+        with atomic.writing(self._folder, TABLE) as file:
+            pq.write_table(whole, file)
         (self._folder / STREAM).unlink()
 
     def _flush(self) -> None:
@@ -163,3 +184,9 @@ class StepsTable:
             self._stream.write_batch(pa.RecordBatch.from_pylist(self._rows, schema=self._schema))
             self._file.flush()
             self._rows = []
+
+
+def _reserve(file: BinaryIO, size: int) -> None:
+    """Take room on the disk [bytes]; a reader takes the zeros at the end for the stream's end."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), 0, size)

@@ -21,6 +21,7 @@ from servo.scenario import override
 from servo.terminal import COMPILING, INTERRUPTED, STOPPED, plain, progress_bar
 from servo.versions import versions
 from sim.types import Array
+from tracking.evaluation import atomic
 from tracking.evaluation import truth as truths
 from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
@@ -196,9 +197,7 @@ def _report(
         "units": {m.name: m.unit for m in MEASURES},
         "versions": versions(),
     }
-    path = folder / REPORT
-    path.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    return path
+    return atomic.write(folder, REPORT, json.dumps(report, indent=2, allow_nan=False) + "\n")
 
 
 def _print(

@@ -201,5 +201,14 @@ def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
 
 def test_a_page_that_cannot_be_written_is_a_mistake(make_papers, tmp_path):
     folder = make_papers(tmp_path / "papers")
-    with pytest.raises(Mistake, match=r"gone/x\.html: cannot write this page: No such file or"):
+    with pytest.raises(
+        Mistake, match=r"gone/x\.html: cannot write this page: there is no such folder$"
+    ):
         write([folder], tmp_path / "gone" / "x.html")
+    with pytest.raises(Mistake, match=r"papers/figures: this is a folder; --out takes the file"):
+        write([folder], folder / "figures")
+    before = (folder / "papers.json").read_bytes()
+    with pytest.raises(Mistake, match=r"papers\.json: this is a file of a folder that the page is"):
+        write([folder], folder / "figures" / ".." / "papers.json")
+    assert (folder / "papers.json").read_bytes() == before
+    assert write([folder], folder / "mine.html") == write([folder], folder / "mine.html")

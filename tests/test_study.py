@@ -9,7 +9,6 @@ import pytest
 from rich.console import Console
 
 from servo import scenario
-from servo.mistake import Mistake
 from servo.study import command, results, store
 from servo.study.axes import Draw
 from servo.study.parse import load
@@ -138,60 +137,6 @@ def test_a_run_alone_is_the_run_in_the_study(kept, small):
     for name, value in row.items():
         if name not in TIMED:
             assert again[name] == value, name
-
-
-def test_half_a_file_counts_as_no_run(kept):
-    whole = (kept.folder / "runs" / "000002.parquet").read_bytes()
-    (kept.folder / "runs" / "000002.parquet").write_bytes(whole[: len(whole) // 2])
-    (kept.folder / "runs" / "000003.parquet").write_bytes(bytes(len(whole)))
-    (kept.folder / "runs" / ".000004.parquet.part").write_bytes(whole)
-    assert kept.done() == {0, 1}
-
-
-def refused(folder, study, **changed):
-    with pytest.raises(Mistake) as told:
-        store.Store(folder, study, command.manifest(study, "me") | changed)
-    return str(told.value)
-
-
-def test_two_sweeps_do_not_write_into_one_folder(kept, small):
-    there = kept.folder
-    assert refused(there, small) == f"{there}: another sweep is writing into this folder"
-    kept.close()
-    store.Store(there, small, command.manifest(small, "me")).close()
-
-
-def test_a_folder_of_another_study_or_other_versions_is_refused(kept, small):
-    kept.close()
-    there = kept.folder
-    assert refused(there, small, seeds=[0]) == (
-        f"{there}: another study is kept here (its seeds differs); choose another folder with --out"
-    )
-    versions = command.manifest(small, "me")["versions"]
-    assert refused(there, small, versions=versions | {"mujoco": "9.9"}) == (
-        f"{there}: this study was begun with mujoco {versions['mujoco']}, here is 9.9: "
-        "its numbers would not compare; choose another folder with --out"
-    )
-
-
-def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(kept, small):
-    run = list(small.runs())[4]
-    (kept.folder / "runs" / ".000004.parquet.part").symlink_to("/dev/full")
-    with pytest.raises(Mistake) as told:
-        kept.add(perform(run))
-    assert str(told.value) == (
-        f"{kept.folder}: cannot write run 4: No space left on device; what is there already is "
-        "whole, and the same command goes on from it"
-    )
-    assert kept.done() == {0, 1, 2, 3}
-
-
-def test_a_folder_that_cannot_be_made_is_one_sentence(small, tmp_path):
-    (tmp_path / "file").write_text("")
-    assert refused(tmp_path / "file" / "out", small) == (
-        f"{tmp_path}/file/out: cannot write the folder: Not a directory; what is there already is "
-        "whole, and the same command goes on from it"
-    )
 
 
 def test_a_failure_keeps_traceback_and_command_until_the_run_succeeds(kept, small):

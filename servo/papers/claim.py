@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 from servo.suites import TRACKERS
 from sim import plugins
 from sim.types import Array
+from tracking.evaluation import figures
 from tracking.evaluation.bench import Contender
 from tracking.evaluation.jobs import Job
 from tracking.evaluation.statistics import Interval, bootstrap
 
 Result = dict[str, Any]
-DOTS = 130
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563")
 
 
@@ -105,8 +105,9 @@ def axes(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write a figure as NAME.png."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.png"
-    figure.savefig(path, dpi=DOTS)
-    return path
+    """Write a figure as NAME.png.
+
+    Raises:
+        OSError: The disk refuses.
+    """
+    return figures.save(figure, folder, f"{name}.png")

@@ -16,8 +16,10 @@ from servo.batch import Team, work
 from servo.mistake import Mistake, unknown
 from servo.papers import estimators, kams, kernels, servoing, texture
 from servo.papers.claim import Claim, Effort, Verdict
+from servo.result_folder import result_folder
 from servo.terminal import plain
 from sim import gl
+from tracking.evaluation import atomic
 from tracking.evaluation.jobs import Job
 
 CLAIMS = (
@@ -47,16 +49,17 @@ def run(
         gl.backend()
     verdicts: dict[str, Verdict] = {}
     failed = 0
-    with Team(workers) as team:
+    with result_folder(folder, "papers"), Team(workers) as team:
         for claim in chosen:
             done, code = work(_jobs(claim, effort), folder, team, console, claim.name)
             if code:
                 failed = code
                 continue
             results = [d.result for d in done if d.result is not None]
-            verdicts[claim.name] = verdict = claim.judge(results, folder / FIGURES)
+            figures = atomic.folder(folder, FIGURES)
+            verdicts[claim.name] = verdict = claim.judge(results, figures)
             _print(console, claim, verdict)
-    _write(verdicts, known, effort, folder)
+        _write(verdicts, known, effort, folder)
     plain(console, f"  {folder / FIGURES}\n  {folder / SUMMARY}")
     missed = [name for name, verdict in verdicts.items() if not verdict.holds]
     return failed or (1 if missed and not effort.quick else 0)
@@ -96,5 +99,4 @@ def _write(
             for name, v in verdicts.items()
         },
     }  # fmt: skip
-    path = folder / SUMMARY
-    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    atomic.write(folder, SUMMARY, json.dumps(document, indent=1, ensure_ascii=False) + "\n")

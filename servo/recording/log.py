@@ -34,6 +34,7 @@ import rerun as rr
 
 from servo.episode import Episode
 from servo.events import Event, events
+from servo.recording.file import RecordingFile
 from servo.recording.parts import (
     IMAGE,
     LINE_RADIUS,
@@ -63,14 +64,11 @@ class RerunLog:
     """Writes one recording."""
 
     def __init__(self, path: Path, episode: Episode) -> None:
-        rr.set_strict_mode(True)
         self._episode, world = episode, episode.world
         self._robot, self._moving = world.robot, world.moving
         self._at_once = max(1, round(episode.scenario.camera.rate))
-        self._rec = rr.RecordingStream("servobench", recording_id=path.parent.name)
-        self._rec.save(path, default_blueprint=blueprint())
-        self._rec.set_log_time_enabled(False)
-        self._rec.set_log_tick_enabled(False)
+        self._file = RecordingFile("servobench", path, blueprint())
+        self._rec = self._file.stream
         self._before: Step | None = None
         self._steps: list[Step] = []
         self._jpegs: list[bytes] = []
@@ -78,7 +76,11 @@ class RerunLog:
         self._name_series()
 
     def add(self, step: Step) -> None:
-        """Log a step."""
+        """Log a step; once a second all that was logged goes to the disk.
+
+        Raises:
+            Refused: The disk takes no more.
+        """
         bgr = cv2.cvtColor(step.frame.image, cv2.COLOR_RGB2BGR)
         _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         self._jpegs.append(jpeg.tobytes())
@@ -91,12 +93,16 @@ class RerunLog:
         self._steps.append(step)
         if len(self._steps) >= self._at_once:
             self._send()
+            self._file.flush()
 
     def close(self) -> None:
-        """Write what is left and the footer."""
+        """Write what is left and the footer.
+
+        Raises:
+            Refused: The disk takes no more.
+        """
         self._send()
-        self._rec.flush()
-        self._rec.disconnect()
+        self._file.close()
 
     def _log_scene(self) -> None:
         model, camera = self._episode.world.model, self._episode.world.camera

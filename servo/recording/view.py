@@ -13,6 +13,7 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from servo.mistake import Mistake
+from tracking.evaluation import atomic
 
 MAGIC = (b"RRF2", b"RRIO")
 """How Rerun's files begin."""
@@ -92,7 +93,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             drawn = viewer.take_screenshot(view_id=view)
     except (RuntimeError, OSError):
         raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
-    png.write_bytes(drawn)
+    atomic.write(png.parent, png.name, drawn)
 
 
 def _quiet_viewer() -> ViewerClient:

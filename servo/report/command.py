@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, Refused
 from servo.papers.command import SUMMARY
 from servo.report import bench, papers, run, study
 from servo.report.page import Section, render
 from servo.report.study_data import MANIFEST
 from servo.run_folder import REPORT
 from servo.steps_table import STREAM, TABLE
+from tracking.evaluation import atomic
 
-PAGE = "report.html"
+PAGE, PAGES = "report.html", (".html", ".htm")
 KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
     ((MANIFEST,), study.section),
     ((SUMMARY,), papers.section),
@@ -31,11 +32,26 @@ def write(folders: Sequence[Path], out: Path | None) -> Path:
     """
     text = render([_section(folder) for folder in folders])
     path = out or folders[0] / PAGE
+    _check_out(path, folders)
     try:
-        path.write_text(text, encoding="utf-8")
+        return atomic.write(path.parent, path.name, text)
     except OSError as error:
-        raise Mistake(f"{path}: cannot write this page: {error.strerror}") from None
-    return path
+        raise Refused(f"{path}: cannot write this page: {error.strerror}") from None
+
+
+def _check_out(path: Path, folders: Sequence[Path]) -> None:
+    """Refuse a page that has no place, or that of something else.
+
+    Raises:
+        Mistake: It is a folder, lies in none, or is a file of a folder that the page is about.
+    """
+    if not path.parent.is_dir():
+        raise Mistake(f"{path}: cannot write this page: there is no such folder")
+    if path.is_dir():
+        raise Mistake(f"{path}: this is a folder; --out takes the file to write, such as page.html")
+    inside = any(path.resolve().is_relative_to(folder.resolve()) for folder in folders)
+    if inside and path.exists() and path.suffix not in PAGES:
+        raise Mistake(f"{path}: this is a file of a folder that the page is about")
 
 
 def _section(folder: Path) -> Section:

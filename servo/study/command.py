@@ -72,6 +72,7 @@ def run(request: Request) -> int:
     if request.scheduler is None:
         gl.backend()
     with Store(folder, study, manifest(study, request.command)) as store:
+        _print_damaged(store.damaged)
         try:
             failed = _work(study, store, request, console)
             code = _sum_up(study, store, console)
@@ -122,6 +123,15 @@ def _work(study: Study, store: Store, request: Request, console: Console) -> lis
                 store.add(ended.value)
             board.ended(failed=bool(ended.error))
     return failed
+
+
+def _print_damaged(paths: Sequence[Path]) -> None:
+    if paths:
+        plain(
+            Console(stderr=True),
+            f"servobench: {paths[0]}: this is not the run's row as it was written (the first of "
+            f"{len(paths)} such files); what is missing is run again",
+        )
 
 
 def _again(store: Store, study: Study, request: Request) -> str:

@@ -58,7 +58,10 @@ def perform(run: Run) -> Row:
 
 def version_columns() -> dict[str, str]:
     """The versions that decide the numbers, by column."""
-    return {f"version_{name.replace('-', '_')}": version for name, version in versions().items()}
+    return {
+        f"version_{name.replace('-', '_').replace(' ', '_')}": version
+        for name, version in versions().items()
+    }
 
 
 def _series(steps: list[Step]) -> dict[str, list[Any]]:

@@ -28,6 +28,18 @@ class Base:
 
 
 @dataclass(frozen=True, slots=True)
+class Place:
+    """One run's place in a study."""
+
+    number: int
+    """From 0."""
+    base: Base
+    seed: int
+    settings: dict[str, Value]
+    """Values of axes and draws, by key."""
+
+
+@dataclass(frozen=True, slots=True)
 class Run:
     """One run of a study: all that a worker needs to know. It travels between processes."""
 
@@ -98,16 +110,22 @@ class Study:
             for values in itertools.product(*(a.values for a in self.axes)):
                 yield base, named | dict(zip((a.key for a in self.axes), values, strict=True))
 
-    def runs(self) -> Iterator[Run]:
-        """All runs in their order: cell by cell, seed by seed."""
+    def places(self) -> Iterator[Place]:
+        """The places of all runs in their order: cell by cell, seed by seed."""
         numbers = itertools.count()
         for base, cell in self.cells():
             for seed in self.seeds:
                 settings = cell | {d.key: d.value(seed) for d in self.draws}
-                yield Run(
-                    next(numbers), base.name, seed, settings, self._table(base, settings, seed),
-                    base.place, pictured=seed == self.seeds[0],
-                )  # fmt: skip
+                yield Place(next(numbers), base, seed, settings)
+
+    def runs(self) -> Iterator[Run]:
+        """All runs in their order."""
+        for place in self.places():
+            base, seed, settings = place.base, place.seed, place.settings
+            yield Run(
+                place.number, base.name, seed, settings, self._table(base, settings, seed),
+                base.place, pictured=seed == self.seeds[0],
+            )  # fmt: skip
 
     def _table(self, base: Base, settings: dict[str, Value], seed: int) -> Table:
         table = copy.deepcopy(base.table)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +12,7 @@ from servo.measures import MEANINGS
 from servo.study.parse import SUCCESS
 from servo.study.perform import Row
 from servo.study.plan import Study
+from tracking.evaluation.csv_text import csv_text
 from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
 
 DRAWS = 2000
@@ -102,7 +101,7 @@ def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -
     return told
 
 
-def cells_csv(study: Study, cells: Sequence[Cell]) -> bytes:
+def cells_csv(study: Study, cells: Sequence[Cell]) -> str:
     """The cells as CSV: axes, runs, success rate and means, each with its 95 % interval."""
     keys = [axis.key for axis in study.every_axis]
     head = [*keys, "runs", *_three(SUCCESS), *(c for name in AVERAGED for c in _three(name))]
@@ -113,17 +112,17 @@ def cells_csv(study: Study, cells: Sequence[Cell]) -> bytes:
         ]
         for cell in cells
     ]  # fmt: skip
-    return _csv(head, lines)
+    return csv_text(head, lines)
 
 
-def comparisons_csv(found: Sequence[Compared]) -> bytes:
+def comparisons_csv(found: Sequence[Compared]) -> str:
     """The comparisons as CSV."""
     head = ["first", "second", "wins", "losses", "ties", "z", "p", "p_holm"]
     lines = [
         [c.first, c.second, t.wins, t.losses, t.ties, t.z, t.p, c.p_holm]
         for c, t in ((c, c.test) for c in found)
     ]
-    return _csv(head, lines)
+    return csv_text(head, lines)
 
 
 def _mcnemar(first: dict[Any, bool], second: dict[Any, bool]) -> McNemar:
@@ -147,11 +146,3 @@ def _three(name: str) -> tuple[str, str, str]:
 
 def _numbers(interval: Interval | None) -> tuple[Any, Any, Any]:
     return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)
-
-
-def _csv(head: Sequence[str], lines: Iterable[Sequence[Any]]) -> bytes:
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(head)
-    table.writerows(lines)
-    return text.getvalue().encode()

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from tracking.evaluation import atomic
 from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import Comparison, measure_all
 from tracking.evaluation.sequence import Sequence, read_all
@@ -146,7 +147,7 @@ class SequenceJob:
         """Measures and curves; the track goes to DIR/tracks."""
         sequence = self.entry.build(self.seed)
         path = track_path(folder, self.key)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        atomic.folder(folder, f"{TRACKS}/{self.contender.label}")
         tracker = self.contender.config.build(np.random.default_rng(self.seed))
         rows, shots = TrackFile(path, sequence.region), []
         try:

@@ -9,17 +9,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tracking.evaluation.figures import literal, save
 from tracking.evaluation.measures import NEAR, OVERLAPS, PIXELS
 from tracking.evaluation.summary import Result
 
-DOTS = 130
 STYLES = ("-", "--", ":", "-.")
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e", "#be185d", "#4b5563")
-
-
-def literal(text: str) -> str:
-    """A text as matplotlib shall draw it: with dollars, not with formulas between them."""
-    return text.replace("$", r"\$")
 
 
 def draw(results: Sequence[Result], order: Sequence[str], title: str, folder: Path) -> list[Path]:
@@ -51,6 +46,5 @@ def draw(results: Sequence[Result], order: Sequence[str], title: str, folder: Pa
         ax.grid(alpha=0.25)
         ax.spines[["top", "right"]].set_visible(False)
         ax.legend(fontsize=7, ncols=1 + len(order) // 9, frameon=False)
-        paths.append(folder / f"{name}.png")
-        figure.savefig(paths[-1], dpi=DOTS)
+        paths.append(save(figure, folder, f"{name}.png"))
     return paths

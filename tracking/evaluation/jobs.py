@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import traceback
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
+
+from tracking.evaluation import atomic
 
 RESULTS = "results"
 
@@ -21,11 +25,11 @@ class Job(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """All that decides the result, in words that JSON has."""
+        """All that decides the result, as JSON has it."""
         ...
 
     def run(self, folder: Path) -> dict[str, Any]:
-        """The result, in words that JSON has; more may be written to the folder."""
+        """The result, as JSON has it; more may be written to the folder."""
         ...
 
 
@@ -38,36 +42,74 @@ class Done:
     """None where it failed."""
     error: str = ""
     """The traceback of a failure."""
+    refused: OSError | None = None
+    """The operating system's error, where that was the failure."""
 
 
 def attempt(job: Job, folder: Path) -> Done:
     """Do a job, and keep its result in the folder."""
     try:
         result = job.run(folder)
+        atomic.write(folder, _name(job), json.dumps(_document(job, result), indent=1) + "\n")
+    except OSError as error:
+        return Done(job, None, traceback.format_exc(), error)
     except Exception:
         return Done(job, None, traceback.format_exc())
-    path = _path(job, folder)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"job": job.describe(), "result": result}, indent=1)
-    # Written aside and renamed, so that a killed batch leaves no half of a result.
-    aside = path.with_suffix(".part")
-    aside.write_text(text + "\n", encoding="utf-8")
-    aside.replace(path)
     return Done(job, result)
 
 
 def known(job: Job, folder: Path) -> Done | None:
-    """The result of this very job, if the folder has it."""
+    """The result of this very job, if the folder has it whole."""
     try:
-        kept = json.loads(_path(job, folder).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        result = _read(job, folder)
+    except ValueError:
         return None
-    same = kept.get("job") == json.loads(json.dumps(job.describe()))
-    return Done(job, kept["result"]) if same and kept.get("result") is not None else None
+    return None if result is None else Done(job, result)
 
 
-def _path(job: Job, folder: Path) -> Path:
-    return folder / RESULTS / f"{job.key}.json"
+def damaged(jobs: Iterable[Job], folder: Path) -> list[Path]:
+    """Files that should hold a result of these jobs, but cannot be read or were changed."""
+    found: list[Path] = []
+    for job in jobs:
+        try:
+            _read(job, folder)
+        except ValueError:
+            found.append(folder / _name(job))
+    return found
+
+
+def _read(job: Job, folder: Path) -> dict[str, Any] | None:
+    """The result of this very job; None where there is none, or one of another job.
+
+    Raises:
+        ValueError: The file is no result, or not as it was written.
+    """
+    try:
+        kept = json.loads((folder / _name(job)).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, RecursionError) as error:
+        raise ValueError(str(error)) from None
+    if not isinstance(kept, dict) or kept.keys() != {"job", "result", "sha256"}:
+        raise ValueError("this is no result")
+    if kept["sha256"] != _digest(kept["job"], kept["result"]):
+        raise ValueError("this result was changed")
+    same = kept["job"] == json.loads(json.dumps(job.describe()))
+    return kept["result"] if same else None
+
+
+def _document(job: Job, result: dict[str, Any]) -> dict[str, Any]:
+    described = json.loads(json.dumps(job.describe()))
+    digest = _digest(described, json.loads(json.dumps(result)))
+    return {"job": described, "result": result, "sha256": digest}
+
+
+def _digest(described: Any, result: Any) -> str:
+    return hashlib.sha256(json.dumps([described, result], sort_keys=True).encode()).hexdigest()
+
+
+def _name(job: Job) -> str:
+    return f"{RESULTS}/{job.key}.json"
 
 
 def number(value: float) -> float | None:

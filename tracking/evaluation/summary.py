@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from sim.types import Array
+from tracking.evaluation import atomic
+from tracking.evaluation.csv_text import csv_text
 from tracking.evaluation.measures import MEASURES
 from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
 
@@ -70,31 +71,34 @@ def values(results: Sequence[Result], measure: str) -> Array:
 
 
 def write(results: Sequence[Result], rows: Sequence[Row], folder: Path) -> list[Path]:
-    """runs.csv, table.csv and bench.json; their paths."""
-    paths = [folder / name for name in ("runs.csv", "table.csv", "bench.json")]
+    """runs.csv, table.csv and bench.json; their paths.
+
+    Raises:
+        OSError: The disk refuses.
+    """
     names = [m.name for m in MEASURES]
-    with paths[0].open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["tracker", "sequence", "family", "seed", "frames", *names])
-        for r in results:
-            head = [r[k] for k in ("tracker", "sequence", "family", "seed", "frames")]
-            table.writerow([*head, *(r["measures"].get(name) for name in names)])
-    with paths[1].open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        thrice = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
-        table.writerow(["tracker", "runs", *thrice, "z_against_best", "p_holm"])
-        for row in rows:
-            cells = [_cells(row.means.get(name)) for name in names]
-            z = "" if row.against_best is None else row.against_best.z
-            table.writerow([row.tracker, row.runs, *(c for cell in cells for c in cell), z, row.p])
+    about = ("tracker", "sequence", "family", "seed", "frames")
+    runs = [[*(r[k] for k in about), *(r["measures"].get(name) for name in names)]
+            for r in results]  # fmt: skip
+    thrice = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
+    head = ["tracker", "runs", *thrice, "z_against_best", "p_holm"]
     document = {
         "measures": {m.name: {"unit": m.unit, "better": m.better.value, "meaning": m.meaning}
                      for m in MEASURES},
         "trackers": [_plain(row) for row in rows],
         "runs": list(results),
     }  # fmt: skip
-    paths[2].write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    return paths
+    return [
+        atomic.write(folder, "runs.csv", csv_text([*about, *names], runs)),
+        atomic.write(folder, "table.csv", csv_text(head, (_line(row, names) for row in rows))),
+        atomic.write(folder, "bench.json", json.dumps(document, indent=1) + "\n"),
+    ]
+
+
+def _line(row: Row, names: Sequence[str]) -> list[Any]:
+    cells = [_cells(row.means.get(name)) for name in names]
+    z = "" if row.against_best is None else row.against_best.z
+    return [row.tracker, row.runs, *(c for cell in cells for c in cell), z, row.p]
 
 
 def _mean(results: Sequence[Result], measure: str) -> float:

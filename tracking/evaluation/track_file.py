@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
+from tracking.evaluation import atomic
 from tracking.evaluation.track import Shot, Track
 from tracking.types import Region, Status
 
@@ -22,34 +24,35 @@ class TrackFile:
     """Writes the rows of one track; every row is on disk before the next picture is read."""
 
     def __init__(self, path: Path, region: Region) -> None:
-        self._region = region
-        self._file = path.open("w", encoding="utf-8", newline="")
+        self._path, self._region = path, region
+        self._file = TextIOWrapper(atomic.new_file(path), encoding="utf-8", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerow(HEADER)
 
     def add(self, shot: Shot) -> None:
-        """Write a row."""
+        """Write a row.
+
+        Raises:
+            OSError: The disk is full.
+        """
         state, region = shot.estimate.state, self._region
         corners = region.corners(state)
         numbers = [
             state.x, state.y, state.theta, state.scale,
             region.width * state.scale, region.height * state.scale, *corners.ravel().tolist(),
         ]  # fmt: skip
-        self._writer.writerow(
-            [
-                shot.index,
-                f"{shot.picture.time:.6f}",
-                *(f"{number:.{DIGITS}g}" for number in numbers),
-                f"{shot.confidence:.6f}",
-                shot.estimate.status.name,
-                f"{1e3 * shot.seconds:.3f}",
-            ]
-        )
-        self._file.flush()
+        row = [
+            shot.index, f"{shot.picture.time:.6f}", *(f"{number:.{DIGITS}g}" for number in numbers),
+            f"{shot.confidence:.6f}", shot.estimate.status.name, f"{1e3 * shot.seconds:.3f}",
+        ]  # fmt: skip
+        with atomic.naming(self._path):
+            self._writer.writerow(row)
+            self._file.flush()
 
     def close(self) -> None:
         """Finish the file."""
-        self._file.close()
+        with atomic.naming(self._path):
+            self._file.close()
 
 
 def read(path: Path) -> Track:

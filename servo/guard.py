@@ -1,0 +1,95 @@
+"""How every command ends: one sentence and an exit code, whatever went wrong, and whoever reads."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, TextIO
+
+from servo.mistake import Mistake, Refused, refusal
+from sim.gl import NoRenderer
+
+MISTAKEN, REFUSED = 2, 1
+"""Exit codes: the user can put it right; the machine did not do it."""
+ENVIRONMENT = {
+    "RUST_LOG": "off",  # Rerun
+    "OPENCV_LOG_LEVEL": "SILENT",
+    "OPENCV_FFMPEG_LOGLEVEL": "-8",
+}
+"""Libraries that write to the terminal by themselves are silent: what went wrong is in the sentence
+of the command. A user who sets these has the library's own words."""
+
+
+def guarded(command: Callable[[], Any]) -> None:
+    """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    sys.stdout, sys.stderr = Printer.of(sys.stdout), Printer.of(sys.stderr)
+    try:
+        command()
+    except (Mistake, NoRenderer) as error:
+        _end(str(error), MISTAKEN)
+    except Refused as error:
+        _end(str(error), REFUSED)
+    except OSError as error:
+        _end(refusal(error), REFUSED)
+    except MemoryError:
+        _end("there is not enough memory for this", REFUSED)
+
+
+def _end(sentence: str, code: int) -> None:
+    print(f"servobench: {sentence}", file=sys.stderr)
+    sys.exit(code)
+
+
+class Printer:
+    """A stream that can be printed to whatever it is: closed, full, or of few characters.
+
+    A command writes its files first and prints afterwards; printing never makes it fail.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream, self._gone = stream, False
+
+    @staticmethod
+    def of(stream: TextIO | None) -> Any:
+        """The printer of a standard stream; None is one that was closed before the start."""
+        if isinstance(stream, Printer):
+            return stream
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")
+        return Printer(stream or io.StringIO())
+
+    def write(self, text: str) -> int:
+        """Write as much as can be written; the length of the text."""
+        self._unless_gone(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush what can be flushed."""
+        self._unless_gone(self._stream.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _unless_gone(self, act: Callable[[], Any]) -> None:
+        if self._gone:
+            return
+        try:
+            act()
+        except (OSError, ValueError):
+            self._gone = True
+            _send_nowhere(self._stream)
+
+
+def _send_nowhere(stream: TextIO) -> None:
+    """Send what is left in a stream's buffer nowhere: Python flushes it again at its end."""
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+    except (OSError, ValueError):
+        return

@@ -1,0 +1,84 @@
+"""The file of one finished run: a Parquet table of one row, checked against the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from servo.measures import MEANINGS
+from servo.study.perform import Row, version_columns
+from servo.study.plan import Place, Study
+
+FLOATS, FLAGS = pa.list_(pa.float32()), pa.list_(pa.bool_())
+SERIES = {"time_s": FLOATS, "servo_error_px": FLOATS, "tracking_error_px": FLOATS,
+          "on_target": FLAGS, "sheet": pa.binary()}  # fmt: skip
+"""Columns of a run's own file that are not in the table of all runs."""
+
+
+class RunFiles:
+    """Writes and reads the rows of one study."""
+
+    def __init__(self, study: Study) -> None:
+        self._own = columns(study)
+        self._schema = pa.schema([*self._own, *SERIES.items()])
+        self._types = dict(self._own)
+
+    def encoded(self, row: Row) -> bytes:
+        """The file of a row."""
+        cells = {f.name: _cell(row.get(f.name), f.type) for f in self._schema}
+        sink = pa.BufferOutputStream()
+        table = pa.Table.from_pylist([cells], self._schema)
+        pq.write_table(table, sink, write_page_checksum=True)
+        return sink.getvalue().to_pybytes()
+
+    def read(self, path: Path) -> pa.Table | None:
+        """The row without what is long; None where the file is not as it was written."""
+        try:
+            # Read from memory: what is there cannot change meanwhile.
+            raw = pa.BufferReader(path.read_bytes())
+            whole = pq.read_table(raw, page_checksum_verification=True)
+        except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
+            return None  # a file of zeros after a crash, or flipped bits
+        if whole.num_rows != 1 or not whole.schema.equals(self._schema):
+            return None
+        return whole.select([name for name, _ in self._own])
+
+    def fits(self, table: pa.Table, place: Place) -> bool:
+        """Whether a row is that of a place in the plan, made by the code that is here."""
+        row = table.to_pylist()[0]
+        wanted = {"run": place.number, "scenario": place.base.name, "seed": place.seed}
+        wanted |= {k: _cell(v, self._types[k]) for k, v in place.settings.items()}
+        return all(row[k] == v for k, v in (wanted | version_columns()).items())
+
+
+def columns(study: Study) -> list[tuple[str, pa.DataType]]:
+    """Names and types of the tidy table."""
+    own = [(axis.key, axis.values) for axis in study.every_axis]
+    own += [(d.key, d.numbers if d.law == "choice" else (0.5,)) for d in study.draws]
+    fixed = [("run", pa.int64()), ("scenario", pa.string()), ("seed", pa.int64())]
+    named = {name for name, _ in fixed}
+    return [
+        *fixed,
+        *((key, _type(values)) for key, values in own if key not in named),
+        ("outcome", pa.string()), ("success", pa.bool_()), ("missed", pa.string()),
+        *((name, pa.float64()) for name in (*MEANINGS, "track_ms")),
+        *((name, pa.string()) for name in version_columns()),
+    ]  # fmt: skip
+
+
+def _cell(value: Any, kind: pa.DataType) -> Any:
+    """Values of an axis that have nothing in common are kept as text."""
+    return value if kind != pa.string() or value is None else str(value)
+
+
+def _type(values: Iterable[Any]) -> pa.DataType:
+    kinds = {type(v) for v in values}
+    if kinds == {bool}:
+        return pa.bool_()
+    if kinds == {int}:
+        return pa.int64()
+    return pa.float64() if kinds <= {int, float} else pa.string()

@@ -1,0 +1,81 @@
+"""A disk that takes no more: rows come first, one sentence, exit code 1.
+
+`ulimit -f` stands for the full disk: the system then refuses to let any file grow beyond a size.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+BIN = Path(sys.executable).parent / "servobench"
+QUICK = "--set run.duration=2 --set tracker.kind=frozen --set estimator.kind=none --set expect={}"
+
+
+def limited(blocks, command, place):
+    """Exit code and stderr of a command whose files may not be larger than so many KiB."""
+    ended = subprocess.run(
+        ["bash", "-c", f"ulimit -f {blocks}; '{BIN}' {command}"], cwd=place, capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+    return ended.returncode, ended.stderr
+
+
+def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
+    # The recording of two seconds has 1.4 MiB; the room that is reserved for the rows is smaller.
+    code, err = limited(1260, f"run still --out out {QUICK} --set camera.noise=40", tmp_path)
+    assert (code, err) == (
+        1, "servobench: out/run.rrd: the recording ends too early: the disk refuses more\n"
+    )  # fmt: skip
+    assert pq.read_table(tmp_path / "out" / "steps.parquet").num_rows == 60
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "TIMED_OUT"
+
+
+def test_without_room_for_the_rows_a_run_does_not_begin(tmp_path):
+    code, err = limited(300, f"run still --out out {QUICK}", tmp_path)
+    assert (code, err) == (
+        1, "servobench: out/steps.arrows: there is no room for the rows: File too large\n"
+    )  # fmt: skip
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    (tmp_path / "seen").mkdir()
+    for k in range(90):
+        image = np.random.default_rng(k).integers(0, 255, (60, 80, 3), np.uint8)
+        cv2.imwrite(str(tmp_path / "seen" / f"{k:02}.png"), image)
+    (tmp_path / "seen" / "groundtruth.txt").write_text("20,20,20,20\n" * 90)
+    return tmp_path
+
+
+def test_a_track_keeps_the_rows_that_fit(pictures):
+    code, err = limited(4, "track seen --tracker frozen --out out", pictures)
+    assert (code, err) == (1, "servobench: out/track.csv: File too large\n")
+    rows = (pictures / "out" / "track.csv").read_text().splitlines()
+    assert len(rows) > 10
+    assert rows[1].startswith("0,0.000000,30,30,")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_bench_stops_at_the_first_file_that_does_not_fit(pictures, workers):
+    command = f"bench seen --trackers frozen --out out --workers {workers} --seeds 2"
+    code, err = limited(4, command, pictures)
+    assert code == 1
+    assert err == (
+        "servobench: out/tracks/frozen/seen-0.csv: File too large; what is in out is whole; the "
+        "same command goes on from there\n"
+    )
+    assert limited("unlimited", command, pictures) == (0, "")
+
+
+def test_papers_stop_likewise(tmp_path):
+    code, err = limited(1, "papers P1-1 --quick --out out --workers 1", tmp_path)
+    assert code == 1
+    assert err.endswith("what is in out is whole; the same command goes on from there\n")
+    assert err.count("\n") == 1

@@ -1,0 +1,82 @@
+"""Every command ends with a sentence and an exit code, whatever its output is connected to."""
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from servo.guard import Printer, guarded
+from servo.mistake import LONGEST, Mistake, Refused
+from sim.gl import NoRenderer
+
+BIN = Path(sys.executable).parent / "servobench"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "sentence"),
+    [
+        (Mistake("no such\nthing"), 2, "no such\\nthing"),
+        (NoRenderer("no OpenGL here"), 2, "no OpenGL here"),
+        (Refused("the disk is full"), 1, "the disk is full"),
+        (OSError(28, "No space left on device", "a/b"), 1, "a/b: No space left on device"),
+        (OSError(24, "Too many open files"), 1, "Too many open files"),
+        (MemoryError(), 1, "there is not enough memory for this"),
+        (Mistake("x" * 9999), 2, f"{'x' * (LONGEST // 2)} [...] {'x' * (LONGEST // 2)}"),
+    ],
+)
+def test_a_failure_is_a_sentence_and_an_exit_code(capsys, error, code, sentence):
+    def command():
+        raise error
+
+    with pytest.raises(SystemExit) as ended:
+        guarded(command)
+    assert (ended.value.code, capsys.readouterr().err) == (code, f"servobench: {sentence}\n")
+
+
+def test_an_error_of_our_own_keeps_its_traceback():
+    def command():
+        raise KeyError("a bug")
+
+    with pytest.raises(KeyError):
+        guarded(command)
+
+
+def test_a_printer_goes_on_after_its_stream_is_gone():
+    class Gone(io.StringIO):
+        def write(self, _):
+            raise BrokenPipeError(32, "Broken pipe")
+
+    printer = Printer(Gone())
+    assert printer.write("one") == 3
+    assert printer.write("two") == 3
+    printer.flush()
+
+
+SETTINGS = ("run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "expect={}")
+RUN = ("run", "still", "--out", "out", "--no-rerun", *(w for s in SETTINGS for w in ("--set", s)))
+FILES = ["errors.png", "report.json", "steps.parquet", "target_motion.png"]
+
+
+@pytest.mark.parametrize(
+    "where", ["> /dev/full", ">&-", "2>&-", ">&- 2>&-", "> /dev/full 2> /dev/full", "| true"]
+)
+def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, where):
+    words = " ".join(f"'{w}'" for w in (BIN, *RUN))
+    ended = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {words} {where}"], cwd=tmp_path, capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES
+
+
+def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path):
+    (tmp_path / "gr\u00fcn.toml").write_text("[run]\nduration = 0.1\n")
+    ended = subprocess.run(
+        [BIN, "run", "gr\u00fcn.toml", "--no-rerun", "--set", "tracker.kind=frozen"], cwd=tmp_path,
+        capture_output=True, check=False, env={"PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    assert b"gr?n, seed 0" in ended.stdout

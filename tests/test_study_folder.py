@@ -1,0 +1,294 @@
+"""The folder of a study: what does not fit its plan counts as not run, and nothing is mixed in."""
+
+import json
+import os
+import shutil
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from servo import cli
+from servo.mistake import Mistake, Refused
+from servo.result_folder import LOCK
+from servo.study import command, store
+from servo.study.parse import load
+from servo.study.perform import perform
+from servo.study.run_file import RunFiles
+from servo.versions import SOURCE
+
+SMALL = """# mine
+# A car that stands.
+scenario = "still"
+seeds = 2
+
+[set]
+run.duration = 0.2
+tracker.kind = "frozen"
+estimator.kind = "none"
+
+[axes]
+run.latency = [0, 2]
+start.x = { uniform = [-20.0, 20.0] }
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SMALL)
+    return tmp_path
+
+
+@pytest.fixture
+def small(place):
+    return load("mine.toml")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A folder with all four runs; copy it to change it."""
+    there = tmp_path_factory.mktemp("finished")
+    (there / "mine.toml").write_text(SMALL)
+    study = load(str(there / "mine.toml"))
+    with store.Store(there / "out", study, command.manifest(study, "me")) as kept:
+        for run in study.runs():
+            kept.add(perform(run))
+    return there / "out"
+
+
+@pytest.fixture
+def folder(finished, place):
+    shutil.copytree(finished, place / "out")
+    return place / "out"
+
+
+def opened(study, folder, **changed):
+    return store.Store(folder, study, command.manifest(study, "me") | changed)
+
+
+def refused(study, folder, **changed):
+    with pytest.raises(Mistake) as said:
+        opened(study, folder, **changed)
+    return str(said.value)
+
+
+def run_file(folder, number):
+    return folder / "runs" / f"{number:06}.parquet"
+
+
+def flipped(raw, at):
+    return raw[:at] + bytes([raw[at] ^ 0x10]) + raw[at + 1 :]
+
+
+def flipped_name(raw):
+    """With another letter in the run's outcome."""
+    return flipped(raw, raw.index(b"TIMED_OUT") + 2)
+
+
+def changed_row(folder, number, **cells):
+    whole = pq.read_table(run_file(folder, number))
+    row = whole.to_pylist()[0] | cells
+    pq.write_table(pa.Table.from_pylist([row], whole.schema), run_file(folder, number))
+
+
+DAMAGE = {
+    "half a file": lambda f: run_file(f, 2).write_bytes(run_file(f, 2).read_bytes()[:4000]),
+    "zeros": lambda f: run_file(f, 2).write_bytes(bytes(5000)),
+    "an empty file": lambda f: run_file(f, 2).write_bytes(b""),
+    "no file": lambda f: run_file(f, 2).unlink(),
+    "a flipped bit": lambda f: run_file(f, 2).write_bytes(
+        flipped_name(run_file(f, 2).read_bytes())
+    ),
+    "no rows": lambda f: pq.write_table(pq.read_table(run_file(f, 2))[:0], run_file(f, 2)),
+    "two rows": lambda f: pq.write_table(
+        pa.concat_tables([pq.read_table(run_file(f, 2))] * 2), run_file(f, 2)
+    ),
+    "another run's row": lambda f: shutil.copy(run_file(f, 1), run_file(f, 2)),
+    "another number": lambda f: changed_row(f, 2, run=1),
+    "another seed": lambda f: changed_row(f, 2, seed=7),
+    "another draw": lambda f: changed_row(f, 2, **{"start.x": 0.0}),
+    "another value of the axis": lambda f: changed_row(f, 2, **{"run.latency": 0}),
+    "another scenario": lambda f: changed_row(f, 2, scenario="line"),
+    "other code": lambda f: changed_row(f, 2, version_servobench_source="0"),
+    "fewer columns": lambda f: pq.write_table(
+        pq.read_table(run_file(f, 2)).drop_columns(["outcome"]), run_file(f, 2)
+    ),
+    "another name": lambda f: run_file(f, 2).rename(f / "runs" / "2.parquet"),
+    "a foreign number": lambda f: run_file(f, 2).rename(run_file(f, 77)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_what_does_not_fit_the_plan_is_run_again(small, folder, damage):
+    DAMAGE[damage](folder)
+    with opened(small, folder) as kept:
+        assert kept.done() == {0, 1, 3}
+        assert len(kept.damaged) == (damage != "no file")
+
+
+def test_no_flipped_bit_changes_what_is_read(small, folder):
+    files, raw = RunFiles(small), run_file(folder, 2).read_bytes()
+    before, detected = files.read(run_file(folder, 2)), 0
+    places = np.random.default_rng(0).integers(len(raw), size=300)
+    for at in places.tolist():
+        run_file(folder, 2).write_bytes(flipped(raw, at))
+        found = files.read(run_file(folder, 2))
+        detected += found is None
+        assert found is None or found.equals(before)
+    assert detected > 200
+
+
+def test_a_whole_folder_is_complete(small, folder):
+    with opened(small, folder) as kept:
+        assert (kept.done(), kept.damaged) == ({0, 1, 2, 3}, [])
+
+
+def call(monkeypatch, capfd, *arguments):
+    monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capfd.readouterr()
+    return ended.value.code or 0, out, err
+
+
+def test_the_command_says_what_it_runs_again_and_ends_with_the_same_numbers(
+    monkeypatch, capfd, folder
+):
+    before = pq.read_table(run_file(folder, 2)).drop_columns(["step_ms", "track_ms"])
+    changed_row(folder, 2, servo_rms_px=0.0, seed=9)
+    code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out", "--workers", "1")
+    assert (code, err) == (
+        0,
+        "servobench: out/runs/000002.parquet: this is not the run's row as it was written (the "
+        "first of 1 such files); what is missing is run again\n",
+    )
+    after = pq.read_table(run_file(folder, 2)).drop_columns(["step_ms", "track_ms"])
+    assert after.equals(before)
+
+
+def test_runs_without_their_description_are_refused(small, folder):
+    (folder / "study.json").unlink()
+    assert refused(small, folder) == (
+        f"{folder}: there is something in this folder, but no study.json of `servobench sweep`; "
+        "choose another folder with --out"
+    )
+
+
+@pytest.mark.parametrize("text", ["", "null", "3", "[]", '"x"', "{", "\0", "[" * 100_000])
+def test_a_damaged_description_is_refused(small, folder, text):
+    (folder / "study.json").write_text(text)
+    assert refused(small, folder) == (
+        f"{folder}/study.json: this file is damaged, so that nobody knows what the results beside "
+        "it are; choose another folder with --out"
+    )
+
+
+@pytest.mark.parametrize("versions", [None, [], {}, {"mujoco": None}, "x", 3])
+def test_a_description_without_versions_is_refused(small, folder, versions):
+    about = json.loads((folder / "study.json").read_text()) | {"versions": versions}
+    (folder / "study.json").write_text(json.dumps(about))
+    assert ": this was begun with servobench None, here is 0.1.0: its" in refused(small, folder)
+
+
+def test_another_study_other_versions_and_other_code_are_refused(small, folder):
+    assert refused(small, folder, seeds=[0]) == (
+        f"{folder}: another study is kept here (its seeds differs); choose another folder with "
+        "--out"
+    )
+    versions = command.manifest(small, "me")["versions"]
+    assert refused(small, folder, versions=versions | {"mujoco": "9.9"}) == (
+        f"{folder}: this was begun with mujoco {versions['mujoco']}, here is 9.9: "
+        "its numbers would not compare; choose another folder with --out"
+    )
+    assert refused(small, folder, versions=versions | {SOURCE: "0"}) == (
+        f"{folder}: this was begun with servobench source {versions[SOURCE]}, here is 0: "
+        "its numbers would not compare; choose another folder with --out"
+    )
+
+
+def test_a_row_of_a_worker_with_other_code_is_refused(small, folder):
+    row = perform(next(small.runs()))
+    with opened(small, folder) as kept, pytest.raises(Mistake) as said:
+        kept.add(row | {"version_servobench_source": "abc"})
+    assert str(said.value) == (
+        f"a worker has servobench_source abc, here is {row['version_servobench_source']}: its "
+        "numbers would not compare; install the same on every worker"
+    )
+
+
+def test_a_folder_of_something_else_is_refused_and_left_alone(small, place):
+    (place / "notes").mkdir()
+    (place / "notes" / "thesis.txt").write_text("mine")
+    assert "there is something in this folder, but no study.json" in refused(small, place / "notes")
+    assert sorted(p.name for p in (place / "notes").iterdir()) == [LOCK, "thesis.txt"]
+
+
+def test_a_sweep_that_was_killed_at_once_goes_on(small, place):
+    for part in ("runs", "failures"):
+        (place / "out" / part).mkdir(parents=True)
+    (place / "out" / ".study.json.part").write_text("{")
+    with opened(small, place / "out") as kept:
+        assert kept.done() == set()
+
+
+def test_two_sweeps_do_not_write_into_one_folder(small, folder):
+    with opened(small, folder):
+        assert refused(small, folder) == f"{folder}: another command is writing into this folder"
+    opened(small, folder).close()
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(monkeypatch, small, folder):
+    row = perform(next(small.runs()))
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    with opened(small, folder) as kept:
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(Refused) as said:
+            kept.add(row)
+    assert str(said.value) == (
+        f"{folder}: cannot write run 0: No space left on device; what is there already is "
+        "whole, and the same command goes on from it"
+    )
+    monkeypatch.undo()
+    assert not list((folder / "runs").glob(".*"))
+    with opened(small, folder) as kept:
+        assert kept.done() == {0, 1, 2, 3}
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(small, place):
+    (place / "file").write_text("")
+    assert refused(small, place / "file" / "out") == (
+        f"{place}/file/out: cannot write to this folder: Not a directory"
+    )
+
+
+LINKS = ["runs", "failures", "study.json", ".lock", "results.parquet", "cells.csv",
+         "runs/000002.parquet", "runs/.000002.parquet.part", ".cells.csv.part"]  # fmt: skip
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_nothing_is_written_through_a_link(monkeypatch, capfd, folder, place, link):
+    """The folder comes from somebody else, who chose what its links point to."""
+    precious = place / "precious"
+    precious.mkdir()
+    (precious / "file").write_text("mine")
+    target = precious if link in ("runs", "failures") else precious / "file"
+    if link == "study.json":  # it has to be the study's, to come to writing at all
+        shutil.copy(folder / link, precious / "file")
+    before = (precious / "file").read_bytes()
+    path = folder / link
+    if path.is_dir():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
+    path.symlink_to(target)
+    (folder / "runs" / "000003.parquet").unlink(missing_ok=True)
+    code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out", "--workers", "1")
+    assert "Traceback" not in err
+    assert (code == 0) == (link not in ("runs", "failures", ".lock"))
+    assert (precious / "file").read_bytes() == before
+    assert [p.name for p in precious.iterdir()] == ["file"]
