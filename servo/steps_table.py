@@ -7,8 +7,8 @@ that a killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads wh
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,9 +16,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from servo.mistake import Mistake
 from servo.step import Step
 from servo.types import DOF, FEATURES
 from sim.robot import Robot
+from sim.types import Array
 from tracking.evaluation import atomic
 
 STREAM, TABLE = "steps.arrows", "steps.parquet"
@@ -36,102 +38,126 @@ SPARE = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column: its name (with unit), what it means, and how it is read from a step."""
+    """One column: its name (with unit) and what it means."""
 
     name: str
     meaning: str
-    of: Callable[[Step], Any]
     type: pa.DataType = REAL
 
 
-def columns(joints: tuple[str, ...], units: tuple[str, ...]) -> list[Column]:
-    """All columns, in order, for a robot with these joints and their units, m or rad."""
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Columns whose values are read from a step together."""
+
+    name: str
+    columns: tuple[Column, ...]
+    of: Callable[[Step], Sequence[Any] | Array]
+    """One value for each column."""
+
+    def cells(self, step: Step) -> Iterator[tuple[str, Any]]:
+        """Name and value of each column.
+
+        Raises:
+            Mistake: There are more or fewer values than columns.
+        """
+        values = self.of(step)
+        if len(values) != len(self.columns):
+            names = ", ".join(c.name for c in self.columns)
+            raise Mistake(
+                f"the table of steps has {len(self.columns)} columns for '{self.name}' ({names}), "
+                f"but there are {len(values)} values: a controller with other features cannot be "
+                "logged"
+            )
+        return zip((c.name for c in self.columns), values, strict=True)
+
+
+def quantities(joints: tuple[str, ...], units: tuple[str, ...]) -> list[Quantity]:
+    """All quantities, in order, for a robot with these joints and their units, m or rad."""
     return [
-        Column("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
-        Column("time_s", "simulated time", lambda s: s.frame.time),
-        Column("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
-        *_state_columns(),
-        *_feature_columns(),
-        *_vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
-        *_vector("acting", "asked for until the next", lambda s: s.twist_acting, DOF, TWIST_UNITS),
-        *_vector("measured", "camera's mean twist since the last frame",
-                 lambda s: s.twist_measured, DOF, TWIST_UNITS),
-        *_vector("joint", "position", lambda s: s.joints, joints, units),
-        *_vector("rate", "velocity", lambda s: s.rates, joints, tuple(f"{u}_s" for u in units)),
-        *_vector("margin", "way to the nearer limit, inf where there is none",
-                 lambda s: s.margins, joints, units),
-        Column("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
-        Column("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
-        Column("command_saturated", "a limit of speed or acceleration changed it",
-               lambda s: s.command.saturated, FLAG),
-        Column("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
-        Column("visible", "fraction of target seen", lambda s: s.truth.visible),
-        *(_seconds_column(stage) for stage in ("render", "track", "control", "physics")),
+        _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
+        _single("time_s", "simulated time", lambda s: s.frame.time),
+        _single("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
+        *_states(),
+        *_features(),
+        _vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
+        _vector("acting", "asked for until the next", lambda s: s.twist_acting, DOF, TWIST_UNITS),
+        _vector("measured", "camera's mean twist since the last frame",
+                lambda s: s.twist_measured, DOF, TWIST_UNITS),
+        _vector("joint", "position", lambda s: s.joints, joints, units),
+        _vector("rate", "velocity", lambda s: s.rates, joints, tuple(f"{u}_s" for u in units)),
+        _vector("margin", "way to the nearer limit, inf where there is none",
+                lambda s: s.margins, joints, units),
+        _single("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
+        _single("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
+        _single("command_saturated", "a limit of speed or acceleration changed it",
+                lambda s: s.command.saturated, FLAG),
+        _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
+        _single("visible", "fraction of target seen", lambda s: s.truth.visible),
+        *(_seconds(stage) for stage in ("render", "track", "control", "physics")),
     ]  # fmt: skip
 
 
-def _state_columns() -> Iterator[Column]:
-    for who, meaning, of in (
-        ("true", "truth", lambda s: s.true_state),
-        ("estimated", "estimate", lambda s: s.estimate.state),
-    ):
-        for part, unit in (("x", "_px"), ("y", "_px"), ("theta", "_rad"), ("scale", "")):
-            yield Column(f"{who}_{part}{unit}", f"{meaning}: {part}", _part(of, part))
-    sd: Callable[[Step], Any] = lambda s: np.sqrt(np.diag(s.estimate.covariance))  # noqa: E731
-    yield from _vector(
-        "sd", "standard deviation of the estimate", sd, ("x_px", "y_px", "theta_rad", "ln_scale")
-    )
-    yield Column("goal_x_px", "goal: x", lambda s: s.goal[0])
-    yield Column("goal_y_px", "goal: y", lambda s: s.goal[1])
-    yield Column("servo_error_px", "true centre to goal", lambda s: s.servo_error)
-    yield Column("tracking_error_px", "estimated to true centre", lambda s: s.tracking_error)
-    yield Column(
-        "distance", "Bhattacharyya distance of the estimate, 0..1", lambda s: s.estimate.distance
-    )
-    yield Column("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
-    yield Column("ess", "effective sample size", lambda s: s.estimate.ess)
-    yield Column("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, WHOLE)
+def _states() -> Iterator[Quantity]:
+    parts, units = ("x", "y", "theta", "scale"), ("px", "px", "rad", "")
+    yield _vector("true", "truth", lambda s: astuple(s.true_state), parts, units)
+    yield _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), parts, units)
+    yield _vector("sd", "standard deviation of the estimate", _standard_deviations,
+                  ("x", "y", "theta", "ln_scale"), units)  # fmt: skip
+    yield _vector("goal", "goal", lambda s: s.goal, ("x", "y"), ("px", "px"))
+    yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
+    yield _single("tracking_error_px", "estimated to true centre", lambda s: s.tracking_error)
+    yield _single("distance", "Bhattacharyya distance of the estimate, 0..1",
+                  lambda s: s.estimate.distance)  # fmt: skip
+    yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
+    yield _single("ess", "effective sample size", lambda s: s.estimate.ess)
+    yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, WHOLE)
 
 
-def _feature_columns() -> Iterator[Column]:
-    for name, meaning, of in (
-        ("feature", "as seen", lambda s: s.command.features),
-        ("error", "e = s - s*", lambda s: s.command.error),
-        ("error_ahead", "e when the command acts", lambda s: s.command.outlook.error),
-        ("motion_measured", "target's de/dt: raw", lambda s: s.command.target_motion_measured),
-        ("motion_estimated", "target's de/dt: estimated", lambda s: s.command.target_motion),
-        ("motion_true", "target's de/dt: true", lambda s: s.target_motion_true),
-    ):
-        yield from _vector(name, meaning, of, FEATURE_NAMES)
-    yield from _vector(
-        "innovation",
-        "of the estimator's filter: measured minus expected",
-        lambda s: s.command.outlook.innovation,
-        FEATURE_NAMES,
-    )
-    yield from _vector(
-        "nis", "innovation squared over its variance", lambda s: s.command.outlook.nis, FEATURES
-    )
+def _features() -> Iterator[Quantity]:
+    of: dict[tuple[str, str], Callable[[Step], Array]] = {
+        ("feature", "as seen"): lambda s: s.command.features,
+        ("error", "e = s - s*"): lambda s: s.command.error,
+        ("error_ahead", "e when the command acts"): lambda s: s.command.outlook.error,
+        ("motion_measured", "target's de/dt: raw"): lambda s: s.command.target_motion_measured,
+        ("motion_estimated", "target's de/dt: estimated"): lambda s: s.command.target_motion,
+        ("motion_true", "target's de/dt: true"): lambda s: s.target_motion_true,
+        ("innovation", "of the estimator's filter: measured minus expected"): (
+            lambda s: s.command.outlook.innovation
+        ),
+    }
+    for (name, meaning), values in of.items():
+        yield _vector(name, meaning, values, FEATURE_NAMES)
+    meaning = "innovation squared over its variance"
+    yield _vector("nis", meaning, lambda s: s.command.outlook.nis, FEATURES)
 
 
-def _part(of: Callable[[Step], Any], part: str) -> Callable[[Step], Any]:
-    return lambda s: getattr(of(s), part)
+def _standard_deviations(step: Step) -> Array:
+    return np.sqrt(np.diag(step.estimate.covariance))
+
+
+def _single(
+    name: str, meaning: str, of: Callable[[Step], Any], kind: pa.DataType = REAL
+) -> Quantity:
+    return Quantity(name, (Column(name, meaning, kind),), lambda s: (of(s),))
 
 
 def _vector(
     prefix: str,
     meaning: str,
-    of: Callable[[Step], Any],
+    of: Callable[[Step], Sequence[Any] | Array],
     names: tuple[str, ...],
-    units: tuple[str, ...] | None = None,
-) -> Iterator[Column]:
-    for i, name in enumerate(names):
-        unit = f"_{units[i]}" if units else ""
-        yield Column(f"{prefix}_{name}{unit}", f"{meaning}: {name}", lambda s, i=i: of(s)[i])
+    units: tuple[str, ...] = (),
+) -> Quantity:
+    endings = [f"_{unit}" if unit else "" for unit in units] or [""] * len(names)
+    found = [
+        Column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
+        for name, ending in zip(names, endings, strict=True)
+    ]
+    return Quantity(prefix, tuple(found), of)
 
 
-def _seconds_column(stage: str) -> Column:
-    return Column(TIMED + stage, f"wall-clock time: {stage}", lambda s: getattr(s.seconds, stage))
+def _seconds(stage: str) -> Quantity:
+    return _single(TIMED + stage, f"wall-clock time: {stage}", lambda s: getattr(s.seconds, stage))
 
 
 class StepsTable:
@@ -151,19 +177,24 @@ class StepsTable:
             OSError: The disk has no room for the rows.
         """
         self._folder, self._at_once = folder, rows_at_once
-        self._columns = columns(robot.names, robot.units)
+        self._quantities = quantities(robot.names, robot.units)
         self._rows: list[dict[str, Any]] = []
-        fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in self._columns]
+        every = [c for q in self._quantities for c in q.columns]
+        fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in every]
         self._schema = pa.schema(fields)
         self._file = (folder / STREAM).open("xb")
-        width = len(self._columns)
         batches = 1 + rows / rows_at_once
-        _reserve(self._file, round(width * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)
+        _reserve(self._file, round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)
         self._stream = pa.ipc.new_stream(self._file, self._schema)
 
     def add(self, step: Step) -> None:
-        """Append a row."""
-        self._rows.append({c.name: c.of(step) for c in self._columns})
+        """Append a row.
+
+        Raises:
+            Mistake: The controller has other features than the table has columns.
+            OSError: The disk refuses.
+        """
+        self._rows.append(dict(cell for q in self._quantities for cell in q.cells(step)))
         if len(self._rows) >= self._at_once:
             self._flush()
 
