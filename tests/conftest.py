@@ -18,7 +18,38 @@ settings.register_profile(
 settings.load_profile("repeatable")
 
 ROOT = Path(__file__).parents[1]
-DATA = Path(os.environ.get("SERVOBENCH_DATA", ROOT.parent / "shared" / "data"))
+SHARED = ROOT.parent / "shared" / "data"
+SEQUENCES = Path(os.environ.get("SERVOBENCH_SEQUENCES", SHARED / "sequences"))
+REFERENCE_CASES = {
+    "visp_run": ("visp_closed_loops.json", "runs"),
+    "moment_case": ("moment_vectors.json", "cases"),
+}
+"""Arguments of tests marked `reference`, with the file and the list that their values are from."""
+
+
+def reference_folder():
+    """The reference data: what SERVOBENCH_REFERENCE names, the whole set beside the project, or the
+    few cases in tests/data.
+    """
+    asked = os.environ.get("SERVOBENCH_REFERENCE")
+    if asked:
+        return Path(asked)
+    whole = SHARED / "servo"
+    return whole if whole.is_dir() else ROOT / "tests" / "data"
+
+
+def pytest_report_header():
+    there = SEQUENCES if SEQUENCES.is_dir() else "none: tests on them are skipped"
+    return [f"reference data: {reference_folder()}", f"annotated sequences: {there}"]
+
+
+def pytest_generate_tests(metafunc):
+    """One test for each reference case there is; never none: a missing file is an error."""
+    for name, (file, key) in REFERENCE_CASES.items():
+        if name in metafunc.fixturenames:
+            cases = json.loads((reference_folder() / file).read_text())[key]
+            assert cases, file
+            metafunc.parametrize(name, cases, ids=[str(i) for i in range(len(cases))])
 
 
 @pytest.fixture(scope="session")
@@ -27,19 +58,10 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
-def servo_data() -> Path:
-    folder = DATA / "servo"
-    if not folder.is_dir():
-        pytest.skip(f"the reference vectors are not on this machine ({folder})")
-    return folder
-
-
-@pytest.fixture(scope="session")
 def shared_sequences() -> Path:
-    folder = DATA / "sequences"
-    if not folder.is_dir():
-        pytest.skip(f"the annotated sequences are not on this machine ({folder})")
-    return folder
+    if not SEQUENCES.is_dir():
+        pytest.skip(f"the annotated sequences are not on this machine ({SEQUENCES})")
+    return SEQUENCES
 
 
 @pytest.fixture(scope="session")

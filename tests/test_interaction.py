@@ -1,7 +1,5 @@
 """Interaction matrices against finite differences of exact polygons, and reference vectors."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -106,18 +104,14 @@ def test_a_shape_has_an_orientation_from_one_tenth_longer_than_wide(ratio, has):
     assert oriented(moments.of_polygon(corners)) is has
 
 
-def test_reference_vectors(servo_data):
-    cases = json.loads((servo_data / "moment_vectors.json").read_text())["cases"]
-    assert len(cases) == 22
-    for case in cases:
-        points = np.array(case["polygon_camera_xyz"])
-        m, plane = moments.of_polygon(points[:, :2] / points[:, 2:]), Plane(*case["plane_ABC"])
-        for name in ("tahri", "seed"):
-            scale = case[name]["Z_star"] * np.sqrt(case[name]["a_star"])
-            L = interaction(m, plane, scale)
-            where = f"case {case['id']}, {name}"
-            np.testing.assert_allclose(L, case[name]["L"], rtol=0, atol=1e-12, err_msg=where)
-            np.testing.assert_allclose(L, case[name]["L_finite_difference"], rtol=0, atol=1e-8)
-            np.testing.assert_allclose(
-                features.of_moments(m, scale), case[name]["features"], atol=1e-12, err_msg=where
-            )
+@pytest.mark.reference
+@pytest.mark.parametrize("name", ["tahri", "seed"])
+def test_reference_vectors(moment_case, name):
+    points = np.array(moment_case["polygon_camera_xyz"])
+    m, plane = moments.of_polygon(points[:, :2] / points[:, 2:]), Plane(*moment_case["plane_ABC"])
+    expected = moment_case[name]
+    scale = expected["Z_star"] * np.sqrt(expected["a_star"])
+    L = interaction(m, plane, scale)
+    np.testing.assert_allclose(L, expected["L"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(L, expected["L_finite_difference"], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(features.of_moments(m, scale), expected["features"], atol=1e-12)

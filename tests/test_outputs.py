@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,10 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from servo import commands
-from servo.controllers.ibvs import Ibvs
-from servo.mistake import Mistake
 from servo.scenario import load, parse
-from servo.step import Step
 from servo.steps_table import STREAM, quantities
 
 SHORT = ["run.duration=2.0", "disturbances.0.start=1.0", "goal.angle_deg=30.0"]
@@ -73,38 +69,6 @@ def test_the_table_has_a_documented_row_for_each_frame(folder):
     ):
         assert name in names
     assert {"LOCKED", "UNSURE"} <= set(table["status"].to_pylist())
-
-
-@pytest.mark.parametrize("count", [3, 8])
-def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tmp_path, count):
-    right = Ibvs.command
-
-    def other(self, *seen):
-        return replace(right(self, *seen), features=np.zeros(count))
-
-    monkeypatch.setattr(Ibvs, "command", other)
-    with pytest.raises(Mistake) as refused:
-        commands.run_scenario("still", [], 0, tmp_path / "out", quiet=True, rerun=False)
-    assert str(refused.value) == (
-        "the table of steps has 4 columns for 'feature' (feature_xn, feature_yn, feature_an, "
-        f"feature_theta_rad), but there are {count} values: a controller with other features "
-        "cannot be logged"
-    )
-
-
-def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
-    asked = Counter()
-    right = Step.target_motion_true.fget
-
-    def counted(step):
-        asked[step.frame.index] += 1
-        return right(step)
-
-    monkeypatch.setattr(Step, "target_motion_true", property(counted))
-    changes = ["run.duration=0.2", "tracker.kind=frozen", "expect={}"]
-    assert commands.run_scenario("still", changes, 0, tmp_path / "o", quiet=True, rerun=False) == 0
-    # Once for the table, and once for each of the plot's two curves.
-    assert asked == dict.fromkeys(range(6), 3)
 
 
 def test_the_report_tells_what_ran_and_what_came_out(folder):

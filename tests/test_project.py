@@ -64,12 +64,6 @@ def test_nothing_names_a_package_index_or_a_home(files):
             assert not pattern.search(path.read_text()), path
 
 
-def test_the_wheel_holds_the_scenes_and_no_tests(root):
-    text = (root / "pyproject.toml").read_text()
-    assert 'packages = ["sim", "tracking", "servo", "scenes"]' in text
-    assert '"Private :: Do Not Upload"' in text
-
-
 def test_ci_runs_the_readmes_test_command(root):
     readme, ci = (root / "README.md").read_text(), (root / ".ci" / "run").read_text()
     command = next(line for line in readme.splitlines() if "pytest" in line and "uv run" in line)

@@ -2,8 +2,6 @@
 delay.
 """
 
-import json
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,6 @@ from sim.types import Pose, Posture
 
 RECTANGLE = np.array([[-0.1, -0.05, 0], [0.1, -0.05, 0], [0.1, 0.05, 0], [-0.1, 0.05, 0]])
 ROOT_AREA = float(np.sqrt(0.02))
-RUNS = 18
 
 
 def goal():
@@ -39,16 +36,9 @@ def estimator_of(run):
     return kalman_cv.Config(**constants).build(rng)
 
 
-@pytest.fixture(scope="module")
-def runs(servo_data):
-    found = json.loads((servo_data / "visp_closed_loops.json").read_text())["runs"]
-    assert len(found) == RUNS
-    return found
-
-
-@pytest.mark.parametrize("index", range(RUNS))
-def test_closed_loop(runs, index):
-    run = runs[index]
+@pytest.mark.reference
+def test_closed_loop(visp_run):
+    run = visp_run
     dof = DOF if run["dof"] == 6 else ("vx", "vy", "vz", "wz")
     config = Config(
         gain=run["lambda"],

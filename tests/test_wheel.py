@@ -1,0 +1,77 @@
+"""The wheel, built, installed into a folder of its own, and used from there."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+PACKAGES = {"servo", "tracking", "sim", "scenes"}
+
+
+@pytest.fixture(scope="module")
+def wheel(root, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    (found,) = folder.glob("*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("installed")
+    uv = os.environ.get("UV") or shutil.which("uv")
+    pip = [uv, "pip"] if uv else [sys.executable, "-m", "pip"]
+    arguments = ["install", "--no-deps", "--target", str(folder), str(wheel)]
+    subprocess.run([*pip, *arguments], check=True, capture_output=True)
+    return folder
+
+
+def call(installed, place, *arguments):
+    code = "from servo.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], cwd=place, capture_output=True, text=True,
+        check=False, env=os.environ | {"PYTHONPATH": str(installed)},
+    )  # fmt: skip
+
+
+def test_the_wheel_has_our_packages_with_their_data_and_nothing_else(wheel, root):
+    names = zipfile.ZipFile(wheel).namelist()
+    ours = {name for name in names if ".dist-info/" not in name}
+    assert {name.split("/")[0] for name in ours} == PACKAGES
+    listed = subprocess.run(["git", "ls-files", *PACKAGES], cwd=root, capture_output=True,
+                            text=True, check=True).stdout.splitlines()  # fmt: skip
+    assert set(listed) <= ours  # models, scenarios, studies, the page's template
+
+
+def test_a_run_with_the_installed_wheel(installed, tmp_path):
+    changes = ["run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "expect={}"]
+    options = [word for change in changes for word in ("--set", change)]
+    ended = call(installed, tmp_path, "run", "still", "--out", "out", "--quiet", *options)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    assert (tmp_path / "out" / "steps.parquet").exists()
+    page = call(installed, tmp_path, "report", "out")
+    assert (page.returncode, page.stdout, page.stderr) == (0, "out/report.html\n", "")
+
+
+def test_it_is_the_installed_code_that_runs(installed, tmp_path):
+    code = "import servo, tracking, sim, scenes; print(servo.__file__, scenes.__file__)"
+    ended = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True,
+        env=os.environ | {"PYTHONPATH": str(installed)},
+    )  # fmt: skip
+    assert ended.stdout.split() == [str(installed / p / "__init__.py") for p in ("servo", "scenes")]
+
+
+def test_an_editable_install_offers_no_package_of_tests(tmp_path):
+    code = "import importlib.util as u; print(u.find_spec('servo') is None, u.find_spec('tests'))"
+    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True,
+                           text=True, check=True)  # fmt: skip
+    assert ended.stdout == "False None\n"
+
+
+def test_the_package_is_not_uploaded_by_mistake(root):
+    assert '"Private :: Do Not Upload"' in (root / "pyproject.toml").read_text()
