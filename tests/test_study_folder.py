@@ -265,30 +265,3 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(small, place):
     assert refused(small, place / "file" / "out") == (
         f"{place}/file/out: cannot write to this folder: Not a directory"
     )
-
-
-LINKS = ["runs", "failures", "study.json", ".lock", "results.parquet", "cells.csv",
-         "runs/000002.parquet", "runs/.000002.parquet.part", ".cells.csv.part"]  # fmt: skip
-
-
-@pytest.mark.parametrize("link", LINKS)
-def test_nothing_is_written_through_a_link(monkeypatch, capfd, folder, place, link):
-    """The folder comes from somebody else, who chose what its links point to."""
-    precious = place / "precious"
-    precious.mkdir()
-    (precious / "file").write_text("mine")
-    target = precious if link in ("runs", "failures") else precious / "file"
-    if link == "study.json":  # it has to be the study's, to come to writing at all
-        shutil.copy(folder / link, precious / "file")
-    before = (precious / "file").read_bytes()
-    path = folder / link
-    if path.is_dir():
-        shutil.rmtree(path)
-    path.unlink(missing_ok=True)
-    path.symlink_to(target)
-    (folder / "runs" / "000003.parquet").unlink(missing_ok=True)
-    code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out", "--workers", "1")
-    assert "Traceback" not in err
-    assert (code == 0) == (link not in ("runs", "failures", ".lock"))
-    assert (precious / "file").read_bytes() == before
-    assert [p.name for p in precious.iterdir()] == ["file"]

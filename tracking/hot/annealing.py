@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from sim.types import Array
+from tracking.hot.compiled import compiled
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -> float:
     """The beta below `highest` with which w^beta has a target effective sample size, by bisection.
 

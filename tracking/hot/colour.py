@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
 
 from sim.types import Image
+from tracking.hot.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int) -> NDArray[Any]:
     """Bin numbers (h, w): the leading bits of red, green and blue, red first.
 
@@ -37,7 +37,7 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def evened(image: Image, floor: int) -> Image:
     """Each channel over the pixel's largest one: 255 c / (max + floor), rounded down (H, W, 3).
 

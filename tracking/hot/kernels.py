@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.hot.compiled import compiled
 
 if TYPE_CHECKING:
     Weight = tuple[float, float, float, float, float]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _level(value: int, levels: int) -> float:
     """Where a channel's value lies among its bins, whose centres are at (b + 0.5) * 256 / levels;
     values beyond the last centre stay in its bin.
@@ -25,7 +25,7 @@ def _level(value: int, levels: int) -> float:
     return min(max((value + 0.5) * (levels / 256.0) - 0.5, 0.0), levels - 1.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _share_between_bins(
     image: Image, i: Any, j: Any, levels: int
 ) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
@@ -52,7 +52,7 @@ def _share_between_bins(
     return bins, (1.0 - most, most - middle, middle - least, least)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _cover(
     rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
 ) -> Weight:
@@ -73,7 +73,7 @@ def _cover(
     return cover_x * cover_y, d_x, d_y, d_theta, d_scale
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _weigh(
     rx: float,
     ry: float,
@@ -95,7 +95,7 @@ def _weigh(
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
     """Add a share of a weight to row b (5,)."""
     row = rows[np.uint64(b)]
@@ -106,7 +106,7 @@ def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
     row[4] += share * weight[4]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def kernel_histograms(
     image: Image,
     state: Array,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.hot.compiled import compiled
 from tracking.hot.kernels import kernel_histograms
 from tracking.types import LARGEST_LOG
 
@@ -24,7 +24,7 @@ FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e3
 give up at."""
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
     """As of `kernel_histograms`, at x (4,)."""
     half, centres, span, levels, pixels = kernels
@@ -33,7 +33,7 @@ def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
     return kernel_histograms(image, x, half, centres, span, levels, stride)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def ssd_normal_equations(
     sums: Array, totals: Array, root_reference: Array, floor: float
 ) -> tuple[float, Array, Array]:
@@ -75,7 +75,7 @@ def ssd_normal_equations(
     return cost / n_kernels, gradient / n_kernels, curvature / n_kernels
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
     """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
 
@@ -97,7 +97,7 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
     return -units * np.linalg.solve(H, g)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def linearise(
     image: Image, x: Array, kernels: Kernels, root_reference: Array
 ) -> tuple[float, Array, Array]:
@@ -106,7 +106,7 @@ def linearise(
     return ssd_normal_equations(sums, totals, root_reference, FLOOR)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def descend(
     image: Image,
     start: Array,

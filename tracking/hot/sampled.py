@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
 
 from sim.types import Array
+from tracking.hot.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     """Labels (h, w) of a part of the image, and its left and top [px]."""
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _read(
     window: Window,
     state: Array,
@@ -59,7 +59,7 @@ def _read(
     return count
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def histograms(
     window: Window,
     state: Array,
@@ -76,7 +76,7 @@ def histograms(
     return found.reshape((count, bins))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def coefficients(
     window: Window, states: Array, points: Array, parts: NDArray[Any], weights: Array, root_q: Array
 ) -> Array:
@@ -103,7 +103,7 @@ def coefficients(
     return rho
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def squared_distances(rho: Array) -> Array:
     """d_m^2 (N,) of coefficients (N, K)."""
     found = np.empty(len(rho))
@@ -112,7 +112,7 @@ def squared_distances(rho: Array) -> Array:
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _mean_shift_step(
     window: Window,
     state: Array,
@@ -147,7 +147,7 @@ def _mean_shift_step(
     return rho, c * shift_x - s * shift_y, s * shift_x + c * shift_y
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def mean_shift(
     window: Window,
     states: Array,

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
 
 from sim.types import Array
+from tracking.hot.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
     """Samples (N, 4) that all moved by a change (4,) and were spread by it (4,) times draws (N, 4).
 
@@ -27,20 +27,20 @@ def moved(samples: Array, change: Array, spread: Array, draws: Array, most: floa
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def normalised(log_weights: Array) -> Array:
     """Weights (N,) that sum to 1, of log-weights up to a constant."""
     weights = np.exp(log_weights - np.max(log_weights))
     return weights / np.sum(weights)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def effective_size(weights: Array) -> float:
     """How many equally weighted samples carry as much: 1 / sum w^2, between 1 and N."""
     return 1.0 / np.sum(weights * weights)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def mean(samples: Array, weights: Array) -> Array:
     """Weighted mean (D,) of samples (N, D). Angles must be continuous, as ours are."""
     found = np.zeros(samples.shape[1])
@@ -50,7 +50,7 @@ def mean(samples: Array, weights: Array) -> Array:
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def covariance(samples: Array, weights: Array) -> Array:
     """Weighted covariance (D, D) of samples (N, D)."""
     middle, count = mean(samples, weights), samples.shape[1]
@@ -63,7 +63,7 @@ def covariance(samples: Array, weights: Array) -> Array:
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def cloud(samples: Array, weights: Array) -> Array:
     """Samples (N, 4) with their scale instead of its logarithm, and weights: (N, 5)."""
     found = np.empty((len(samples), 5))
@@ -73,7 +73,7 @@ def cloud(samples: Array, weights: Array) -> Array:
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def systematic(weights: Array, first: float) -> NDArray[Any]:
     """Indices (N,) of a systematic resampling (Kitagawa 1996): sample i is drawn floor or ceil of
     N w_i times.
