@@ -101,3 +101,43 @@ def make_papers():
         return folder
 
     return make
+
+
+SMALL_STUDY = """# mine
+# A car that stands.
+scenario = "still"
+seeds = 2
+
+[set]
+run.duration = 0.2
+tracker.kind = "frozen"
+estimator.kind = "none"
+
+[axes]
+run.latency = [0, 2]
+start.x = { uniform = [-20.0, 20.0] }
+"""
+
+
+@pytest.fixture
+def study_place(tmp_path, monkeypatch):
+    """The current folder, with a study of four quick runs in mine.toml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SMALL_STUDY)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def finished_study(tmp_path_factory):
+    """The folder of that study with its four runs; copy it to change it."""
+    from servo.study import command, store
+    from servo.study.parse import load
+    from servo.study.perform import perform
+
+    there = tmp_path_factory.mktemp("finished")
+    (there / "mine.toml").write_text(SMALL_STUDY)
+    study = load(str(there / "mine.toml"))
+    with store.Store(there / "out", study, command.manifest(study, "me")) as kept:
+        for run in study.runs():
+            kept.add(perform(run))
+    return there / "out"

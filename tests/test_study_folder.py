@@ -19,50 +19,16 @@ from servo.study.perform import perform
 from servo.study.run_file import RunFiles
 from servo.versions import SOURCE
 
-SMALL = """# mine
-# A car that stands.
-scenario = "still"
-seeds = 2
-
-[set]
-run.duration = 0.2
-tracker.kind = "frozen"
-estimator.kind = "none"
-
-[axes]
-run.latency = [0, 2]
-start.x = { uniform = [-20.0, 20.0] }
-"""
-
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(SMALL)
-    return tmp_path
-
-
-@pytest.fixture
-def small(place):
+def small(study_place):
     return load("mine.toml")
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A folder with all four runs; copy it to change it."""
-    there = tmp_path_factory.mktemp("finished")
-    (there / "mine.toml").write_text(SMALL)
-    study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, command.manifest(study, "me")) as kept:
-        for run in study.runs():
-            kept.add(perform(run))
-    return there / "out"
-
-
 @pytest.fixture
-def folder(finished, place):
-    shutil.copytree(finished, place / "out")
-    return place / "out"
+def folder(finished_study, study_place):
+    shutil.copytree(finished_study, study_place / "out")
+    return study_place / "out"
 
 
 def opened(study, folder, **changed):
@@ -219,18 +185,20 @@ def test_a_row_of_a_worker_with_other_code_is_refused(small, folder):
     )
 
 
-def test_a_folder_of_something_else_is_refused_and_left_alone(small, place):
-    (place / "notes").mkdir()
-    (place / "notes" / "thesis.txt").write_text("mine")
-    assert "there is something in this folder, but no study.json" in refused(small, place / "notes")
-    assert sorted(p.name for p in (place / "notes").iterdir()) == [LOCK, "thesis.txt"]
+def test_a_folder_of_something_else_is_refused_and_left_alone(small, study_place):
+    (study_place / "notes").mkdir()
+    (study_place / "notes" / "thesis.txt").write_text("mine")
+    assert "there is something in this folder, but no study.json" in refused(
+        small, study_place / "notes"
+    )
+    assert sorted(p.name for p in (study_place / "notes").iterdir()) == [LOCK, "thesis.txt"]
 
 
-def test_a_sweep_that_was_killed_at_once_goes_on(small, place):
+def test_a_sweep_that_was_killed_at_once_goes_on(small, study_place):
     for part in ("runs", "failures"):
-        (place / "out" / part).mkdir(parents=True)
-    (place / "out" / ".study.json.part").write_text("{")
-    with opened(small, place / "out") as kept:
+        (study_place / "out" / part).mkdir(parents=True)
+    (study_place / "out" / ".study.json.part").write_text("{")
+    with opened(small, study_place / "out") as kept:
         assert kept.done() == set()
 
 
@@ -260,8 +228,8 @@ def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(monkeypatch, small
         assert kept.done() == {0, 1, 2, 3}
 
 
-def test_a_folder_that_cannot_be_made_is_one_sentence(small, place):
-    (place / "file").write_text("")
-    assert refused(small, place / "file" / "out") == (
-        f"{place}/file/out: cannot write to this folder: Not a directory"
+def test_a_folder_that_cannot_be_made_is_one_sentence(small, study_place):
+    (study_place / "file").write_text("")
+    assert refused(small, study_place / "file" / "out") == (
+        f"{study_place}/file/out: cannot write to this folder: Not a directory"
     )
