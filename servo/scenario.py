@@ -111,8 +111,8 @@ def read(name: str) -> tuple[Table, str]:
     Raises:
         Mistake: There is no such file, or it is no TOML.
     """
-    text, place = _text(name)
-    return tables.decode(text, place), place
+    path = path_of(name)
+    return tables.decode(tables.read(path, "scenario"), path.name), path.name
 
 
 def parse(table: Table, name: str, place: str) -> Scenario:
@@ -163,9 +163,10 @@ def assignment(item: str) -> tuple[str, Any]:
         Mistake: It has not that form.
     """
     path, equals, text = item.partition("=")
-    if not equals or not all(key.strip() for key in path.split(".")):
+    keys = [key.strip() for key in path.split(".")]
+    if not equals or not all(keys):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
-    return path, _value(text.strip())
+    return ".".join(keys), _value(text.strip())
 
 
 def put(table: Table, path: str, value: Any, place: str) -> None:
@@ -205,10 +206,15 @@ def _value(text: str) -> Any:
     return parsed["value"] if len(parsed) == 1 else text
 
 
-def _text(name: str) -> tuple[str, str]:
+def path_of(name: str) -> Path:
+    """The file of a scenario, by its shipped name or by its path.
+
+    Raises:
+        Mistake: There is no such name.
+    """
     path = Path(name)
-    if path.suffix != ".toml":
-        if name not in shipped():
-            raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
-        path = Path(str(resources.files("scenes") / f"{name}.toml"))
-    return tables.read(path, "scenario"), path.name
+    if path.suffix == ".toml":
+        return path
+    if name not in shipped():
+        raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
+    return Path(str(resources.files("scenes") / f"{name}.toml"))

@@ -47,7 +47,7 @@ BAD = {
     ),
     "out of range": (
         "[goal]\ndepth = 0.0\n",
-        "mine.toml: goal.depth = 0.0: input should be greater than 0",
+        "mine.toml: goal.depth = 0.0: input should be greater than or equal to 0.01",
     ),
     "absurd": (
         '[tracker]\nkind = "pf_ssd"\nparticles = 1000000000\n',

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from servo import scenario as scenarios
+from servo.measures import check_expect
 from servo.scenario import Scenario, Table
 from servo.study.axes import SCENARIO, Axis, Draw, Value
 
@@ -48,7 +49,9 @@ class Run:
         Raises:
             Mistake: A setting does not fit.
         """
-        return scenarios.parse(self.table, self.scenario, self.place)
+        scenario = scenarios.parse(self.table, self.scenario, self.place)
+        check_expect(scenario)
+        return scenario
 
     def command(self, changes: dict[str, Value]) -> str:
         """What runs it alone; changes are those of the whole study."""
@@ -104,10 +107,26 @@ class Study:
         for base, cell in self.cells():
             for seed in self.seeds:
                 settings = cell | {d.key: d.value(seed) for d in self.draws}
-                yield Run(
-                    next(numbers), base.name, seed, settings, self._table(base, settings, seed),
-                    base.place, pictured=seed == self.seeds[0],
-                )  # fmt: skip
+                yield self._run(next(numbers), base, settings, seed)
+
+    def samples(self) -> Iterator[Run]:
+        """Few runs, not of the study, in which each value of an axis and each end of a draw occurs:
+        one after the other, with the first values of all others.
+        """
+        varied = {a.key: a.values for a in self.axes} | {d.key: d.ends for d in self.draws}
+        first = {key: values[0] for key, values in varied.items()}
+        for base in self.bases:
+            named = {SCENARIO: base.name} if len(self.bases) > 1 else {}
+            yield self._run(0, base, named | first, self.seeds[0])
+            for key, values in varied.items():
+                for value in values[1:]:
+                    yield self._run(0, base, named | first | {key: value}, self.seeds[0])
+
+    def _run(self, number: int, base: Base, settings: dict[str, Value], seed: int) -> Run:
+        return Run(
+            number, base.name, seed, settings, self._table(base, settings, seed), base.place,
+            pictured=seed == self.seeds[0],
+        )  # fmt: skip
 
     def _table(self, base: Base, settings: dict[str, Value], seed: int) -> Table:
         table = copy.deepcopy(base.table)
