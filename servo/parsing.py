@@ -15,6 +15,8 @@ STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 MESSAGES = {
     "unexpected_keyword_argument": "there is no such key",
     "missing": "a value is missing",
+    "tuple_type": "this should be a list",
+    "dataclass_type": "this should be a table of settings",
 }
 """Our words where pydantic's speak of Python."""
 
@@ -47,7 +49,8 @@ def _sentence(error: Any, place: str) -> str:
     if error["type"] == "value_error":  # a `Config` refused several values together
         return f"{place}{where}: {error['ctx']['error']}"
     said = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
-    return f"{place}{where} = {error['input']!r}: {said}"
+    found = "" if error["type"] == "missing" else f" = {error['input']!r}"
+    return f"{place}{where}{found}: {said}"
 
 
 @functools.cache  # building one takes longer than a hundred uses

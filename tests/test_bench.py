@@ -166,7 +166,8 @@ BAD = {
     ),
     "the same twice": (
         ["clutter", "--trackers", "kams,kams", "--seeds", "1"],
-        "two runs are called 'kams/clutter-a-0'; give the trackers different labels",
+        "--trackers: two trackers are called 'kams': leave one out, or give it another label in a "
+        "suite's file",
     ),
     "no file": (["gone.toml"], "gone.toml: cannot read this suite: No such file or directory"),
     "no key": (["odd.toml"], "odd.toml: there is no key 'sequence'; did you mean 'sequences'?"),

@@ -26,7 +26,7 @@ ENDS = frozenset({*SPANS, *LAWS})
 """A table with one of these is no table of settings."""
 ELSEWHERE = {
     SCENARIO: "list these under `scenario` instead",
-    "run.seed": "list these under `seeds` instead",
+    "run.seed": "list these under `seeds` instead, or count them with --seeds",
     "run": "name one of its settings, such as run.latency",
     "expect": "bounds change nothing in a run; those of the study are under `expect`",
     "sweep": "a study changes the settings of runs only",
@@ -95,6 +95,8 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
             given = plugins.kinds(PLUGINS[key.removesuffix(".kind")][0])
         if not isinstance(given, list) or not given:
             raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")
+        if len(given) > MOST_VALUES:
+            raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
         if len({repr(_plain(v)) for v in given}) < len(given):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))

@@ -44,18 +44,19 @@ def _leaves(table: Mapping[str, Any], ends: frozenset[str]) -> Iterable[tuple[st
             yield key, value
 
 
-def check_apart(keys: Mapping[str, str]) -> None:
+def check_apart(keys: Mapping[str, str], place: str) -> None:
     """Refuse keys of which one lies in the table that another one sets as a whole.
 
     Args:
         keys: Where each key stands in the study, by key.
+        place: The study's file.
 
     Raises:
         Mistake: There are such keys.
     """
-    for key, place in keys.items():
+    for key, at in keys.items():
         names = key.split(".")
         for n in range(1, len(names)):
             whole = ".".join(names[:n])
             if whole in keys:
-                raise Mistake(f"{place}: {keys[whole]} sets all of {whole} already")
+                raise Mistake(f"{place}: {at}: {keys[whole]} sets all of {whole} already")

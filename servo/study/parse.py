@@ -15,7 +15,7 @@ from servo import scenario as scenarios
 from servo.catalogue import sentence, shipped, studies
 from servo.measures import MEANINGS, check_expect
 from servo.mistake import Mistake, unknown
-from servo.study.axes import ENDS, axes_of, check_key
+from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
 from servo.study.keys import check_apart, flat
 from servo.study.plan import Base, Run, Study
 from servo.tables import is_number
@@ -24,6 +24,8 @@ KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
 MOST_RUNS, MOST_CHECKED, MOST_SCENARIOS = 1_000_000, 2000, 1000
+COUNTABLE = 10**15
+"""Numbers of runs from here on are not written out."""
 SUCCESS = "success_rate"
 
 
@@ -60,9 +62,8 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
 
 def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[str, Any]:
     """What is set for all runs, by key: the file's own [set], and over it the command line's."""
-    at = f"{place}: set"
-    changed = flat(_table(table.get("set", {}), at), at)
-    places = {key: f"{at}.{key}" for key in changed}
+    changed = flat(_table(table.get("set", {}), f"{place}: set"), f"{place}: set")
+    places = {key: f"set.{key}" for key in changed}
     for item in changes:
         key, value = scenarios.assignment(item)
         own = flat({key: value}, f"--set {item}")
@@ -71,10 +72,10 @@ def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[
     axes = flat(_table(table.get("axes", {}), f"{place}: axes"), f"{place}: axes", ENDS)
     for key in changed:
         if key.split(".")[0] != "expect":
-            check_key(key, places[key])
+            check_key(key, f"{place}: {places[key]}")
         if key in axes:
-            raise Mistake(f"{places[key]}: axes.{key} varies this setting already")
-    check_apart(places | {key: f"{place}: axes.{key}" for key in axes})
+            raise Mistake(f"{place}: {places[key]}: axes.{key} varies this setting already")
+    check_apart(places | {key: f"axes.{key}" for key in axes}, place)
     return changed
 
 
@@ -90,7 +91,8 @@ def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: st
         compare=None, expect=_expect(table.get("expect", {}), place),
     )  # fmt: skip
     if study.size > MOST_RUNS:
-        raise Mistake(f"{place}: this makes {study.size:,} runs; the limit is {MOST_RUNS:,}")
+        runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
+        raise Mistake(f"{place}: this makes {runs} runs; the limit is {MOST_RUNS:,}")
     return _compared(study, table.get("compare"), place)
 
 
@@ -99,19 +101,22 @@ def _compared(study: Study, asked: Any, place: str) -> Study:
     keys = [axis.key for axis in study.every_axis]
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
+    if not isinstance(asked, str) or not keys:
+        raise Mistake(f"{place}: compare = {asked!r}: this should be the name of an axis")
     if any(asked == draw.key for draw in study.draws):
         raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
     if asked not in keys:
-        raise Mistake(f"{place}: compare: {unknown(str(asked), keys, 'axis')}")
+        raise Mistake(f"{place}: compare: {unknown(asked, keys, 'axis')}")
     return replace(study, compare=asked)
 
 
 def _check(study: Study, place: str) -> None:
     """Parse each value of each axis, and every cell once, so that a wrong setting is reported
-    before hours of running; of more cells than MOST_CHECKED the first ones.
+    before hours of running; of more values than MOST_VALUES, and of more cells than
+    MOST_CHECKED, the first ones.
     """
     cells = itertools.islice(replace(study, seeds=study.seeds[:1]).runs(), MOST_CHECKED)
-    for run in itertools.chain(study.samples(), cells):
+    for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
         try:
             run.parsed()
         except Mistake as error:
@@ -142,11 +147,12 @@ def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
     for name in names:
         beside = path.parent / name
         at = str(beside) if name.endswith(".toml") and beside.is_file() else name
-        base, file = Base(at, *scenarios.read(at)), scenarios.path_of(at).resolve()
+        try:
+            base, file = Base(at, *scenarios.read(at)), scenarios.path_of(at).resolve()
+        except Mistake as error:
+            raise Mistake(f"{place}: scenario: {error}") from None
         if file in bases:
-            raise Mistake(
-                f"{place}: scenario: '{name}' is '{bases[file].name}', which is there already"
-            )
+            raise Mistake(f"{place}: scenario: '{at}' and '{bases[file].name}' are the same file")
         bases[file] = base
     return tuple(bases.values())
 

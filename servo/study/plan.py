@@ -133,8 +133,8 @@ class Study:
         table.pop("sweep", None)
         own = {k: v for k, v in settings.items() if k != SCENARIO}
         for key, value in ordered(self.changes | own).items():
-            scenarios.put(table, key, value, f"{self.name}: {key}")
-        scenarios.put(table, "run.seed", seed, self.name)
+            scenarios.put(table, key, value, f"{self.name}.toml")
+        scenarios.put(table, "run.seed", seed, f"{self.name}.toml")
         return table
 
 
