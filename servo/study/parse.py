@@ -101,10 +101,10 @@ def _compared(study: Study, asked: Any, place: str) -> Study:
     keys = [axis.key for axis in study.every_axis]
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
+    if asked in [draw.key for draw in study.draws]:
+        raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
     if not isinstance(asked, str) or not keys:
         raise Mistake(f"{place}: compare = {asked!r}: this should be the name of an axis")
-    if any(asked == draw.key for draw in study.draws):
-        raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
     if asked not in keys:
         raise Mistake(f"{place}: compare: {unknown(asked, keys, 'axis')}")
     return replace(study, compare=asked)
