@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -15,6 +14,7 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import Scenario
 from servo.settings import MeasureConfig
 from servo.step import Step
+from servo.tables import is_number
 from sim.types import Array
 from tracking.types import Status
 
@@ -71,7 +71,8 @@ MEANINGS = {
     "step_ms": ("ms", "wall-clock time of a step, median"),
 }
 """Unit and meaning of every measure. Those with `_rms_`, `_peak_` and `_off_` count from
-measure.after on.
+measure.after on (or in the last frame, where the run ends before); all others over the whole run,
+`settle_s` from its start.
 """
 TIMED = "step_ms"
 """The measure that differs from run to run."""
@@ -126,8 +127,8 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "tracking_peak_px": tracked.max(),
         "tracking_angle_rms_deg": _rms(angle),
         "tracking_scale_rms_pct": _rms(scale),
-        "tilt_peak_deg": np.degrees(max(s.tilt for s in steps)),
-        "joint_range_peak_pct": 100 * max(_range_used(s) for s in steps),
+        "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
+        "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
         "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
@@ -153,7 +154,7 @@ def check_expect(scenario: Scenario) -> None:
                 )
         elif name not in MEANINGS:
             raise Mistake(f"{place}: {unknown(name, (*MEANINGS, 'outcome'))}")
-        elif isinstance(bound, bool | str) or not math.isfinite(bound):
+        elif not is_number(bound):
             raise Mistake(f"{place}.{name} = {bound!r}: a bound is a finite number")
 
 

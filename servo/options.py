@@ -17,7 +17,8 @@ COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
 changes_option = click.option(
     "--set", "changes", metavar="KEY=VALUE", multiple=True,
-    help="Change any setting; repeat at will.",
+    help="Change any setting; repeat at will: the last value of a key holds. A value is TOML, or "
+    "else a text.",
 )  # fmt: skip
 workers_option = click.option(
     "--workers",

@@ -15,6 +15,8 @@ STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 MESSAGES = {
     "unexpected_keyword_argument": "there is no such key",
     "missing": "a value is missing",
+    "tuple_type": "this should be a list",
+    "dataclass_type": "this should be a table of settings",
 }
 """Our words where pydantic's speak of Python."""
 
@@ -38,9 +40,17 @@ def fill(config: type[Any], table: Any, place: str) -> Any:
         return _section(config).model_validate_json(text).it
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"][1:])
-        said = MESSAGES.get(first["type"]) or first["msg"][0].lower() + first["msg"][1:]
-        raise Mistake(f"{place}.{where} = {first['input']!r}: {said}") from None
+        raise Mistake(_sentence(first, place)) from None
+
+
+def _sentence(error: Any, place: str) -> str:
+    """What pydantic found, with the place of the value."""
+    where = "".join(f".{part}" for part in error["loc"][1:])
+    if error["type"] == "value_error":  # a `Config` refused several values together
+        return f"{place}{where}: {error['ctx']['error']}"
+    said = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
+    found = "" if error["type"] == "missing" else f" = {error['input']!r}"
+    return f"{place}{where}{found}: {said}"
 
 
 @functools.cache  # building one takes longer than a hundred uses

@@ -91,7 +91,8 @@ def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> S
 
     Args:
         name: Such as "reversal" or "mine/slow.toml".
-        overrides: Such as "tracker.kind=frozen" (the command line's --set).
+        overrides: Such as "tracker.kind=frozen" (the command line's --set); the last one of a key
+            holds.
         seed: Replaces run.seed.
 
     Raises:
@@ -102,7 +103,34 @@ def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> S
         override(table, item)
     if seed is not None:
         put(table, "run.seed", seed, f"--seed {seed}")
+    try:
+        return parse(table, Path(name).stem, place)
+    except Mistake:
+        culprit = _culprit(name, overrides)
+        if culprit is None:
+            raise
+        place = f"--set {culprit}"
     return parse(table, Path(name).stem, place)
+
+
+def _culprit(name: str, overrides: Sequence[str]) -> str | None:
+    """The override from which on a scenario is wrong; None where its file is."""
+    table, place = read(name)
+    culprit, right = None, _is_right(table, place)
+    for item in overrides:
+        override(table, item)
+        before, right = right, _is_right(table, place)
+        if before and not right:
+            culprit = item
+    return None if right else culprit
+
+
+def _is_right(table: Table, place: str) -> bool:
+    try:
+        parse(table, place, place)
+    except Mistake:
+        return False
+    return True
 
 
 def read(name: str) -> tuple[Table, str]:
@@ -111,8 +139,8 @@ def read(name: str) -> tuple[Table, str]:
     Raises:
         Mistake: There is no such file, or it is no TOML.
     """
-    text, place = _text(name)
-    return tables.decode(text, place), place
+    path = path_of(name)
+    return tables.decode(tables.read(path, "scenario"), path.name), path.name
 
 
 def parse(table: Table, name: str, place: str) -> Scenario:
@@ -133,6 +161,8 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     expect = table.get("expect", {})
     if not isinstance(expect, dict):
         raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
+    if not isinstance(table.get("sweep", {}), dict):
+        raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
     _check_frames(values["run"], values["camera"], place)
     return Scenario(name=name, table=table, expect=expect, **values)
 
@@ -163,9 +193,10 @@ def assignment(item: str) -> tuple[str, Any]:
         Mistake: It has not that form.
     """
     path, equals, text = item.partition("=")
-    if not equals or not all(key.strip() for key in path.split(".")):
+    keys = [key.strip() for key in path.split(".")]
+    if not equals or not all(keys):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
-    return path, _value(text.strip())
+    return ".".join(keys), _value(text.strip())
 
 
 def put(table: Table, path: str, value: Any, place: str) -> None:
@@ -178,7 +209,7 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
     at: Any = table
     for key in keys[:-1]:
         try:
-            at = at[_index(key)] if isinstance(at, list) else at.setdefault(key, {})
+            at = _inside(at, key, [] if at is table and key in LISTS else {})
         except (ValueError, IndexError):
             at = None
         if not isinstance(at, dict | list):
@@ -191,10 +222,18 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
     at[keys[-1]] = value
 
 
-def _index(key: str) -> int:
-    if not key.isdecimal():
+def _inside(at: Any, key: str, usual: Any) -> Any:
+    """What lies in a table or a list under a key; `usual` where a table has no such key.
+
+    Raises:
+        ValueError: The key is no index of a list, as 0, 1, 2 are.
+        IndexError: The list is shorter.
+    """
+    if not isinstance(at, list):
+        return at.setdefault(key, usual)
+    if not key.isdecimal() or str(int(key)) != key:
         raise ValueError(key)
-    return int(key)
+    return at[int(key)]
 
 
 def _value(text: str) -> Any:
@@ -205,10 +244,15 @@ def _value(text: str) -> Any:
     return parsed["value"] if len(parsed) == 1 else text
 
 
-def _text(name: str) -> tuple[str, str]:
+def path_of(name: str) -> Path:
+    """The file of a scenario, by its shipped name or by its path.
+
+    Raises:
+        Mistake: There is no such name.
+    """
     path = Path(name)
-    if path.suffix != ".toml":
-        if name not in shipped():
-            raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
-        path = Path(str(resources.files("scenes") / f"{name}.toml"))
-    return tables.read(path, "scenario"), path.name
+    if path.suffix == ".toml":
+        return path
+    if name not in shipped():
+        raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
+    return Path(str(resources.files("scenes") / f"{name}.toml"))

@@ -6,26 +6,25 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from servo.features import Scaling
-from sim.types import Degrees
+from sim.ranges import LONGEST, Degrees, Interval, Time
 
-LONGEST = 3600.0
 MOST_FRAMES = 360_000
 """An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
 MOST_LATENCY = 100
-DEEPEST = 100.0
 Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
+Depth = Annotated[float, Ge(0.01), Le(100)]
 
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
     """The episode as a whole."""
 
-    duration: Annotated[float, Gt(0), Le(LONGEST)] = 10.0
+    duration: Annotated[float, Ge(0.001), Le(LONGEST)] = 10.0
     """Simulated time [s]."""
     seed: Annotated[int, Ge(0), Le(MOST_SEED)] = 0
     """Seed of every random stream."""
@@ -48,13 +47,13 @@ class GoalConfig:
     """Below the image's centre [px]."""
     angle_deg: Degrees = 0.0
     """Direction of the target's nose, from right towards down [deg]."""
-    depth: Annotated[float, Gt(0), Le(DEEPEST)] = 1.0
+    depth: Depth = 1.0
     """Distance of the target's reference rectangle [m]."""
-    depth_to: Annotated[float, Gt(0), Le(DEEPEST)] | None = None
+    depth_to: Depth | None = None
     """Another distance to go to [m]; by default the goal stays."""
-    change_start: Annotated[float, Ge(0)] = 3.0
+    change_start: Time = 3.0
     """When the goal begins to change [s]."""
-    change_duration: Annotated[float, Gt(0)] = 3.0
+    change_duration: Interval = 3.0
     """How long it changes, at constant speed [s]."""
 
     def depth_at(self, time: float) -> float:
@@ -113,7 +112,7 @@ class FeaturesConfig:
 class MeasureConfig:
     """What counts in the measures."""
 
-    after: Annotated[float, Ge(0)] = 0.0
+    after: Time = 0.0
     """Time from which errors count [s]."""
-    above: Annotated[float, Gt(0)] = 4.0
+    above: Annotated[float, Ge(0), Le(10_000)] = 4.0
     """Servo error above which the camera counts as off the target [px]."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def contenders(text: str | None) -> list[Contender]:
     for word in words:
         kind, colon, preset = word.partition(":")
         chosen.append({"kind": kind} | ({"preset": preset} if colon else {}))
-    return [_contender(table, "--trackers") for table in chosen]
+    return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
 
 
 def _contender(table: Any, place: str) -> Contender:
@@ -61,10 +62,13 @@ def _contender(table: Any, place: str) -> Contender:
         raise Mistake(f"{place} should be a table with a kind, not {table!r}")
     kind, preset = table.get("kind"), table.get("preset")
     usual = f"{kind}-{preset}" if preset else str(kind)
+    label = table.get("label", usual)
+    if not isinstance(label, str):
+        raise Mistake(f"{place}.label = {label!r}: this should be a text")
     settings = {k: v for k, v in table.items() if k != "label"}
     config = fill_plugin(TRACKERS, settings, place)
     try:
-        return Contender(str(table.get("label", usual)), config)
+        return Contender(label, config)
     except ValueError as error:
         raise Mistake(f"{place}.label: {error}") from None
 
@@ -92,9 +96,35 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
         entries += _entries(item, path.parent, f"{path.name}: sequences[{i}]")
     if not entries:
         raise Mistake(f"{path.name}: there are no [[sequences]] in this suite")
+    double = _double(entry.name for entry in entries)
+    if double is not None:
+        raise Mistake(
+            f"{path.name}: two sequences are called '{double}', and results are kept by name: "
+            "leave one out, rename its folder, or put it into another suite"
+        )
     chosen = [_contender(t, f"{path.name}: trackers[{i}]")
               for i, t in enumerate(table.get("trackers", []))]  # fmt: skip
-    return entries, chosen
+    return entries, _all_different(chosen, path.name)
+
+
+def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
+    """Trackers whose results have names of their own.
+
+    Raises:
+        Mistake: Two have the same.
+    """
+    double = _double(one.label for one in chosen)
+    if double is not None:
+        raise Mistake(
+            f"{place}: two trackers are called '{double}': leave one out, or give it another label "
+            "in a suite's file"
+        )
+    return chosen
+
+
+def _double(names: Iterable[str]) -> str | None:
+    """A name that is there twice."""
+    return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
 def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:

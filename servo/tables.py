@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,11 @@ def check(value: Any, place: str, depth: int = 0) -> None:
             raise Mistake(f"{place}: {value!r} is not a Unicode text")
         case _:
             pass
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number, which true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _too_deep() -> str:

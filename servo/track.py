@@ -103,8 +103,8 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     table: dict[str, Any] = {"tracker": {"kind": kind}}
     for item in changes:
         override(table, item)
-    if len(table) > 1:
-        raise Mistake(f"--set {changes[0]}: here only tracker.KEY=VALUE can be set")
+        if len(table) > 1:
+            raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
     return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
 
 

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-Degrees = Annotated[float, Ge(-3600), Le(3600)]
-"""An angle that somebody sets: ten turns are enough, and their sine still means something."""
 
 
 @dataclass(frozen=True, slots=True)

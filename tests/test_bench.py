@@ -166,7 +166,8 @@ BAD = {
     ),
     "the same twice": (
         ["clutter", "--trackers", "kams,kams", "--seeds", "1"],
-        "two runs are called 'kams/clutter-a-0'; give the trackers different labels",
+        "--trackers: two trackers are called 'kams': leave one out, or give it another label in a "
+        "suite's file",
     ),
     "no file": (["gone.toml"], "gone.toml: cannot read this suite: No such file or directory"),
     "no key": (["odd.toml"], "odd.toml: there is no key 'sequence'; did you mean 'sequences'?"),
@@ -174,6 +175,20 @@ BAD = {
     "no level": (
         ["level.toml"],
         "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c' or 'd'",
+    ),
+    "the same sequence twice": (
+        ["twice.toml"],
+        "twice.toml: two sequences are called 'similarity', and results are kept by name: leave "
+        "one out, rename its folder, or put it into another suite",
+    ),
+    "the same label twice": (
+        ["label.toml"],
+        "label.toml: two trackers are called 'kams': leave one out, or give it another label in a "
+        "suite's file",
+    ),
+    "a label that is no text": (
+        ["number.toml"],
+        "number.toml: trackers[0].label = 3: this should be a text",
     ),
     "an empty folder": (
         ["empty"],
@@ -188,6 +203,10 @@ def test_a_mistake_is_one_sentence(monkeypatch, capfd, place, case):
     (place / "odd.toml").write_text("[[sequence]]\n")
     (place / "none.toml").write_text("")
     (place / "level.toml").write_text('[[sequences]]\nkind = "clutter"\nlevel = "z"\n')
+    one = '[[sequences]]\nkind = "similarity"\n'
+    (place / "twice.toml").write_text(one + f"{one}frames = 30\n")
+    (place / "label.toml").write_text(one + 2 * '[[trackers]]\nkind = "kams"\n')
+    (place / "number.toml").write_text(one + '[[trackers]]\nkind = "kams"\nlabel = 3\n')
     arguments, message = BAD[case]
     assert call(monkeypatch, capfd, *arguments)[::2] == (2, f"servobench: {message}\n")
 

@@ -36,11 +36,11 @@ BAD = {
     ),
     "unknown key": (
         ["run", "still", "--set", "camera.widht=3"],
-        "still.toml: camera: there is no key 'widht'; did you mean 'width'?",
+        "--set camera.widht=3: camera: there is no key 'widht'; did you mean 'width'?",
     ),
     "unknown kind": (
         ["run", "still", "--set", "tracker.kind=magic"],
-        f"still.toml: tracker.kind: there is no kind 'magic'; there is {TRACKERS}",
+        f"--set tracker.kind=magic: tracker.kind: there is no kind 'magic'; there is {TRACKERS}",
     ),
     "a rate that does not divide": (
         ["run", "still", "--set", "camera.rate=7"],

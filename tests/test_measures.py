@@ -9,6 +9,7 @@ from servo.episode import Episode
 from servo.measures import MEANINGS, Outcome, summarise, violations
 from servo.scenario import load
 from servo.settings import MeasureConfig
+from sim.geometry import exp_so3
 from tracking.types import Status
 
 
@@ -34,6 +35,31 @@ def test_servo_error_counts_from_the_time_asked_for(steps):
     assert report(made, after=2.0).value("servo_rms_px") == pytest.approx(1.0)
     assert report(made, after=0.0).value("servo_peak_px") == pytest.approx(3.0)
     assert report(made).value("servo_rms_px") == pytest.approx(np.sqrt(5.0))
+
+
+def test_peaks_count_from_the_time_asked_for(steps):
+    at = steps[0].posture
+    half = (at.upper[0] - at.lower[0]) / 2
+    out = replace(at, joints=np.array([0.75 * half, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    first = exp_so3(np.array([0.2, 0.0, 0.0])) @ steps[0].truth.T_world_camera.rotation
+    tilted = replace(steps[0].truth.T_world_camera, rotation=first)
+    early = replace(steps[0], posture=out, truth=replace(steps[0].truth, T_world_camera=tilted))
+    made = [early, *steps[1:]]
+    assert report(made).value("tilt_peak_deg") == pytest.approx(np.degrees(0.2))
+    assert report(made).value("joint_range_peak_pct") == pytest.approx(75.0)
+    assert report(made, after=1.0).value("tilt_peak_deg") == pytest.approx(0.0, abs=1e-4)
+    assert report(made, after=1.0).value("joint_range_peak_pct") < 50.0
+
+
+def test_shares_and_settling_count_from_the_start(steps):
+    made = [replace(s, limited=s.frame.index < 12) for s in steps]
+    made = [off(s, 5.0 if s.frame.index < 40 else 0.5) for s in made]
+    made = with_status(made, Status.LOST, range(12))
+    for after in (0.0, 3.0):
+        late = report(made, after=after)
+        assert late.value("saturated_pct") == pytest.approx(10.0)
+        assert late.value("lost_pct") == late.value("unseen_pct") == pytest.approx(10.0)
+        assert late.value("settle_s") == pytest.approx(40 / 30)
 
 
 def test_settling_ends_with_the_last_frame_that_is_off(steps):

@@ -23,7 +23,7 @@ BAD = {
     ),
     "seeds as an axis": (
         STILL + "axes.run.seed = [1, 2]",
-        "axes.run.seed: list these under `seeds` instead",
+        "axes.run.seed: list these under `seeds` instead, or count them with --seeds",
     ),
     "a value twice": (
         STILL + "axes.run.latency = [1, 1]",

@@ -152,6 +152,10 @@ BAD = {
         ["in", "--region", "1,2,3,4,5,6"],
         "--region 1,2,3,4,5,6: this should be X,Y,W,H or X,Y,W,H,DEG in px",
     ),
+    "another section after a good one": (
+        ["in", "--region", REGION, "--set", "tracker.particles=9", "--set", "foo=1"],
+        "--set foo=1: here only tracker.KEY=VALUE can be set",
+    ),
     "another section": (
         ["in", "--region", REGION, "--set", "camera.fx=3"],
         "--set camera.fx=3: here only tracker.KEY=VALUE can be set",

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim.ranges import Time
 from sim.types import Array
 from tracking.types import Status
 
@@ -25,15 +26,15 @@ class LockConfig:
 
     floor: Annotated[float, Ge(0), Le(1)] = 0.25
     """The threshold is never below this distance."""
-    cap: Annotated[float, Gt(0), Le(1)] = 0.5
+    cap: Annotated[float, Ge(0.001), Le(1)] = 0.5
     """The threshold is never above this distance."""
-    sigmas: Annotated[float, Gt(0)] = 3.0
+    sigmas: Annotated[float, Ge(0), Le(1000)] = 3.0
     """Robust standard deviations above the median of recent good frames."""
     history: Annotated[int, Ge(3), Le(10_000)] = 60
     """How many good frames count as recent."""
-    hysteresis: Annotated[float, Gt(0), Le(1)] = 0.8
+    hysteresis: Annotated[float, Ge(0.001), Le(1)] = 0.8
     """The target is believed again below this fraction of the threshold."""
-    patience: Annotated[float, Ge(0)] = 1.0
+    patience: Time = 1.0
     """After this long without the target it is LOST [s]."""
 
 

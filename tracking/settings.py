@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from sim.types import Array, Image
 from tracking.appearance.colour import ColourBins
@@ -18,6 +18,8 @@ from tracking.types import Region, State
 PLAIN: dict[str, Any] = {"contrast": 0.0, "discriminate": False, "update": 0.0}
 """What no paper has: part of their presets."""
 LEAST = 1e-12
+Sharpness = Annotated[float, Ge(1e-6), Le(1e6)]
+"""Of a likelihood: gamma in exp(-gamma d^2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,7 @@ class ShiftSettings(DiscSettings):
 
     steps: Annotated[int, Ge(1), Le(1000)] = 20
     """Most histograms read in one climb."""
-    tolerance: Annotated[float, Gt(0)] = 0.2
+    tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
     """A shorter shift ends the climb [px]."""
 
 
@@ -59,7 +61,7 @@ class CloudSettings(DiscSettings):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 200
     """Number of particles."""
-    gamma: Annotated[float, Gt(0), Le(1e6)] = 50.0
+    gamma: Sharpness = 50.0
     """Sharpness of the likelihood exp(-gamma d^2)."""
     likelihood: Literal["exponential", "linear"] = "exponential"
     """exp(-gamma d^2), or 1 - d as Naeem, Pridmore and Mills have it (equation 8)."""

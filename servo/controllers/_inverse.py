@@ -38,7 +38,7 @@ class Inverse:
         """The inverse over some features and some degrees of freedom.
 
         W (L W)+ minimises |W^-1 v|: a degree of freedom with a small weight moves little, with the
-        weight zero not at all.
+        weight zero not at all. Only the ratios of the weights matter.
 
         Args:
             L: Interaction matrix (4, 6).
@@ -47,7 +47,7 @@ class Inverse:
             weights: Weights (6,) of the degrees of freedom.
         """
         (known,), (moving,) = rows.nonzero(), moves.nonzero()
-        w = weights[moving]
+        w = weights[moving] / (weights[moving].max(initial=0.0) or 1.0)
         pseudo = np.zeros(L.shape[::-1])
         pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)
         return Inverse(pseudo, L, moves)
@@ -55,6 +55,8 @@ class Inverse:
 
 def _pinv(A: Array) -> Array:
     """The pseudo-inverse; of a square matrix that is strong enough, the plain inverse."""
+    if A.size == 0:
+        return A.T
     if A.shape[0] == A.shape[1]:
         size = sqrt(np.vdot(A, A))
         plain = inverse_if_strong(A, RANK_TOLERANCE * size)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from servo import features
 from servo.controllers._absence import Absence
@@ -27,24 +27,28 @@ from servo.controllers._secondary import Secondary, twist_of
 from servo.estimators.difference import Difference
 from servo.interaction import interaction
 from servo.types import DOF, FEATURES, Command, Mode, Outlook, OwnMotion, Sight, Task
+from sim.ranges import Time
 from sim.types import Array, Posture
 
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
 Feature = Literal["xn", "yn", "an", "theta"]
 Weight = Annotated[float, Ge(0), Le(1e6)]
+Gain = Annotated[float, Ge(1e-6), Le(1000)]
+Limit = Annotated[float, Ge(1e-6), Le(100)]
+LimitOfChange = Annotated[float, Ge(1e-3), Le(1e6)]
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """The control law."""
 
-    gain: Annotated[float, Gt(0), Le(1000)] = 2.0
+    gain: Gain = 2.0
     """lambda [1/s], at the goal; with one frame of delay and period T the loop is unstable from
     lambda T = 1 on.
     """
-    gain_far: Annotated[float, Gt(0), Le(1000)] | None = None
+    gain_far: Gain | None = None
     """lambda far from the goal [1/s], for a gain that adapts; by default it is the same."""
-    gain_slope: Annotated[float, Ge(0)] = 30.0
+    gain_slope: Annotated[float, Ge(0), Le(1e6)] = 30.0
     """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there."""
     smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
     """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t); 0: the
@@ -58,29 +62,42 @@ class Config:
     secondary: tuple[Secondary, ...] = ()
     """What the motions that change no feature are used for: "level" (optical axis straight down),
     "avoid_limits" (of the joints), "centre" (joints to the middles of their ranges)."""
-    secondary_gain: Annotated[float, Gt(0), Le(1000)] = 1.0
+    secondary_gain: Gain = 1.0
     """Gain of the secondary tasks [1/s]."""
     feed_forward: tuple[Feature, ...] = ("xn", "yn")
     """Features whose target motion is compensated; those that do not move only add noise."""
     matrix: Literal["current", "desired", "mean"] = "current"
     """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
-    coast: Annotated[float, Ge(0)] = 1.0
+    coast: Time = 1.0
     """How long the estimated motion is still followed while the target is not seen [s]; then hold.
     """
-    search_after: Annotated[float, Ge(0)] | None = None
+    search_after: Time | None = None
     """How long the camera holds before it searches the target on a spiral [s]; by default it never
     does.
     """
-    search_speed: Annotated[float, Gt(0), Le(100)] = 0.1
+    search_speed: Limit = 0.1
     """Speed of the camera while it searches [m/s]."""
-    fastest: Annotated[float, Gt(0), Le(100)] = 0.6
+    fastest: Limit = 0.6
     """Largest speed of the camera [m/s]."""
-    fastest_turn: Annotated[float, Gt(0), Le(100)] = 2.0
+    fastest_turn: Limit = 2.0
     """Largest angular speed of the camera [rad/s]."""
-    acceleration: Annotated[float, Gt(0)] | None = None
+    acceleration: LimitOfChange | None = None
     """Largest acceleration of the camera [m/s^2]; by default the drives' own."""
-    acceleration_turn: Annotated[float, Gt(0)] | None = None
+    acceleration_turn: LimitOfChange | None = None
     """Largest angular acceleration of the camera [rad/s^2]; by default the drives' own."""
+
+    def __post_init__(self) -> None:
+        for name in ("dof", "secondary", "feed_forward"):
+            given = getattr(self, name)
+            twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
+            if twice is not None:
+                raise ValueError(f"{name} has '{twice}' twice")
+        if not any(weight for name, weight in zip(DOF, self.weights, strict=True)
+                   if name in self.dof):  # fmt: skip
+            raise ValueError(
+                "dof and weights let no part of the twist move; for a camera that stands still "
+                'set controller.kind = "hold"'
+            )
 
     def build(self, rng: np.random.Generator) -> Ibvs:
         """The controller; draws nothing."""

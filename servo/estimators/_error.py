@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 from filterpy.kalman import KalmanFilter
 
-from servo.estimators._kalman import between, blocks
+from servo.estimators._kalman import Ratio, between, blocks
 from servo.types import Outlook, OwnMotion
 from sim.types import Array
 
@@ -41,10 +41,10 @@ class ErrorSettings:
 
     rho: Annotated[float, Ge(0), Le(1)] = 0.95
     """Memory of the acceleration from frame to frame."""
-    acceleration: Annotated[float, Gt(0)] | None = None
+    acceleration: Ratio | None = None
     """Noise of the acceleration over the measurement's, per frame: Var(w2) T^4 / R; by default
     what suits the camera's rate."""
-    velocity: Annotated[float, Ge(0)] = 0.0
+    velocity: Annotated[float, Ge(0), Le(1e9)] = 0.0
     """Noise of the velocity over the measurement's, per frame: Var(w1) T^2 / R."""
 
     def noise(self, dt: float) -> Noise:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, final
+from typing import Annotated, Protocol, final
 
 import numpy as np
+from annotated_types import Ge, Le
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
@@ -15,6 +16,11 @@ from servo.types import Outlook, OwnMotion
 from sim.geometry import inverse
 from sim.types import Array
 
+Variance = Annotated[float, Ge(1e-12), Le(1e12)]
+Ratio = Annotated[float, Ge(1e-9), Le(1e9)]
+"""Of a variance to the measurement's."""
+Memory = Annotated[float, Ge(0), Le(0.999)]
+"""Share of the velocity's change that is left after a frame: at 1 its variance has no limit."""
 FEATURES = 4
 NOISE = (1e-4, 1e-4, 7e-4, 1e-3)
 """Standard deviations of the features from frame to frame, relative to the goal's an, as `pf_ssd`

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Gt, Lt
+from annotated_types import Ge, Le
 from filterpy.kalman import IMMEstimator
 
 from servo.estimators import _error
-from servo.estimators._kalman import VARIANCE
+from servo.estimators._kalman import VARIANCE, Ratio
 from servo.features import half_turn
 from servo.types import Outlook, OwnMotion
 from sim.types import Array
@@ -25,9 +25,9 @@ from sim.types import Array
 class Config(_error.ErrorSettings):
     """Constants of the smooth model, and what makes the other one another."""
 
-    jump: Annotated[float, Gt(0)] = 1.0
+    jump: Ratio = 1.0
     """Noise of the velocity of a manoeuvring target over the measurement's, per frame."""
-    stay: Annotated[float, Gt(0.5), Lt(1)] = 0.95
+    stay: Annotated[float, Ge(0.5), Le(0.9999)] = 0.95
     """Probability that a target drives on as it does, from frame to frame."""
 
     def build(self, rng: np.random.Generator) -> Imm:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from servo.estimators import kalman_cv
@@ -25,9 +25,9 @@ from sim.types import Array
 class Config(kalman_cv.Config):
     """The filter's constants, and those of the test."""
 
-    drift: Annotated[float, Ge(0)] = 1.0
+    drift: Annotated[float, Ge(0), Le(1e6)] = 1.0
     """What the innovation may be without being summed, in standard deviations."""
-    threshold: Annotated[float, Gt(0)] = 4.0
+    threshold: Annotated[float, Ge(0.001), Le(1e6)] = 4.0
     """The sum that is a jump, in standard deviations."""
 
     def build(self, rng: np.random.Generator) -> FeatureFilters:

@@ -9,12 +9,17 @@ For each feature by itself, with the plain difference z as measurement and T the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Lt
 
-from servo.estimators._kalman import FeatureFilters, Model, between, difference_variance
+from servo.estimators._kalman import (
+    FeatureFilters,
+    Memory,
+    Model,
+    Variance,
+    between,
+    difference_variance,
+)
 
 VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ = 0.03, 1.0
 ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ = 3e-3, 0.1
@@ -25,13 +30,13 @@ ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ = 3e-3, 0.1
 class Config:
     """Constants of the filter; only the ratios of the variances matter to the estimate."""
 
-    rho: Annotated[float, Ge(0), Lt(1)] = 0.5
+    rho: Memory = 0.5
     """Memory of the velocity's change from frame to frame."""
-    state_variance: Annotated[float, Gt(0)] | None = None
+    state_variance: Variance | None = None
     """sQ, per frame [(1/s)^2]; by default what suits the camera's rate."""
-    acceleration_variance: Annotated[float, Gt(0)] | None = None
+    acceleration_variance: Variance | None = None
     """sQ2, per frame [(1/s^2)^2]; by default what suits the camera's rate."""
-    measure_variance: Annotated[float, Gt(0)] | None = None
+    measure_variance: Variance | None = None
     """sR [(1/s)^2]; by default that of a good tracker's differences at the camera's rate."""
 
     def build(self, rng: np.random.Generator) -> FeatureFilters:

@@ -12,12 +12,17 @@ rate: those that are not given come from two tuned rates.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Lt
 
-from servo.estimators._kalman import FeatureFilters, Model, between, difference_variance
+from servo.estimators._kalman import (
+    FeatureFilters,
+    Memory,
+    Model,
+    Variance,
+    between,
+    difference_variance,
+)
 
 RHO = 0.6
 RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.03, 3.0
@@ -28,11 +33,11 @@ RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.03, 3.0
 class Config:
     """Constants of the filter; only the ratio of the variances matters to the estimate."""
 
-    rho: Annotated[float, Ge(0), Lt(1)] = RHO
+    rho: Memory = RHO
     """Memory of the velocity's change from frame to frame."""
-    state_variance: Annotated[float, Gt(0)] | None = None
+    state_variance: Variance | None = None
     """sQ, per frame [(1/s)^2]; by default what suits the camera's rate."""
-    measure_variance: Annotated[float, Gt(0)] | None = None
+    measure_variance: Variance | None = None
     """sR [(1/s)^2]; by default that of a good tracker's differences at the camera's rate."""
 
     def build(self, rng: np.random.Generator) -> FeatureFilters:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +10,8 @@ import numpy as np
 from servo.catalogue import PLUGINS
 from servo.episode import stream
 from servo.mistake import Mistake
+from servo.study.keys import flat
+from servo.tables import is_number
 from sim import plugins
 
 SCENARIO = "scenario"
@@ -22,10 +22,20 @@ SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
 """Axes that are given as [first, last, count]."""
 LAWS = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
 """How values are drawn, and how many numbers that takes."""
-ELSEWHERE = {SCENARIO: "scenario", "run.seed": "seeds"}
-"""Axes that a study has anyway: where their values belong."""
+ENDS = frozenset({*SPANS, *LAWS})
+"""A table with one of these is no table of settings."""
+ELSEWHERE = {
+    SCENARIO: "list these under `scenario` instead",
+    "run.seed": "list these under `seeds` instead, or count them with --seeds",
+    "run": "name one of its settings, such as run.latency",
+    "expect": "bounds change nothing in a run; those of the study are under `expect`",
+    "sweep": "a study changes the settings of runs only",
+}
+"""What cannot be an axis, and what to do instead."""
 ALL = "*"
 MOST_VALUES = 10_000
+LARGEST = 1e100
+"""Numbers in a law: sums and ratios of two have a floating-point value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +54,11 @@ class Draw:
     law: str
     """uniform, log_uniform, normal or choice."""
     numbers: tuple[Value, ...]
+
+    @property
+    def ends(self) -> tuple[Value, ...]:
+        """Values that stand for all that can be drawn: the ends of a range, a mean, all choices."""
+        return self.numbers[:1] if self.law == "normal" else self.numbers
 
     def value(self, seed: int) -> Value:
         """What is drawn for a seed."""
@@ -67,10 +82,9 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
     """
     axes: list[Axis] = []
     draws: list[Draw] = []
-    for key, given in flat(table, {*SPANS, *LAWS}).items():
+    for key, given in flat(table, f"{place}: axes", ENDS).items():
         at = f"{place}: axes.{key}"
-        if key in ELSEWHERE:
-            raise Mistake(f"{at}: list these under `{ELSEWHERE[key]}` instead")
+        check_key(key, at)
         if isinstance(given, dict):
             law, numbers = _law(given, at)
             if law in LAWS:
@@ -81,20 +95,56 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
             given = plugins.kinds(PLUGINS[key.removesuffix(".kind")][0])
         if not isinstance(given, list) or not given:
             raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")
-        if len({repr(v) for v in given}) < len(given):
+        if len(given) > MOST_VALUES:
+            raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
+        if len({repr(_plain(v)) for v in given}) < len(given):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
 
 
+def check_key(key: str, at: str) -> None:
+    """Refuse what cannot vary, or be set for all runs; `at` names its place.
+
+    Raises:
+        Mistake: It says where its values belong.
+    """
+    section = key.split(".")[0]
+    remedy = ELSEWHERE.get(key) or (ELSEWHERE[section] if section in ("expect", "sweep") else None)
+    if remedy is not None:
+        raise Mistake(f"{at}: {remedy}")
+
+
+def _plain(value: Value) -> Value:
+    """A value in which numbers that are equal are the same: 1 and 1.0."""
+    match value:
+        case bool():
+            return value
+        case int() | float():
+            return float(value) + 0.0  # -0.0 becomes 0.0
+        case list():
+            return [_plain(item) for item in value]
+        case dict():
+            return {key: _plain(value[key]) for key in sorted(value)}
+        case _:
+            return value
+
+
 def _law(given: dict[str, Any], at: str) -> tuple[str, tuple[Any, ...]]:
+    if len(given) != 1 or not ENDS.issuperset(given):
+        laws = ", ".join([*SPANS, *LAWS])
+        raise Mistake(f"{at} = {given!r}: an axis is a list of values, or one law: {laws}")
     law, numbers = next(iter(given.items()))
     count = 3 if law in SPANS else LAWS[law]
-    if len(given) > 1 or not isinstance(numbers, list) or len(numbers) != (count or len(numbers)):
+    if not isinstance(numbers, list) or not numbers or len(numbers) != (count or len(numbers)):
         raise Mistake(f"{at}.{law}: this takes a list of {count or 'values'}")
-    if law != "choice" and not all(finite(n) for n in numbers):
+    if law == "choice":
+        return law, tuple(numbers)
+    if not all(is_number(n) for n in numbers):
         raise Mistake(f"{at}.{law} = {numbers!r}: these should be finite numbers")
-    if not numbers or (law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0):
+    if max(abs(n) for n in numbers) > LARGEST:
+        raise Mistake(f"{at}.{law} = {numbers!r}: these should be at most {LARGEST:g}")
+    if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
         raise Mistake(f"{at}.{law} = {numbers!r}: these should be above 0")
     if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
         raise Mistake(f"{at}.{law} = {numbers!r}: the first should be the smaller one")
@@ -108,19 +158,3 @@ def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
     if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
         raise Mistake(f"{at}.{law}: the count should be a whole number from 1 to {MOST_VALUES:,}")
     return SPANS[law](*numbers).tolist()
-
-
-def flat(table: dict[str, Any], ends: Iterable[str] = ()) -> dict[str, Any]:
-    """Nested tables by dotted keys; a table with one of the keys in `ends` is a value."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        if isinstance(value, dict) and value and not set(value) & set(ends):
-            found |= {f"{key}.{inner}": v for inner, v in flat(value, ends).items()}
-        else:
-            found[key] = value
-    return found
-
-
-def finite(value: Any) -> bool:
-    """Whether this is a number that one can reckon with."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

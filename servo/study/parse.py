@@ -13,15 +13,19 @@ from typing import Any
 
 from servo import scenario as scenarios
 from servo.catalogue import sentence, shipped, studies
-from servo.measures import MEANINGS
+from servo.measures import MEANINGS, check_expect
 from servo.mistake import Mistake, unknown
-from servo.study.axes import axes_of, finite, flat
-from servo.study.plan import Base, Study
+from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
+from servo.study.keys import check_apart, flat
+from servo.study.plan import Base, Run, Study
+from servo.tables import is_number
 
 KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
-MOST_RUNS, MOST_CHECKED = 1_000_000, 2000
+MOST_RUNS, MOST_CHECKED, MOST_SCENARIOS = 1_000_000, 2000, 1000
+COUNTABLE = 10**15
+"""Numbers of runs from here on are not written out."""
 SUCCESS = "success_rate"
 
 
@@ -44,30 +48,51 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
     table, place = scenarios.read(str(path))
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
+    changed = _changed(table, changes, place)
     if changes:
-        own = flat(_table(table.get("set", {}), f"{place}: set"))
-        table["set"] = own | dict(scenarios.assignment(item) for item in changes)
+        table["set"] = changed
     if seeds is not None:
+        if seeds > MOST_RUNS:
+            raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
-    study = _study(table, path, place)
+    study = _study(table, changed, path, place)
     _check(study, place)
     return study
 
 
-def _study(table: dict[str, Any], path: Path, place: str) -> Study:
+def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[str, Any]:
+    """What is set for all runs, by key: the file's own [set], and over it the command line's."""
+    changed = flat(_table(table.get("set", {}), f"{place}: set"), f"{place}: set")
+    places = {key: f"set.{key}" for key in changed}
+    for item in changes:
+        key, value = scenarios.assignment(item)
+        own = flat({key: value}, f"--set {item}")
+        changed |= own
+        places |= dict.fromkeys(own, f"--set {item}")
+    axes = flat(_table(table.get("axes", {}), f"{place}: axes"), f"{place}: axes", ENDS)
+    for key in changed:
+        if key.split(".")[0] != "expect":
+            check_key(key, f"{place}: {places[key]}")
+        if key in axes:
+            raise Mistake(f"{place}: {places[key]}: axes.{key} varies this setting already")
+    check_apart(places | {key: f"axes.{key}" for key in axes}, place)
+    return changed
+
+
+def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: str) -> Study:
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
     study = Study(
         name=path.stem, title=sentence(path.read_text(encoding="utf-8-sig")), table=table,
-        bases=_bases(table.get("scenario"), path, place),
-        changes=flat(_table(table.get("set", {}), f"{place}: set")),
+        bases=_bases(table.get("scenario"), path, place), changes=changed,
         axes=axes, draws=draws, seeds=_seeds(table.get("seeds", SEEDS), place),
         compare=None, expect=_expect(table.get("expect", {}), place),
     )  # fmt: skip
     if study.size > MOST_RUNS:
-        raise Mistake(f"{place}: this makes {study.size:,} runs; the limit is {MOST_RUNS:,}")
+        runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
+        raise Mistake(f"{place}: this makes {runs} runs; the limit is {MOST_RUNS:,}")
     return _compared(study, table.get("compare"), place)
 
 
@@ -76,40 +101,66 @@ def _compared(study: Study, asked: Any, place: str) -> Study:
     keys = [axis.key for axis in study.every_axis]
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
+    if asked in [draw.key for draw in study.draws]:
+        raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
+    if not isinstance(asked, str) or not keys:
+        raise Mistake(f"{place}: compare = {asked!r}: this should be the name of an axis")
     if asked not in keys:
-        raise Mistake(f"{place}: compare: {unknown(str(asked), keys, 'axis')}")
+        raise Mistake(f"{place}: compare: {unknown(asked, keys, 'axis')}")
     return replace(study, compare=asked)
 
 
 def _check(study: Study, place: str) -> None:
-    """Parse every cell once, so that a wrong setting is told before hours of running; of more cells
-    than MOST_CHECKED the first ones.
+    """Parse each value of each axis, and every cell once, so that a wrong setting is reported
+    before hours of running; of more values than MOST_VALUES, and of more cells than
+    MOST_CHECKED, the first ones.
     """
-    cells = replace(study, seeds=study.seeds[:1]).runs()
-    for run in itertools.islice(cells, MOST_CHECKED):
+    cells = itertools.islice(replace(study, seeds=study.seeds[:1]).runs(), MOST_CHECKED)
+    for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
         try:
             run.parsed()
         except Mistake as error:
-            told = ", ".join(f"{key} = {value}" for key, value in run.settings.items())
+            _check_base(run, study, place)
+            settings = study.changes | run.settings
+            where = ", ".join(f"{key} = {value}" for key, value in settings.items())
             raise Mistake(
-                f"{place}: where {told}: {error}" if told else f"{place}: {error}"
+                f"{place}: where {where}: {error}" if where else f"{place}: {error}"
             ) from None
+
+
+def _check_base(run: Run, study: Study, place: str) -> None:
+    """Refuse a scenario that is wrong without the study's changes."""
+    base = next(b for b in study.bases if b.name == run.scenario)
+    try:
+        check_expect(scenarios.parse(base.table, base.name, base.place))
+    except Mistake as error:
+        raise Mistake(str(error) if base.place == place else f"{place}: {error}") from None
 
 
 def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
     names: list[Any] = shipped() if given == ALL else given if isinstance(given, list) else [given]
     if not names or not all(isinstance(n, str) for n in names):
         raise Mistake(f'{place}: scenario should name a scenario, several in a list, or "*"')
-    bases: list[Base] = []
+    if len(names) > MOST_SCENARIOS:
+        raise Mistake(f"{place}: scenario has {len(names):,} names; the limit is {MOST_SCENARIOS}")
+    bases: dict[Path, Base] = {}
     for name in names:
         beside = path.parent / name
         at = str(beside) if name.endswith(".toml") and beside.is_file() else name
-        bases.append(Base(at, *scenarios.read(at)))
-    return tuple(bases)
+        try:
+            base, file = Base(at, *scenarios.read(at)), scenarios.path_of(at).resolve()
+        except Mistake as error:
+            raise Mistake(f"{place}: scenario: {error}") from None
+        if file in bases:
+            raise Mistake(f"{place}: scenario: '{at}' and '{bases[file].name}' are the same file")
+        bases[file] = base
+    return tuple(bases.values())
 
 
 def _seeds(given: Any, place: str) -> tuple[int, ...]:
     seeds = list(range(given)) if _whole(given) and given <= MOST_RUNS else given
+    if _whole(given) and given > MOST_RUNS:
+        raise Mistake(f"{place}: seeds = {given}: the limit is {MOST_RUNS:,}")
     if not isinstance(seeds, list) or not seeds or not all(_whole(s) for s in seeds):
         raise Mistake(f"{place}: seeds = {given!r}: how many, or a list of whole numbers from 0 on")
     if len(set(seeds)) < len(seeds):
@@ -122,8 +173,10 @@ def _expect(given: Any, place: str) -> dict[str, float]:
     for name, bound in _table(given, f"{place}: expect").items():
         if name not in known:
             raise Mistake(f"{place}: expect: {unknown(name, known)}")
-        if not finite(bound):
+        if not is_number(bound):
             raise Mistake(f"{place}: expect.{name} = {bound!r}: a bound is a finite number")
+        if name == SUCCESS and not 0 <= bound <= 1:
+            raise Mistake(f"{place}: expect.{name} = {bound!r}: a share is from 0 to 1")
     return dict(given)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from servo import scenario as scenarios
+from servo.measures import check_expect
 from servo.scenario import Scenario, Table
 from servo.study.axes import SCENARIO, Axis, Draw, Value
 
@@ -60,7 +61,9 @@ class Run:
         Raises:
             Mistake: A setting does not fit.
         """
-        return scenarios.parse(self.table, self.scenario, self.place)
+        scenario = scenarios.parse(self.table, self.scenario, self.place)
+        check_expect(scenario)
+        return scenario
 
     def command(self, changes: dict[str, Value]) -> str:
         """What runs it alone; changes are those of the whole study."""
@@ -120,20 +123,36 @@ class Study:
 
     def runs(self) -> Iterator[Run]:
         """All runs in their order."""
-        for place in self.places():
-            base, seed, settings = place.base, place.seed, place.settings
-            yield Run(
-                place.number, base.name, seed, settings, self._table(base, settings, seed),
-                base.place, pictured=seed == self.seeds[0],
-            )  # fmt: skip
+        return map(self._run, self.places())
+
+    def samples(self) -> Iterator[Run]:
+        """Few runs, not of the study, in which each value of an axis and each end of a draw occurs:
+        one after the other, with the first values of all others.
+        """
+        varied = {a.key: a.values for a in self.axes} | {d.key: d.ends for d in self.draws}
+        first = {key: values[0] for key, values in varied.items()}
+        for base in self.bases:
+            named = {SCENARIO: base.name} if len(self.bases) > 1 else {}
+            yield self._run(Place(0, base, self.seeds[0], named | first))
+            for key, values in varied.items():
+                for value in values[1:]:
+                    other = named | first | {key: value}
+                    yield self._run(Place(0, base, self.seeds[0], other))
+
+    def _run(self, place: Place) -> Run:
+        base, seed, settings = place.base, place.seed, place.settings
+        return Run(
+            place.number, base.name, seed, settings, self._table(base, settings, seed), base.place,
+            pictured=seed == self.seeds[0],
+        )  # fmt: skip
 
     def _table(self, base: Base, settings: dict[str, Value], seed: int) -> Table:
         table = copy.deepcopy(base.table)
         table.pop("sweep", None)
         own = {k: v for k, v in settings.items() if k != SCENARIO}
         for key, value in ordered(self.changes | own).items():
-            scenarios.put(table, key, value, f"{self.name}: {key}")
-        scenarios.put(table, "run.seed", seed, self.name)
+            scenarios.put(table, key, value, f"{self.name}.toml")
+        scenarios.put(table, "run.seed", seed, f"{self.name}.toml")
         return table
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim.ranges import Interval, Place, Time
 from sim.types import Effect
 
 
@@ -15,13 +16,13 @@ from sim.types import Effect
 class Config:
     """When and how fast."""
 
-    start: Annotated[float, Ge(0)] = 4.0
+    start: Time = 4.0
     """When it stands first [s]."""
-    duration: Annotated[float, Ge(0)] = 0.5
+    duration: Time = 0.5
     """How long it stands [s]."""
-    slide: Annotated[float, Gt(0)] = 0.2
+    slide: Interval = 0.2
     """How long the board takes to slide in, and out [s]."""
-    distance: Annotated[float, Ge(-5), Le(5)] = 0.6
+    distance: Place = 0.6
     """Where it comes from and goes to: sideways distance from the line of sight [m]."""
 
     offset: Annotated[float, Ge(0), Le(5)] = 0.0

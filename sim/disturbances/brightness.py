@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim.ranges import Interval, Time
 from sim.types import Effect
 
 
@@ -15,13 +16,13 @@ from sim.types import Effect
 class Config:
     """When, how much and how fast."""
 
-    start: Annotated[float, Ge(0)] = 3.0
+    start: Time = 3.0
     """When the brightness begins to change [s]."""
     factor: Annotated[float, Ge(0), Le(100)] = 0.7
     """The factor it goes to."""
-    ramp: Annotated[float, Gt(0)] = 0.5
+    ramp: Interval = 0.5
     """How long it takes to get there, and back [s]."""
-    duration: Annotated[float, Ge(0)] = 2.0
+    duration: Time = 2.0
     """How long it stays there [s]."""
 
     def build(self, rng: np.random.Generator) -> Brightness:

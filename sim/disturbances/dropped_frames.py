@@ -9,6 +9,7 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Interval, Time
 from sim.types import Effect
 
 
@@ -18,9 +19,9 @@ class Config:
 
     share: Annotated[float, Ge(0), Le(1)] = 0.2
     """Share of the time in which frames are dropped."""
-    length: Annotated[float, Ge(0.001)] = 0.03
+    length: Interval = 0.03
     """How long one drop lasts at least [s]."""
-    start: Annotated[float, Ge(0)] = 0.5
+    start: Time = 0.5
     """No frame is dropped before [s]."""
 
     def build(self, rng: np.random.Generator) -> DroppedFrames:

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Le
 
 from sim.motions import line
-from sim.types import Degrees, Effect
+from sim.ranges import Degrees, Place, Speed, Time
+from sim.types import Effect
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """When it comes, and how it drives."""
 
-    start: Annotated[float, Ge(0)] = 3.0
+    start: Time = 3.0
     """When it appears [s]."""
-    duration: Annotated[float, Ge(0)] = 6.0
+    duration: Time = 6.0
     """How long it is there [s]."""
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Where it appears [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = -0.6
+    y: Place = -0.6
     """Where it appears [m]."""
     heading_deg: Degrees = 90.0
     """Direction of the drive, from world x towards y [deg]."""
-    speed: Annotated[float, Ge(-5), Le(5)] = 0.2
+    speed: Speed = 0.2
     """Speed [m/s]."""
 
     def build(self, rng: np.random.Generator) -> SecondCar:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim.ranges import Interval, Place, Time
 from sim.types import Effect, Spot
 
 
@@ -15,15 +16,15 @@ from sim.types import Effect, Spot
 class Config:
     """When, where and how bright."""
 
-    start: Annotated[float, Ge(0)] = 3.0
+    start: Time = 3.0
     """When the light begins to change [s]."""
-    ramp: Annotated[float, Gt(0)] = 0.5
+    ramp: Interval = 0.5
     """How long it takes, and to come back [s]."""
-    duration: Annotated[float, Ge(0)] = 3.0
+    duration: Time = 3.0
     """How long it stays [s]."""
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Middle of the spot on the table [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Middle of the spot on the table [m]."""
     strength: Annotated[float, Ge(0), Le(1)] = 0.4
     """Brightness of the spot."""

@@ -7,8 +7,9 @@ from math import cos, pi, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim.ranges import Length, Place
 from sim.types import Pose
 
 
@@ -16,11 +17,11 @@ from sim.types import Pose
 class Config:
     """The circle."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Centre [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Centre [m]."""
-    radius: Annotated[float, Gt(0), Le(5)] = 0.15
+    radius: Length = 0.15
     """Radius [m]."""
     frequency: Annotated[float, Ge(-100), Le(100)] = 0.15
     """Rounds a second [Hz]; negative drives clockwise as seen from above."""

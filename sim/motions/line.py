@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import Annotated, final
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Le
 
-from sim.types import Degrees, Pose
+from sim.ranges import Degrees, Place, Speed
+from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """Where it starts and how fast it goes."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = -0.5
+    x: Place = -0.5
     """Start [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Start [m]."""
     heading_deg: Degrees = 0.0
     """Direction of the drive, from world x towards y [deg]."""
-    speed: Annotated[float, Ge(-5), Le(5)] = 0.1
+    speed: Speed = 0.1
     """Speed [m/s]."""
 
     def build(self, rng: np.random.Generator) -> Line:

@@ -6,27 +6,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import Annotated, final
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
-from sim.types import Degrees, Pose
+from sim.ranges import Degrees, Length, Place, Speed
+from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """The line and the speed."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Middle of the line [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Middle of the line [m]."""
     heading_deg: Degrees = -90.0
     """Direction of the nose and of the first drive, from world x towards y [deg]."""
-    speed: Annotated[float, Ge(-5), Le(5)] = 0.1
+    speed: Speed = 0.1
     """Speed [m/s]."""
-    length: Annotated[float, Gt(0), Le(5)] = 0.5
+    length: Length = 0.5
     """Length of the line [m]; the drive starts in its middle."""
 
     def build(self, rng: np.random.Generator) -> Reversal:

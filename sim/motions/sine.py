@@ -7,24 +7,25 @@ from math import cos, pi, radians, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
-from sim.types import Degrees, Pose
+from sim.ranges import Degrees, Place
+from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """The line and the swing."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Middle [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Middle [m]."""
     heading_deg: Degrees = 0.0
     """Direction of the nose and of the swing, from world x towards y [deg]."""
-    amplitude: Annotated[float, Ge(-5), Le(5)] = 0.15
+    amplitude: Place = 0.15
     """Amplitude [m]."""
-    frequency: Annotated[float, Gt(0), Le(100)] = 0.2
+    frequency: Annotated[float, Ge(0.001), Le(100)] = 0.2
     """Frequency [Hz]."""
 
     def build(self, rng: np.random.Generator) -> Sine:

@@ -9,26 +9,27 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Degrees, Pose
+from sim.ranges import LONGEST, Degrees, Place, Speed
+from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """Turns and legs."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = -0.1
+    x: Place = -0.1
     """Start [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = -0.1
+    y: Place = -0.1
     """Start [m]."""
     heading_deg: Degrees = -90.0
     """Direction of the nose at first, from world x towards y [deg]."""
     turn_deg: Degrees = 90.0
     """Each turn, from world x towards y [deg]."""
-    turn_duration: Annotated[float, Ge(0.1)] = 2.0
+    turn_duration: Annotated[float, Ge(0.1), Le(LONGEST)] = 2.0
     """How long a turn lasts [s]."""
-    speed: Annotated[float, Ge(-5), Le(5)] = 0.1
+    speed: Speed = 0.1
     """Speed on a leg [m/s]."""
-    leg_duration: Annotated[float, Ge(0.1)] = 2.0
+    leg_duration: Annotated[float, Ge(0.1), Le(LONGEST)] = 2.0
     """How long a leg lasts [s]."""
 
     def build(self, rng: np.random.Generator) -> Spin:

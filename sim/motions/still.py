@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import radians
-from typing import Annotated, final
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Le
 
-from sim.types import Degrees, Pose
+from sim.ranges import Degrees, Place
+from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """Where it stands."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Position on the table [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Position on the table [m]."""
     heading_deg: Degrees = 0.0
     """Direction of the nose, from world x towards y [deg]."""

@@ -9,24 +9,25 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Degrees, Pose
+from sim.ranges import LONGEST, Degrees, Place, Speed, Time
+from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """The line, the speed, and the times."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = -0.5
+    x: Place = -0.5
     """Start [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Start [m]."""
     heading_deg: Degrees = 0.0
     """Direction of the drive, from world x towards y [deg]."""
-    speed: Annotated[float, Ge(-5), Le(5)] = 0.12
+    speed: Speed = 0.12
     """Speed while it drives [m/s]."""
-    go: Annotated[float, Ge(0.1)] = 2.0
+    go: Annotated[float, Ge(0.1), Le(LONGEST)] = 2.0
     """How long it drives [s]."""
-    stop: Annotated[float, Ge(0)] = 1.5
+    stop: Time = 1.5
     """How long it then stands [s]."""
 
     def build(self, rng: np.random.Generator) -> StopAndGo:

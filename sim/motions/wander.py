@@ -9,8 +9,9 @@ from math import atan2, cos, pi, sin
 from typing import Annotated, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from sim.ranges import Length, Place
 from sim.types import Array, Pose
 
 HARMONICS = (2, 3)
@@ -21,11 +22,11 @@ HARMONICS = (2, 3)
 class Config:
     """How large the loop is and how far from a circle."""
 
-    x: Annotated[float, Ge(-5), Le(5)] = 0.0
+    x: Place = 0.0
     """Centre [m]."""
-    y: Annotated[float, Ge(-5), Le(5)] = 0.0
+    y: Place = 0.0
     """Centre [m]."""
-    radius: Annotated[float, Gt(0), Le(5)] = 0.18
+    radius: Length = 0.18
     """Mean radius [m]."""
     unevenness: Annotated[float, Ge(0), Le(0.5)] = 0.3
     """Sum of the amplitudes of the radius's waves, times their order squared, over the radius."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le
 
 from sim.types import Array, Frame
 from tracking.appearance.bins import Labelled
@@ -47,11 +47,11 @@ class Config(CloudSettings):
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL
     """"survival": exponents by the survival rate; "fixed": a geometric series."""
-    survival: Annotated[float, Gt(0), Lt(1)] = 0.5
+    survival: Annotated[float, Ge(0.001), Le(0.999)] = 0.5
     """Share of the particles that survives a layer."""
-    ratio: Annotated[float, Gt(1)] = 2.0
+    ratio: Annotated[float, Ge(1), Le(100)] = 2.0
     """Fixed schedule: each exponent over the one of the layer before."""
-    cooling: Annotated[float, Gt(0), Le(1)] = 0.5
+    cooling: Annotated[float, Ge(0.001), Le(1)] = 0.5
     """Noise of a layer over the layer before."""
     climb: Annotated[int, Ge(0), Le(100)] = 0
     """Mean-shift histograms for each particle in each layer; 0: none (that is `kams`)."""

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
+from tracking.settings import Sharpness
 from tracking.trackers import annealed
 
 PRESETS = {"paper": annealed.LAYERS | {"estimate": "mean"}}
@@ -23,7 +24,7 @@ class Config(annealed.Config):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 40
     """Number of particles."""
-    gamma: Annotated[float, Gt(0), Le(1e6)] = 100.0
+    gamma: Sharpness = 100.0
     """Sharpness of the likelihood exp(-gamma d^2); the paper's 1 - d loses the target three times
     as often.
     """

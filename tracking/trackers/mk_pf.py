@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from sim.types import Image
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.sampled import SampledModel, cell_model
-from tracking.settings import PLAIN
+from tracking.settings import PLAIN, Sharpness
 from tracking.trackers import condensation
 from tracking.types import Region, State
 
@@ -25,7 +25,7 @@ class Config(condensation.Config):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 500
     """Number of particles."""
-    gamma: Annotated[float, Gt(0), Le(1e6)] = 20.0
+    gamma: Sharpness = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.08
     """Spread of position per frame, over the target's size."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le
 
 from sim.types import Array, Frame
 from tracking.lock import Lock, LockConfig
@@ -28,9 +28,9 @@ class Config:
     """Kernels along each side: 3 is the paper's nine."""
     levels: Literal[2, 4, 8, 16, 32] = 8
     """Colour bins a channel."""
-    span: Annotated[float, Gt(0)] = 1.5
+    span: Annotated[float, Ge(0.5), Le(10)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
-    inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
+    inset: Annotated[float, Ge(0), Le(0.49)] = 0.03
     """Share of the region's width and height that the kernels leave out, half on each side."""
     steps: Annotated[int, Ge(1), Le(100)] = 12
     """Most histogram evaluations of one descent."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, final
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le
 
 from sim.types import Array, Frame, Image
 from tracking.appearance.colour import ColourBins
@@ -26,7 +26,7 @@ from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN
+from tracking.settings import PLAIN, Sharpness
 from tracking.types import Estimate, Region, State, Status, check_region
 
 DARK = 8
@@ -41,7 +41,7 @@ class Config(Learning):
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 75
     """Number of particles."""
-    gamma: Annotated[float, Gt(0), Le(1e6)] = 20.0
+    gamma: Sharpness = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.1
     """Spread of position per frame, over the target's size."""
@@ -62,19 +62,19 @@ class Config(Learning):
     even: bool = False
     """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
     light changes, at the price of telling bright things from dark ones less well."""
-    span: Annotated[float, Gt(0)] = 1.0
+    span: Annotated[float, Ge(0.5), Le(10)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
-    inset: Annotated[float, Ge(0), Lt(0.5)] = 0.03
+    inset: Annotated[float, Ge(0), Le(0.49)] = 0.03
     """Share of the region's width and height that the kernels leave out, half on each side: there
     the background shows, whose change would be taken for the target's. From 0.06 on what is left of
     our car no longer holds its angle against parallax."""
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
-    occluded: Annotated[float, Gt(0), Le(1)] = 0.6
+    occluded: Annotated[float, Ge(0), Le(1)] = 0.6
     """The paper's tau: no descent where the filter's mean is farther from the target than this
     distance d_m.
     """
-    trust: Annotated[float, Gt(0)] = 0.6
+    trust: Annotated[float, Ge(0), Le(1000)] = 0.6
     """The descent is believed up to this distance from the filter's mean, over the target's size.
     """
     hidden: Annotated[float, Ge(0), Le(1)] = 0.5

@@ -1,0 +1,23 @@
+"""Ranges that several settings share: in each a run ends normally, and each has its unit."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Ge, Le
+
+LONGEST = 3600.0
+"""The longest run [s]: nothing in it can begin later or last longer."""
+
+Time = Annotated[float, Ge(0), Le(LONGEST)]
+"""A moment of a run, or how long something lasts that may last no time at all [s]."""
+Interval = Annotated[float, Ge(0.001), Le(LONGEST)]
+"""How long something lasts that cannot happen at once [s]."""
+Place = Annotated[float, Ge(-5), Le(5)]
+"""A coordinate on the table [m]."""
+Length = Annotated[float, Ge(0.001), Le(5)]
+"""A length on the table [m]."""
+Speed = Annotated[float, Ge(-5), Le(5)]
+"""Of what drives on the table [m/s]; below zero it drives backwards."""
+Degrees = Annotated[float, Ge(-3600), Le(3600)]
+"""An angle [deg]: ten turns are enough, and their sine still means something."""

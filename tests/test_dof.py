@@ -1,0 +1,99 @@
+"""Any part of the camera twist may move, with any weights; where none may, that is refused."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from servo import features, moments
+from servo import scenario as s
+from servo.controllers._inverse import Inverse
+from servo.controllers.ibvs import Config
+from servo.estimators import kalman_cv
+from servo.interaction import interaction
+from servo.mistake import Mistake
+from servo.types import DOF, FEATURES, Mode, Sight, Task
+from sim.types import Posture
+from tracking.types import Region, State
+
+RNG = np.random.default_rng(0)
+ROOT_AREA = float(np.sqrt(0.02))
+STILL = Posture.of_twist(np.zeros(6))
+KNOWN = [(True, True, size, angle) for size in (True, False) for angle in (True, False)]
+"""What trackers follow: the place always, size and angle or not."""
+SUBSETS = [names for n in range(1, 7) for names in itertools.combinations(DOF, n)]
+
+
+def sight(x=0.0, y=0.0, theta=0.0, depth=1.0, known=(True,) * 4):
+    m = moments.of_polygon(Region(0.2, 0.1).corners(State(x, y, theta, 1 / depth)))
+    return Sight(m, features.facing_plane(m, ROOT_AREA), known)
+
+
+@pytest.mark.parametrize("known", KNOWN, ids=str)
+def test_any_part_of_the_twist_moves_alone_or_with_others(known):
+    assert len(SUBSETS) == 63
+    for dof in SUBSETS:
+        controller = Config(dof=dof).build(RNG)
+        controller.start(Task(sight(), ROOT_AREA, kalman_cv.Config().build(RNG), 1))
+        for x in (0.05, 0.04, 0.03):
+            command = controller.command(sight(x, -0.03, 0.2, 1.1, known), STILL, 1 / 30)
+        held = {"vz": known[FEATURES.index("an")], "wz": known[FEATURES.index("theta")]}
+        free = [name in dof and held.get(name, True) for name in DOF]
+        assert np.isfinite(command.twist).all()
+        np.testing.assert_array_equal(command.twist[~np.array(free)], 0.0)
+        assert bool(command.twist.any()) == any(free)
+        assert command.mode is Mode.SERVOING
+
+
+L = interaction(sight(0.05, -0.03, 0.2).moments, sight(0.05, -0.03, 0.2).plane, ROOT_AREA)
+EVERY = np.ones(4, bool)
+
+
+@pytest.mark.parametrize("factor", [1e-300, 1e-6, 1e6])
+def test_only_the_ratios_of_the_weights_matter(factor):
+    weights, moves = np.array([1.0, 0.5, 1.0, 0.1, 0.1, 0.2]), np.ones(6, bool)
+    plain = Inverse.of(L, EVERY, moves, weights).pseudo
+    scaled = Inverse.of(L, EVERY, moves, weights * factor).pseudo
+    np.testing.assert_allclose(scaled, plain, rtol=1e-9, atol=1e-12)
+
+
+def test_the_smallest_number_is_a_weight_like_any_other():
+    one, moves = np.eye(6)[0], np.ones(6, bool)
+    tiny = Inverse.of(L, EVERY, moves, 5e-324 * one).pseudo
+    np.testing.assert_array_equal(tiny, Inverse.of(L, EVERY, moves, one).pseudo)
+    assert np.isfinite(tiny).all()
+    assert tiny[0].any()
+
+
+def test_where_nothing_may_move_the_inverse_is_zero():
+    for moves, weights in ((np.zeros(6, bool), np.ones(6)), (np.ones(6, bool), np.zeros(6))):
+        np.testing.assert_array_equal(Inverse.of(L, EVERY, moves, weights).pseudo, 0.0)
+    nothing = Inverse.of(L, np.zeros(4, bool), np.ones(6, bool), np.ones(6)).pseudo
+    np.testing.assert_array_equal(nothing, 0.0)
+
+
+STANDS = (
+    "controller: dof and weights let no part of the twist move; for a camera that stands still set "
+    'controller.kind = "hold"'
+)
+REFUSED = {
+    "controller.dof=[]": STANDS,
+    "controller.weights=[0, 0, 0, 0, 0, 0]": STANDS,
+    "controller.weights=[0, 0, 0, 1, 1, 0]": STANDS,
+    "controller={ kind = 'ibvs', dof = ['wz'], weights = [1, 1, 1, 1, 1, 0] }": STANDS,
+    "controller.dof=['vx', 'vy', 'vx']": "controller: dof has 'vx' twice",
+    "controller.secondary=['level', 'level']": "controller: secondary has 'level' twice",
+    "controller.feed_forward=['xn', 'xn']": "controller: feed_forward has 'xn' twice",
+}
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_a_camera_that_cannot_move_and_a_name_twice_are_refused(change):
+    with pytest.raises(Mistake) as refused:
+        s.load("line", [change])
+    assert str(refused.value) == f"--set {change}: {REFUSED[change]}"
+
+
+def test_no_secondary_task_and_nothing_fed_forward_are_allowed():
+    found = s.load("line", ["controller.secondary=[]", "controller.feed_forward=[]"]).controller
+    assert (found.secondary, found.feed_forward) == ((), ())

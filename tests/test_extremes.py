@@ -1,0 +1,171 @@
+"""A short run ends normally with each setting at its smallest and at its largest value."""
+
+import dataclasses
+import enum
+import inspect
+import math
+import types
+from itertools import starmap
+from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+from annotated_types import Ge, Gt, Le, Lt
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from servo import scenario as s
+from servo.catalogue import LISTS, PLUGINS
+from servo.episode import Episode
+from servo.measures import summarise
+from servo.mistake import Mistake
+from sim import plugins
+from sim.ranges import LONGEST
+
+SHORT = """
+camera = { width = 96, height = 72, exposure = 0.5 }
+run.duration = 0.3
+goal = { depth_to = 1.2, change_start = 0.05, change_duration = 0.1 }
+start = { x = 5.0, y = -4.0, angle_deg = 5.0 }
+motion.kind = "line"
+motion.x = 0.0
+disturbances = [{ kind = "brightness", factor = 0.0, start = 0.2, ramp = 0.001 }]
+"""
+"""Ten frames; from the seventh on the picture is black: the controller coasts, holds, searches."""
+EVERYTHING = {
+    "gain_far": 1.0, "smooth_start": 1.0, "secondary": ["level", "avoid_limits", "centre"],
+    "dof": ["vx", "vy", "vz", "wx", "wy", "wz"], "coast": 0.04, "search_after": 0.04,
+}  # fmt: skip
+"""Settings of the controller with which all others matter."""
+EARLY = {"start": 0.05, "duration": 0.1}
+"""Settings of a disturbance with which it acts within a short run."""
+REFUSED = ("the robot cannot bring the camera", "whole steps", "most of it outside the image",
+           "both sides must be at least 4 px", "no part of the twist move")  # fmt: skip
+"""What a scenario within all limits may be refused for."""
+
+
+def ends(hint):
+    """The smallest and the largest value of a number, or all choices, as TOML has them."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        kind, *limits = parts
+        low = [v.ge if isinstance(v, Ge) else math.nextafter(v.gt, math.inf)
+               for v in limits if isinstance(v, Ge | Gt)]  # fmt: skip
+        high = [v.le if isinstance(v, Le) else math.nextafter(v.lt, -math.inf)
+                for v in limits if isinstance(v, Le | Lt)]  # fmt: skip
+        return [kind(low[0]), kind(high[0])]
+    if origin is Literal:
+        return list(parts)
+    if origin in (Union, types.UnionType):
+        return [v for part in parts if part is not type(None) for v in ends(part)]
+    if origin is tuple and parts[-1] is Ellipsis:
+        return [*([choice] for choice in ends(parts[0])), ends(parts[0])]
+    if origin is tuple:
+        return [list(values) for values in zip(*map(ends, parts), strict=True)]
+    return [False, True] if hint is bool else [member.value for member in hint]
+
+
+def settings_of(config, begin=""):
+    """Class, name, and ends of every setting, those of tables inside included."""
+    for name, hint in get_type_hints(config, include_extras=True).items():
+        if dataclasses.is_dataclass(hint):
+            yield from settings_of(hint, f"{begin}{name}.")
+        elif hint is bool or get_origin(hint) or issubclass(hint, enum.Enum):
+            owner = next(c for c in config.__mro__ if name in inspect.get_annotations(c))
+            yield owner, f"{begin}{name}", ends(hint)
+
+
+def base(place, kind):
+    """A short scenario with a kind in its place, in which its settings matter."""
+    table = s.tables.decode(SHORT, "short")
+    if place in LISTS:
+        names = {f.name for f in dataclasses.fields(plugins.config_of(LISTS[place], kind))}
+        table[place] = [{"kind": kind} | {k: v for k, v in EARLY.items() if k in names}]
+    elif place in PLUGINS:
+        table[place] = {"kind": kind} | (EVERYTHING if kind == "ibvs" else {})
+    return table
+
+
+KINDS = [(place, None, config) for place, config in s.SECTIONS.items()]
+KINDS += [
+    (place, kind, plugins.config_of(folder, kind))
+    for place, folder in [*((p, f) for p, (f, _) in PLUGINS.items()), *LISTS.items()]
+    for kind in plugins.kinds(folder)
+]
+
+
+def cases():
+    """Every setting of every kind at each end; what several kinds inherit, in the first of them."""
+    seen = set()
+    for place, kind, config in KINDS:
+        at = f"{place}.0" if place in LISTS else place
+        for owner, name, values in settings_of(config):
+            if (owner, name) in seen:
+                continue
+            seen.add((owner, name))
+            for value in values:
+                if not too_long(kind, name, value):
+                    label = f"{kind or place}-{name}={value}"
+                    yield pytest.param(place, kind, {f"{at}.{name}": value}, id=label)
+
+
+def too_long(kind, name, value):
+    """Whether this takes seconds; the particles of one kind stand for those of all."""
+    return (
+        (name == "duration" and value == LONGEST and kind is None)
+        or (name == "particles" and value > 1 and kind != "condensation")
+        or (name == "density" and value > 100)
+    )
+
+
+def run_short(place, kind, changes):
+    """Run a short scenario with changes; whatever it says is a number."""
+    table, refused = base(place, kind), ""
+    for key, value in changes.items():
+        s.put(table, key, value, "short")
+    try:
+        scenario = s.parse(table, "short", "short")
+        with Episode(scenario) as episode:
+            steps = [step.light() for step in episode]
+            assert not episode.world.data.warning.number.any()  # MuJoCo's own, of nan and the like
+    except Mistake as mistake:
+        steps, refused = [], str(mistake)
+    if refused:
+        assert any(reason in refused for reason in REFUSED), refused
+        return
+    for step in steps:
+        outlook, state = step.command.outlook, dataclasses.astuple(step.estimate.state)
+        for values in (step.command.twist, step.command.error, outlook.error, outlook.motion,
+                       step.bodies, step.joints, step.rates, step.twist_measured, state,
+                       step.estimate.distance, step.target_motion_true):  # fmt: skip
+            assert np.isfinite(values).all()
+    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    assert all(np.isfinite(m.value) for m in report.measures if m.name != "settle_s")
+
+
+@pytest.mark.parametrize(("place", "kind", "changes"), [*cases()])
+def test_a_short_run_ends_normally_at_the_limits_of_every_setting(place, kind, changes):
+    run_short(place, kind, changes)
+
+
+def anything(config, at):
+    """Any few settings of a kind, each at one of its ends or choices."""
+    every = [(f"{at}.{name}", values) for _, name, values in settings_of(config)
+             if name not in ("particles", "density", "layers", "climb", "steps", "duration",
+                             "width", "height", "supersample", "subframes", "physics_rate",
+                             "rate")]  # fmt: skip
+    few = st.lists(st.sampled_from(every), max_size=6, unique_by=lambda one: one[0])
+    return few.flatmap(lambda chosen: st.fixed_dictionaries(
+        dict(starmap(lambda key, values: (key, st.sampled_from(values)), chosen))
+    ))  # fmt: skip
+
+
+PLACES = ("controller", "estimator", "motion", "robot", "goal", "tracker")
+LOOP = [k for k in KINDS if k[0] in PLACES and next(settings_of(k[2]), None)]
+
+
+@settings(max_examples=30)
+@given(st.sampled_from(LOOP).flatmap(lambda k: st.tuples(st.just(k), anything(k[2], k[0]))))
+def test_a_short_run_ends_normally_at_several_limits_at_once(drawn):
+    (place, kind, _), changes = drawn
+    run_short(place, kind, changes)
