@@ -108,8 +108,8 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
     assert err == (
         "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is looked "
         "for at the same pixels\n"
-        f"servobench: 1 of {FRAMES} pictures cannot be decoded, the first is 003.png; their rows "
-        "are LOST\n"
+        f"servobench: 1 of {FRAMES} pictures cannot be read, the first is 003.png (this is no "
+        "picture; known are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows are LOST\n"
     )
     found = rows(folder / "out" / "track.csv")
     assert len(found) == FRAMES
@@ -162,11 +162,12 @@ BAD = {
     ),
     "a first picture that is none": (
         ["broken", "--region", REGION],
-        "0.png: the first picture cannot be decoded",
+        "0.png: the first picture cannot be read: this is no picture; known are JPEG, PNG, BMP, "
+        "TIFF, WebP, PPM",
     ),
     "a truth that is none": (
         ["in", "--region", REGION, "--truth", "in/000.png"],
-        "in/000.png: cannot read this truth: it is not text",
+        "in/000.png: cannot read this truth: it is not UTF-8 text",
     ),
 }
 
