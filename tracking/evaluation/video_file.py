@@ -2,7 +2,7 @@
 
 A file is accepted by its first bytes and by FFmpeg's own judgement of its format, not by its name:
 playlists and other texts could make FFmpeg open further files, logs of robots hold many things.
-FFmpeg gets an open file instead of a name, so it reads no addresses and no numbered series.
+FFmpeg gets an open file without its name, so it reads no addresses and no numbered series.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def describe(path: Path) -> tuple[float, int]:
             check_beginning(file.read(HEAD))
             with _container(file) as container:
                 stream = _stream(container)
-                rate = float(stream.average_rate or 0)
+                rate = float(stream.average_rate or stream.guessed_rate or 0)
                 if not SLOWEST <= rate <= FASTEST:
                     raise ValueError(
                         f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
@@ -143,10 +143,17 @@ def _rgb(frame: av.VideoFrame) -> Image | None:
     return image
 
 
+class _Nameless:
+    """An open file without its name, by which FFmpeg would judge the format."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.read, self.seek, self.tell = file.read, file.seek, file.tell
+
+
 def _container(file: BinaryIO) -> InputContainer:
     file.seek(0)
     options = {"format_whitelist": FORMATS, "protocol_whitelist": "pipe"}
-    return av.open(file, mode="r", options=options)
+    return av.open(_Nameless(file), mode="r", options=options)
 
 
 def _stream(container: InputContainer) -> VideoStream:
@@ -155,8 +162,11 @@ def _stream(container: InputContainer) -> VideoStream:
     if len(streams) != 1:
         there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
         raise ValueError(f"{there} in this file; give a file with one video")
-    check_size(streams[0].width, streams[0].height, "first frame")
-    return streams[0]
+    stream = streams[0]
+    if not stream.width or not stream.height:
+        raise ValueError("not one frame of this video can be decoded")
+    check_size(stream.width, stream.height, "first frame")
+    return stream
 
 
 def _counted(container: InputContainer, stream: VideoStream) -> int:
