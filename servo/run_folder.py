@@ -34,6 +34,12 @@ def prepare(asked: Path | None, name: str) -> Path:
     else:
         folder = asked
     try:
+        str(folder).encode()
+    except UnicodeEncodeError:
+        raise Mistake(
+            f"{folder}: recordings need a folder whose name is UTF-8; choose another with --out"
+        ) from None
+    try:
         if folder.is_dir() and any(folder.iterdir()):
             raise Mistake(f"{folder}: there is something in this folder; choose another with --out")
         folder.mkdir(parents=True, exist_ok=True)

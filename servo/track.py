@@ -81,7 +81,7 @@ def run(request: Request) -> int:
     if first is None:
         raise Mistake(f"{request.source}: there is not one picture in it")
     kind = settings["kind"]
-    name = Path(request.source.replace(":", "-")).stem
+    name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
     folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
     written, seen, code = _write(request, folder, region, truth, itertools.chain([first], shots),
                                  source)  # fmt: skip

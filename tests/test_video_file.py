@@ -3,6 +3,7 @@
 import io
 import struct
 from fractions import Fraction
+from pathlib import Path
 
 import av
 import cv2
@@ -188,6 +189,11 @@ def test_a_video_that_says_how_to_turn_it_is_turned_as_opencv_does(tmp_path):
     assert picture.image.shape == (WIDTH, HEIGHT, 3)
     np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
     assert picture.image[8, -8].min() > 200
+
+
+def test_a_file_of_the_kernel_that_gives_an_error_is_named():
+    sentence = "cannot read this video: Input/output error"
+    assert refusal(Path("/proc/self/mem")) == sentence
 
 
 def test_names_that_are_no_text_are_read(tmp_path):

@@ -27,8 +27,8 @@ CODEC, FORMAT = "mpeg4", "yuv420p"
 FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
 FRAGMENT = 12
 """Most frames in a fragment; a killed run loses no more than the last."""
-BITS = 4.0
-"""Bits a pixel and second: enough that thin lines stay sharp."""
+COARSEST = 4
+"""Largest quantiser of MPEG-4, 1 to 31: thin lines and numbers stay sharp."""
 LARGEST_DENOMINATOR = 65_535
 """Largest number that MPEG-4 keeps of a rate."""
 
@@ -89,7 +89,7 @@ class Video:
             self._size = (width, height)
             stream = self._container.add_stream(CODEC, rate=self._rate)
             stream.width, stream.height, stream.pix_fmt = width, height, FORMAT
-            stream.bit_rate = round(BITS * width * height)
+            stream.codec_context.qmax = COARSEST
             stream.codec_context.gop_size = FRAGMENT
             self._stream = stream
         return self._stream

@@ -91,7 +91,10 @@ def describe(path: Path) -> tuple[float, int]:
                 return rate, stream.frames or _counted(container, stream)
         except FFmpegError:
             raise ValueError(f"{path}: this video is damaged, or not of a known format") from None
-        except (OSError, ValueError) as error:
+        except OSError as error:
+            reason = f"cannot read this video: {error.strerror}"
+            raise ValueError(f"{path}: {reason}") from None
+        except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
 
