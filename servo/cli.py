@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from pathlib import Path
 
@@ -249,6 +250,7 @@ def main() -> None:
     from servo.mistake import Mistake
     from sim.gl import NoRenderer
 
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
     try:
         app()
     except (Mistake, NoRenderer) as error:

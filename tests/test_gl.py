@@ -1,4 +1,7 @@
 import ctypes
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -62,3 +65,28 @@ def test_rendering_that_was_switched_off_says_so(monkeypatch):
         gl.NoRenderer, match=r"^Rendering is switched off by MUJOCO_GL=off: unset it\.$"
     ):
         gl.backend()
+
+
+QUIET = {
+    "no driver": (
+        ["run", "still"], {"LIBGL_DRIVERS_PATH": "/nonexistent"},
+        "servobench: No OpenGL driver answers on this machine (libEGL finds no device): run "
+        f"'{APT}'.\n",
+    ),
+    "no home": (
+        ["report", "gone"], {"HOME": "/dev/null", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": ""},
+        "servobench: gone: there is no such folder\n",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", QUIET)
+def test_libraries_write_nothing_before_the_sentence(tmp_path, case):
+    arguments, variables, sentence = QUIET[case]
+    unset = ("MUJOCO_GL", "MPLCONFIGDIR")
+    environment = {k: v for k, v in os.environ.items() if k not in unset} | variables
+    code = "from servo.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], env=environment, capture_output=True, cwd=tmp_path
+    )
+    assert (done.returncode, done.stdout, done.stderr.decode()) == (2, b"", sentence)
