@@ -9,6 +9,8 @@ import click
 
 from servo.options import (
     COUNT,
+    FRAME_RATE,
+    FRAMES,
     NATURAL,
     PATH,
     Commands,
@@ -79,16 +81,20 @@ def check(
 )
 @click.option(
     "--truth", type=PATH,
-    help="Truth to compare with: OTB, VOT, CSV (default: what lies beside it).",
+    help="Truth to compare with: OTB, VOT, TLD, CSV (default: what lies beside it).",
+)  # fmt: skip
+@click.option(
+    "--truth-format", default="auto", show_default=True,
+    help="otb (x,y,w,h from 1), vot (x,y,w,h or 4 corners from 0), tld (x1,y1,x2,y2), csv.",
 )  # fmt: skip
 @out_option("runs/SOURCE-TRACKER-SEED")
 @click.option("--video", is_flag=True, help="Also write an annotated MP4.")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
 @click.option(
-    "--rate", type=click.FloatRange(min=0.001), default=30.0, show_default=True,
+    "--rate", type=FRAME_RATE, default=30.0, show_default=True,
     help="Pictures a second of a folder.",
 )  # fmt: skip
-@click.option("--frames", type=COUNT, help="Stop after this many.")
+@click.option("--frames", type=FRAMES, help="Stop after this many.")
 @quiet_option
 def track(
     source: str,
@@ -97,6 +103,7 @@ def track(
     changes: tuple[str, ...],
     seed: int,
     truth: Path | None,
+    truth_format: str,
     out: Path | None,
     video: bool,
     rerun: bool,
@@ -108,8 +115,8 @@ def track(
     from servo.track import Request
     from servo.track import run as run_track
 
-    options = (video, rerun, rate, frames, quiet)
-    sys.exit(run_track(Request(source, region, tracker, changes, seed, truth, out, *options)))
+    given = (source, region, tracker, changes, seed, truth, truth_format, out)
+    sys.exit(run_track(Request(*given, video, rerun, rate, frames, quiet)))
 
 
 @app.command()

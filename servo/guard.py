@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable
@@ -26,6 +27,7 @@ def guarded(command: Callable[[], Any]) -> None:
     """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
     sys.stdout, sys.stderr = Printer.of(sys.stdout), Printer.of(sys.stderr)
     try:
         command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,22 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
 MOST_WORKERS = 1024
+MOST_FRAMES = 1_000_000_000
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers; click's own lets nan pass, which is neither too small nor too large."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, or click's usage error."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
+FRAME_RATE = FiniteRange(0.01, 10_000.0)
+FRAMES = click.IntRange(1, MOST_FRAMES)
 COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")

@@ -25,8 +25,9 @@ def prepare(asked: Path | None, name: str) -> Path:
     """The empty folder a run will write to: the one asked for, or the next free runs/NAME.
 
     Raises:
-        Mistake: It holds something already, or cannot be written.
+        Mistake: It holds something already, cannot be written, or has no name for a recording.
     """
+    _check_name(asked or Path(name))
     try:
         if asked is None:
             return _next_free(Path("runs"), name)
@@ -37,6 +38,15 @@ def prepare(asked: Path | None, name: str) -> Path:
     except OSError as error:
         raise unwritable(asked or Path("runs") / name, error) from None
     return asked
+
+
+def _check_name(folder: Path) -> None:
+    try:
+        str(folder).encode()
+    except UnicodeEncodeError:
+        raise Mistake(
+            f"{folder}: recordings need a folder whose name is UTF-8; choose another with --out"
+        ) from None
 
 
 def _next_free(runs: Path, name: str) -> Path:

@@ -14,6 +14,7 @@ from sim import plugins
 from tracking.evaluation.bench import Contender, Entry, Generated, Recorded
 from tracking.evaluation.sequence import is_folder, read_all
 from tracking.evaluation.sources import RATE
+from tracking.evaluation.truth import Format
 
 GENERATORS, TRACKERS = "tracking.evaluation.generators", "tracking.trackers"
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
@@ -24,6 +25,7 @@ SUITES: dict[str, list[dict[str, Any]]] = {
 }
 CLOSED_LOOP = "closed_loop"
 KEYS = ("sequences", "trackers")
+RECORDED_KEYS = ("path", "truth_format")
 
 
 def suite(name: str) -> tuple[list[Entry], list[Contender]]:
@@ -77,9 +79,9 @@ def _entry(table: dict[str, Any], place: str) -> Generated:
     return Generated(str(table["kind"]), fill_plugin(GENERATORS, table, place))
 
 
-def _recorded(folder: Path) -> Sequence[Recorded]:
+def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
     try:
-        return [Recorded(folder, s.name) for s in read_all(folder, RATE)]
+        return [Recorded(folder, s.name, form) for s in read_all(folder, RATE, form)]
     except ValueError as error:
         raise Mistake(str(error)) from None
 
@@ -133,6 +135,13 @@ def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
         raise Mistake(f"{place} should have either a path or a kind")
     if "kind" in item:
         return [_entry(item, place)]
-    if not isinstance(item["path"], str):
-        raise Mistake(f"{place}.path = {item['path']!r}: this should be a text")
-    return _recorded(beside / item["path"])
+    for key, value in item.items():
+        if key not in RECORDED_KEYS:
+            raise Mistake(f"{place}: {unknown(key, RECORDED_KEYS)}")
+        if not isinstance(value, str):
+            raise Mistake(f"{place}.{key} = {value!r}: this should be a text")
+    try:
+        form = Format.named(item.get("truth_format", "auto"))
+    except ValueError as error:
+        raise Mistake(f"{place}: {error}") from None
+    return _recorded(beside / item["path"], form)

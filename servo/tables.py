@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from servo.mistake import Mistake
+from tracking.evaluation import reading
 
 LARGEST = 1_000_000
-"""Most characters of a file."""
+"""Largest file [bytes]."""
 DEEPEST = 20
 """Most tables and lists inside each other."""
 INTEGERS = range(-(1 << 63), 1 << 63)
@@ -25,19 +26,12 @@ def read(path: Path, what: str) -> str:
         what: What it should be, for messages: "scenario".
 
     Raises:
-        Mistake: It cannot be read, is not text, or is absurdly long.
+        Mistake: It cannot be read, is not a regular file, is not UTF-8 text, or is too large.
     """
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            text = file.read(LARGEST + 1)
-    except UnicodeDecodeError:
-        raise Mistake(f"{path}: cannot read this {what}: it is not UTF-8 text") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "no file can have this name"
-        raise Mistake(f"{path}: cannot read this {what}: {reason}") from None
-    if len(text) > LARGEST:
-        raise Mistake(f"{path}: this {what} is too long; the limit is {LARGEST:,} characters")
-    return text
+        return reading.text(path, what, LARGEST)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
 
 
 def decode(text: str, place: str) -> dict[str, Any]:

@@ -25,7 +25,13 @@ from tracking.evaluation import atomic
 from tracking.evaluation import truth as truths
 from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
-from tracking.evaluation.sequence import CAMERA, source_of, truths_in
+from tracking.evaluation.sequence import (
+    CAMERA,
+    check_count,
+    is_folder,
+    source_of,
+    truths_in,
+)
 from tracking.evaluation.sources import Source
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_file import TrackFile
@@ -45,6 +51,7 @@ class Request:
     changes: Sequence[str]
     seed: int
     truth: Path | None
+    truth_format: str
     out: Path | None
     video: bool
     rerun: bool
@@ -62,7 +69,7 @@ def run(request: Request) -> int:
     settings, config = tracker_of(request.kind, request.changes)
     try:
         source = source_of(request.source, request.rate)
-        truth = _truth(request)
+        truth = _truth(request, source)
         region, start = _placement(request, truth)
     except ValueError as error:
         raise Mistake(str(error)) from None
@@ -75,7 +82,7 @@ def run(request: Request) -> int:
     if first is None:
         raise Mistake(f"{request.source}: there is not one picture in it")
     kind = settings["kind"]
-    name = Path(request.source.replace(":", "-")).stem
+    name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
     folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
     written, seen, code = _write(request, folder, region, truth, itertools.chain([first], shots),
                                  source)  # fmt: skip
@@ -108,14 +115,27 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
 
 
-def _truth(request: Request) -> Array | None:
-    if request.truth is not None:
-        return truths.read(request.truth)
-    folder = Path(request.source)
-    if request.source.startswith(CAMERA) or not folder.is_dir():
+def _truth(request: Request, source: Source) -> Array | None:
+    form = truths.Format.named(request.truth_format)
+    path = request.truth or _truth_beside(request.source)
+    if path is None:
         return None
-    found = truths_in(folder)
-    return truths.read(found[0]) if found else None
+    if source.count is None:
+        raise Mistake(f"{path}: the pictures of {request.source} cannot be counted, so there is no "
+                      "truth for them")  # fmt: skip
+    truth = truths.read(path, form)
+    check_count(truth, source, str(path))
+    return truth
+
+
+def _truth_beside(source: str) -> Path | None:
+    if source.startswith(CAMERA) or not is_folder(Path(source)):
+        return None
+    found = truths_in(Path(source))
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise Mistake(f"{source}: there are several truths ({names}); choose one with --truth")
+    return found[0] if found else None
 
 
 def _placement(request: Request, truth: Array | None) -> tuple[Region, State]:
@@ -155,7 +175,7 @@ def _write(
     if request.rerun:
         from servo.recording.track_log import TrackLog  # rerun takes half a second to import
 
-        log = TrackLog(folder / RECORDING, region)
+        log = TrackLog(folder / RECORDING, region, source.rate)
     extras = [extra for extra in (film, log) if extra is not None]
     paths += [folder / name for name, on in ((VIDEO, film), (RECORDING, log)) if on is not None]
     seen: list[Shot] = []
@@ -219,7 +239,7 @@ def _print(
 
 
 def _print_oddities(console: Console, seen: list[Shot]) -> None:
-    blind = [shot.picture.name for shot in seen if shot.blind]
+    blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
     if change is not None and change.size is not None:
@@ -232,6 +252,6 @@ def _print_oddities(console: Console, seen: list[Shot]) -> None:
     if blind:
         plain(
             console,
-            f"servobench: {len(blind)} of {len(seen)} pictures cannot be decoded, the first is "
-            f"{blind[0]}; their rows are LOST",
+            f"servobench: {len(blind)} of {len(seen)} pictures cannot be read, the first is "
+            f"{blind[0].name} ({blind[0].reason}); their rows are LOST",
         )

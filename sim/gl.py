@@ -13,6 +13,8 @@ import sys
 import threading
 from typing import Any
 
+from sim.quiet import silent_libraries
+
 APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
 EGL_PLATFORM_DEVICE = 0x313F
 MOST_DEVICES = 16
@@ -46,7 +48,9 @@ def backend() -> str:
     egl = _require("libEGL.so.1", APT)
     if _library("libGL.so.1") is None:
         _require("libOpenGL.so.0", APT)
-    if not _has_device(egl):
+    with silent_libraries():
+        answers = _has_device(egl)
+    if not answers:
         raise NoRenderer(
             f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'."
         )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tracking.adapters import Got10kTracker, OpenCVTracker, run_vot
+from tracking.types import Estimate, Status
 
 FRAMES = 10
 
@@ -99,5 +100,29 @@ def test_vots_protocol(tmp_path):
 
 def test_vots_protocol_names_a_picture_that_is_none(tmp_path):
     (tmp_path / "0.png").write_bytes(b"no picture")
-    with pytest.raises(ValueError, match=r"0\.png: this picture cannot be decoded"):
+    with pytest.raises(ValueError, match=r"0\.png: this is no picture; known are JPEG, PNG"):
         run_vot(Handle([str(tmp_path / "0.png")]), "frozen")
+
+
+def test_each_picture_has_the_time_of_its_number(monkeypatch):
+    """The trackers get frame 3 of a camera of 10 Hz at 0.3 s."""
+    seen = []
+
+    class Watching:
+        def start(self, frame, region, state):
+            seen.append((frame.index, frame.time))
+            self.given = region, state
+
+        def update(self, frame):
+            seen.append((frame.index, frame.time))
+            return Estimate(self.given[1], np.zeros((4, 4)), 0.0, Status.LOCKED)
+
+    monkeypatch.setattr("tracking.adapters.create", lambda *_, **__: Watching())
+    tracker = OpenCVTracker("kams", rate=10.0)
+    for _ in range(2):  # a target that is given anew begins at 0 again
+        seen.clear()
+        tracker.init(bgr(0), (40, 30, 30, 20))
+        for k in range(1, 4):
+            tracker.update(bgr(k))
+        assert seen == [(0, 0.0), (1, pytest.approx(0.1)), (2, pytest.approx(0.2)),
+                        (3, pytest.approx(0.3))]  # fmt: skip

@@ -1,4 +1,7 @@
 import ctypes
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -100,3 +103,28 @@ def test_each_thread_has_a_context_of_its_own():
         for _ in range(2):
             for picture in threads.map(lambda _: first_picture(), range(4)):
                 assert np.array_equal(picture, alone)
+
+
+QUIET = {
+    "no driver": (
+        ["run", "still"], {"LIBGL_DRIVERS_PATH": "/nonexistent"},
+        "servobench: No OpenGL driver answers on this machine (libEGL finds no device): run "
+        f"'{APT}'.\n",
+    ),
+    "no home": (
+        ["report", "gone"], {"HOME": "/dev/null", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": ""},
+        "servobench: gone: there is no such folder\n",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", QUIET)
+def test_libraries_write_nothing_before_the_sentence(tmp_path, case):
+    arguments, variables, sentence = QUIET[case]
+    unset = ("MUJOCO_GL", "MPLCONFIGDIR")
+    environment = {k: v for k, v in os.environ.items() if k not in unset} | variables
+    code = "from servo.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], env=environment, capture_output=True, cwd=tmp_path
+    )
+    assert (done.returncode, done.stdout, done.stderr.decode()) == (2, b"", sentence)

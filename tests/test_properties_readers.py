@@ -14,7 +14,9 @@ from servo.recording import view
 from servo.track import region_of
 from sim.types import Frame
 from tracking.evaluation import sources, track_file, truth
+from tracking.evaluation.picture_file import read_image
 from tracking.evaluation.sequence import read_all, source_of
+from tracking.evaluation.video_file import GIVEN_UP
 from tracking.types import FARTHEST, check_region
 
 NOISE = np.random.default_rng(2).integers(0, 256, (9, 7, 3), np.uint8)
@@ -104,10 +106,10 @@ def test_a_truth_is_places_in_a_picture_or_a_sentence(folder, content, name):
 
 @settings(max_examples=150)
 @given(st.binary(max_size=40) | mutated(PNG, JPEG, DOT))
-def test_a_picture_is_rgb_or_none(folder, content):
+def test_a_picture_is_rgb_or_a_sentence(folder, content):
     path = folder / "any.png"
     path.write_bytes(content)
-    image = sources.read_image(path)
+    image = read(read_image, path)
     if image is not None:
         assert image.dtype == np.uint8
         assert image.shape[2] == 3
@@ -116,7 +118,7 @@ def test_a_picture_is_rgb_or_none(folder, content):
 
 def test_a_picture_of_one_pixel_is_read(folder):
     (folder / "dot.png").write_bytes(DOT)
-    np.testing.assert_array_equal(sources.read_image(folder / "dot.png"), NOISE[:1, :1, ::-1])
+    np.testing.assert_array_equal(read_image(folder / "dot.png"), NOISE[:1, :1, ::-1])
 
 
 @settings(max_examples=150)
@@ -153,7 +155,7 @@ def test_a_video_is_pictures_or_a_sentence_and_ends(folder, film, data):
     path = folder / "any.avi"
     path.write_bytes(data.draw(mutated(film)))
     video = read(sources.Video.of, path)
-    for picture in itertools.islice(video or (), 2 * sources.GIVEN_UP):
+    for picture in itertools.islice(video or (), 2 * GIVEN_UP):
         assert picture.image is None or picture.image.shape[2] == 3
 
 

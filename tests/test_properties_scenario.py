@@ -178,5 +178,5 @@ def test_what_python_itself_gives_up_on_is_a_sentence_with_its_limit(path, text,
 def test_a_file_that_is_far_too_long_is_not_read_to_its_end(path):
     path.write_text("# " + "x" * LARGEST)
     assert outcome(s.load, str(path)) == (
-        f"{path}: this scenario is too long; the limit is 1,000,000 characters"
+        f"{path}: cannot read this scenario: it is too large; the limit is 1,000,000 bytes"
     )

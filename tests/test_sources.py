@@ -1,9 +1,12 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
+from tracking.evaluation.picture_file import rgb
 from tracking.evaluation.sequence import read_all, read_folder, source_of
-from tracking.evaluation.sources import Folder, Video, rgb
+from tracking.evaluation.sources import Folder, Video
 
 RED = np.full((40, 60, 3), (10, 20, 200), np.uint8)  # BGR
 
@@ -46,19 +49,22 @@ def test_a_video_is_read_with_its_rate(tmp_path):
         ("gone", "gone: there is no such folder, video file, or camera:NUMBER"),
         ("camera:x", "camera:x: a camera is given by its number, such as camera:0"),
         (".", ".: there are no images in this folder"),
-        ("film.mp4", "film.mp4: this is no video that OpenCV can open"),
+        ("img_%03d.png", "img_%03d.png: there is no such folder, video file, or camera:NUMBER"),
+        (
+            "http://localhost/a.mp4",
+            "http://localhost/a.mp4: there is no such folder, video file, or camera:NUMBER",
+        ),
     ],
 )
 def test_what_is_no_source_is_refused(tmp_path, monkeypatch, text, message):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "film.mp4").write_bytes(b"no film")
     with pytest.raises(ValueError) as refused:
         source_of(text, 30.0)
     assert str(refused.value) == message
 
 
 def layout(folder, pictures, count, truths):
-    (folder / pictures).mkdir(parents=True)
+    (folder / pictures).mkdir(parents=True, exist_ok=True)
     for i in range(count):
         cv2.imwrite(str(folder / pictures / f"{i:04}.png"), RED)
     for name, lines in truths.items():
@@ -68,18 +74,18 @@ def layout(folder, pictures, count, truths):
 def test_otb_and_vot_layouts_are_found(tmp_path):
     otb = {f"groundtruth_rect.{i}.txt": ["11,11,20,10"] * 3 for i in (1, 2)}
     layout(tmp_path / "two", "img", 3, otb)
-    layout(tmp_path / "turned", "color", 3, {"groundtruth.txt": ["10,10,30,10,30,20,10,20"] * 2})
+    layout(tmp_path / "turned", "color", 2, {"groundtruth.txt": ["10,10,30,10,30,20,10,20"] * 2})
     (tmp_path / "empty").mkdir()
     found = read_all(tmp_path, 30.0)
     assert [s.name for s in found] == ["turned", "two-1", "two-2"]
-    assert [s.source.count for s in found] == [2, 3, 3]  # pictures without truth are left out
+    assert [s.source.count for s in found] == [2, 3, 3]
     for sequence in found:
         assert (sequence.region.width, sequence.region.height) == (20, 10)
         assert (sequence.start.x, sequence.start.y) == (20, 15)
 
 
 def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):
-    layout(tmp_path / "late", "img", 2, {"groundtruth.txt": ["nan,nan,nan,nan", "1,1,9,9"]})
+    layout(tmp_path / "late", "img", 2, {"groundtruth.txt": ["nan,nan,nan,nan", "9,9,9,9"]})
     with pytest.raises(ValueError, match="the target is not in the first picture"):
         read_folder(tmp_path / "late", 30.0)
 
@@ -95,3 +101,60 @@ def test_the_shared_sequences_are_read(shared_sequences):
     assert int(np.isnan(found["tld_pedestrian3"].truth[:, 0, 0]).sum()) == 28
     assert found["otb_girl"].start.x == pytest.approx(56 + 31 / 2)
     assert found["vot13_car"].region.width == 57
+
+
+TWO = {"groundtruth_rect.txt": ["11,11,20,10"] * 2}
+
+
+@pytest.mark.parametrize(
+    ("pictures", "truths", "message"),
+    [
+        (2, {}, "{}: there are pictures in this folder, but no truth file"),
+        (0, TWO, "{}: there is a truth file in this folder, but no picture"),
+        (
+            3, TWO,
+            "{}/groundtruth_rect.txt: this truth has 2 lines for 3 pictures; it needs one for "
+            "each, with nan where the target is absent",
+        ),
+        (1, TWO, "{}/groundtruth_rect.txt: this truth has 2 lines for 1 pictures; it needs one"),
+    ],
+)  # fmt: skip
+def test_half_a_sequence_among_others_is_named(tmp_path, pictures, truths, message):
+    layout(tmp_path / "good", "img", 2, TWO)
+    layout(tmp_path / "half", "img", pictures, truths)
+    with pytest.raises(ValueError) as refused:
+        read_all(tmp_path, 30.0)
+    assert str(refused.value).startswith(message.format(tmp_path / "half"))
+
+
+def test_a_link_that_leads_nowhere_is_named_and_other_things_are_passed_over(tmp_path):
+    layout(tmp_path / "good", "img", 2, TWO)
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "README.md").write_text("mine")
+    assert [s.name for s in read_all(tmp_path, 30.0)] == ["good"]
+    (tmp_path / "moved").symlink_to("gone")
+    with pytest.raises(ValueError, match="moved: this link leads nowhere"):
+        read_all(tmp_path, 30.0)
+
+
+def test_the_folder_of_a_sequence_that_may_not_be_read_is_named(tmp_path, monkeypatch):
+    layout(tmp_path / "good", "img", 2, TWO)
+    layout(tmp_path / "secret", "img", 2, TWO)
+    usual = Path.iterdir
+
+    def iterdir(self):
+        if self.name == "secret":
+            raise PermissionError(13, "Permission denied")
+        return usual(self)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    with pytest.raises(ValueError, match="secret: cannot read this folder: Permission denied"):
+        read_all(tmp_path, 30.0)
+
+
+def test_tlds_own_layout_is_read(tmp_path):
+    layout(tmp_path, ".", 2, {"gt.txt": ["10,10,30,20", "NaN,NaN,NaN,NaN"], "init.txt": ["1"]})
+    (sequence,) = read_all(tmp_path, 30.0)
+    assert (sequence.region.width, sequence.region.height) == (20, 10)
+    assert (sequence.start.x, sequence.start.y) == (20, 15)
+    assert np.isnan(sequence.truth[1]).all()

@@ -66,3 +66,91 @@ def test_placement_is_the_upright_box_or_the_turned_rectangle():
     assert upright[0].width == pytest.approx(40 * np.cos(0.4) + 20 * np.sin(0.4))
     trapezium = np.array([[0, 0], [40, 0], [30, 20], [10, 20]], float)
     assert truth.placement(trapezium, turned=True)[1] == State(20.0, 10.0)
+
+
+def test_tld_has_two_corners(tmp_path):
+    text = "10,20,40,60\nNaN,NaN,NaN,NaN\n"
+    for path, form in (
+        (written(tmp_path, text, "gt.txt"), truth.Format.AUTO),
+        (written(tmp_path, text, "mine.txt"), truth.Format.TLD),
+    ):
+        found = truth.read(path, form)
+        np.testing.assert_array_equal(found[0], BOX)
+        assert np.isnan(found[1]).all()
+
+
+def test_four_numbers_that_may_be_two_corners_are_not_guessed(tmp_path):
+    path = written(tmp_path, "10,20,40,60\nnan,nan,nan,nan\n12,20,42,60\n")
+    with pytest.raises(ValueError) as refused:
+        truth.read(path)
+    assert str(refused.value) == (
+        f"{path}: these numbers may be x,y,w,h or x1,y1,x2,y2; give the format of this truth: "
+        "otb, vot or tld (--truth-format, or truth_format in a suite)"
+    )
+    box = truth.read(path, truth.Format.VOT)[0]
+    np.testing.assert_array_equal(box, [[10, 20], [50, 20], [50, 80], [10, 80]])
+    np.testing.assert_array_equal(truth.read(path, truth.Format.OTB)[0], box - 1)
+
+
+def test_a_box_of_zeros_is_an_absent_target(tmp_path):
+    found = truth.read(written(tmp_path, "40,20,30,40\n0,0,0,0\n"))
+    assert np.isnan(found[1]).all()
+
+
+NAME = "groundtruth.txt, line 2"
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("50,20,-30,40", f"{NAME}: the target is -30 x 40 px; both sides must be positive"),
+        ("50,20,30,0", f"{NAME}: the target is 30 x 0 px; both sides must be positive"),
+        ("10,5;20,5;30;40", "'10,5;20,5;30;40' is not a line of numbers (a decimal point, not a"),
+        ("10,5 20,5 30,0 40,0", "'10,5 20,5 30,0 40,0' is not a line of numbers (a decimal point"),
+        ("10,5,20,5,30,0,40,0", f"{NAME}: the corners are not in order around the target"),
+        ("1_0,20,5,5", "'1_0,20,5,5' is not a line of numbers"),
+        ("50,20,nan,40", "'50,20,nan,40' lacks some numbers; all or none may be nan"),
+        ("50,20,inf,40", "'50,20,inf,40' is no place in a picture; the limit is 1e+06"),
+        ("", f"{NAME}: a line has 4 or 8 numbers, not 0"),
+    ],
+)
+def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, message):
+    with pytest.raises(ValueError) as refused:
+        truth.read(written(tmp_path, f"50,20,30,40\n{line}\n50,20,30,40\n"))
+    assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "form", "message"),
+    [
+        ("50,20,30,40", "TLD", "line 1: 50,20,30,40 is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do"),
+        ("10,20,40,20,40,60,10,60", "TLD", "line 1: a line of TLD has 4 numbers, not 8"),
+        ("10,20,40,20,40,60,10,60", "OTB", "line 1: a line of OTB has 4 numbers, not 8"),
+        ("10,20,40,20", "CSV", "the columns are 10, 20, 40, 20; it needs x1..y4, or left, top"),
+        ("x,y,w,h\n1,2", "AUTO", "line 2: the header has 4 columns, this line has not"),
+        ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: the header has 4 columns, this line has not"),
+        ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' lacks some numbers"),
+        ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px; both sides must be"),
+        (
+            "frame,x,y,w,h\n0,1,2,3,4\n10,1,2,3,4", "AUTO",
+            "the column frame does not count 0, 1, 2 ... or 1, 2, 3 ...",
+        ),
+    ],
+)  # fmt: skip
+def test_each_format_refuses_what_it_has_not(tmp_path, text, form, message):
+    with pytest.raises(ValueError) as refused:
+        truth.read(written(tmp_path, text), truth.Format[form])
+    assert message in str(refused.value)
+
+
+def test_a_csv_may_count_its_frames_from_one(tmp_path):
+    text = "frame,x,y,w,h\n1,10,20,30,40\n2,10,20,30,40\n"
+    np.testing.assert_array_equal(truth.read(written(tmp_path, text)), [BOX, BOX])
+
+
+def test_an_unknown_format_is_refused():
+    with pytest.raises(ValueError) as refused:
+        truth.Format.named("coco")
+    assert str(refused.value) == (
+        "there is no truth format 'coco'; there is auto, otb, vot, tld, csv"
+    )

@@ -9,7 +9,8 @@ import numpy as np
 
 from sim.types import Frame, Image
 from tracking import create
-from tracking.evaluation.sources import RATE, read_image, rgb
+from tracking.evaluation.picture_file import read_image, rgb
+from tracking.evaluation.sources import RATE
 from tracking.evaluation.truth import boxes, corners_of, placement
 from tracking.types import Estimate, Region, State, Status
 
@@ -110,7 +111,7 @@ def run_vot(
     """Follow a target for the VOT toolkit until it gives no more pictures.
 
     Raises:
-        ValueError: A picture cannot be decoded.
+        ValueError: A picture cannot be read or decoded, or is too large.
     """
     given = handle.region()
     follower = Follower(kind, seed, rate, settings)
@@ -118,18 +119,11 @@ def run_vot(
     if not path:
         return
     rect = np.array([given.x, given.y, given.width, given.height], dtype=float)
-    follower.start(_read(path), *placement(corners_of(rect)))
+    follower.start(read_image(Path(path)), *placement(corners_of(rect)))
     while path := handle.frame():
-        found, (left, top, width, height) = follower.update(_read(path))
+        found, (left, top, width, height) = follower.update(read_image(Path(path)))
         answer = type(given)(left, top, width, height)
         handle.report(answer, 1.0 - found.distance)
-
-
-def _read(path: str) -> Image:
-    image = read_image(Path(path))
-    if image is None:
-        raise ValueError(f"{path}: this picture cannot be decoded")
-    return image
 
 
 def _array(image: Any) -> Image:

@@ -22,9 +22,16 @@ WHITE, AMBER = (255, 255, 255), (255, 190, 40)
 class TrackLog:
     """Writes one recording."""
 
-    def __init__(self, path: Path, region: Region) -> None:
+    def __init__(self, path: Path, region: Region, rate: float) -> None:
+        """A recording to a path.
+
+        Args:
+            path: The file.
+            region: The template.
+            rate: Pictures a second: after so many, what was logged is written to the file.
+        """
         rr.set_strict_mode(True)
-        self._region = region
+        self._region, self._at_once = region, max(1, round(rate))
         self._rec = rr.RecordingStream("servobench_track", recording_id=path.parent.name)
         self._rec.save(path, default_blueprint=_blueprint())
         self._rec.set_log_time_enabled(False)
@@ -48,6 +55,8 @@ class TrackLog:
         rec.log("plots/confidence", rr.Scalars(shot.confidence))
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
+        if (shot.index + 1) % self._at_once == 0:
+            rec.flush()
 
     def close(self) -> None:
         """Finish the file."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from servo.mistake import Mistake
-from tracking.evaluation import atomic
+from tracking.evaluation import atomic, reading
 
 MAGIC = (b"RRF2", b"RRIO")
 """How Rerun's files begin."""
@@ -37,11 +37,10 @@ def check(path: Path) -> None:
         Mistake: There is no such file, or it is not one of Rerun's.
     """
     try:
-        with path.open("rb") as file:
+        with reading.opened(path, "recording") as file:
             begin = file.read(4)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "no file can have this name"
-        raise Mistake(f"{path}: cannot read this recording: {reason}") from None
+    except ValueError as error:
+        raise Mistake(str(error)) from None
     if begin not in MAGIC:
         raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
 

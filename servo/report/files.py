@@ -12,9 +12,12 @@ import pyarrow.parquet as pq
 from pydantic import TypeAdapter, ValidationError
 
 from servo.mistake import Mistake
+from tracking.evaluation import reading
 
 Content = TypeVar("Content")
 HALF = "it may be half-written"
+LARGEST = 1_000_000_000
+"""Largest file [bytes]."""
 
 
 def read(path: Path, kind: type[Content]) -> Content:
@@ -38,12 +41,12 @@ def content(path: Path) -> bytes:
     """A file's bytes.
 
     Raises:
-        Mistake: It cannot be read.
+        Mistake: It cannot be read, is not a regular file, or is too large.
     """
     try:
-        return path.read_bytes()
-    except OSError as error:
-        raise Mistake(f"{path}: cannot read this file: {error.strerror}") from None
+        return reading.content(path, "file", LARGEST)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
 
 
 def table(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:

@@ -18,6 +18,7 @@ from tracking.evaluation.sequence import Sequence, read_all
 from tracking.evaluation.sources import RATE
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile
+from tracking.evaluation.truth import Format
 
 TRACKS = "tracks"
 LONGEST_LABEL = 60
@@ -105,6 +106,7 @@ class Recorded:
 
     folder: Path
     name: str
+    truth_format: Format = Format.AUTO
 
     @property
     def family(self) -> str:
@@ -112,13 +114,15 @@ class Recorded:
         return self.name
 
     def describe(self) -> dict[str, Any]:
-        """Folder and name."""
-        return {"folder": str(self.folder.resolve()), "name": self.name}
+        """Folder, name, and how its truth is read."""
+        form = self.truth_format.name.lower()
+        return {"folder": str(self.folder.resolve()), "name": self.name, "truth_format": form}
 
     def build(self, seed: int) -> Sequence:
         """The sequence, the same for every seed."""
         del seed
-        return next(s for s in read_all(self.folder, RATE) if s.name == self.name)
+        found = read_all(self.folder, RATE, self.truth_format)
+        return next(s for s in found if s.name == self.name)
 
 
 @dataclass(frozen=True, slots=True)

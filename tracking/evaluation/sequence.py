@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sim.types import Array
+from tracking.evaluation import reading
 from tracking.evaluation import truth as truths
-from tracking.evaluation.sources import SUFFIXES, Folder, Live, Source, Video
+from tracking.evaluation.picture_file import SUFFIXES
+from tracking.evaluation.sources import Folder, Live, Source, Video
+from tracking.evaluation.truth import Format
 from tracking.types import Region, State
 
 IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
 """Where OTB and VOT keep a sequence's pictures, beside its truth."""
-TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "truth.csv", "groundtruth.csv")
+TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "gt.txt", "truth.csv", "groundtruth.csv")
 CAMERA = "camera:"
 CAMERA_DIGITS = 3
 
@@ -66,35 +70,53 @@ def source_of(text: str, rate: float) -> Source:
             raise ValueError(f"{text}: a camera is given by its number, such as camera:0")
         return Live(int(number))
     path = Path(text)
-    try:
-        if path.is_dir():
-            return Folder.of(pictures_in(path), rate)
-        if path.is_file():
-            return Video.of(path)
-    except OSError as error:
-        raise ValueError(f"{text}: cannot read this: {error.strerror}") from None
-    raise ValueError(f"{text}: there is no such folder, video file, or camera:NUMBER")
+    if is_folder(path):
+        return Folder.of(pictures_in(path), rate)
+    if not os.path.lexists(path):
+        raise ValueError(f"{text}: there is no such folder, video file, or camera:NUMBER")
+    return Video.of(path)
 
 
 def pictures_in(folder: Path) -> Path:
-    """The folder itself, or the one below it where OTB or VOT keep the pictures."""
-    if any(f.suffix.lower() in SUFFIXES for f in folder.iterdir()):
+    """The folder itself, or the one below it where OTB or VOT keep the pictures.
+
+    Raises:
+        ValueError: The folder cannot be read.
+    """
+    if any(f.suffix.lower() in SUFFIXES for f in reading.names(folder)):
         return folder
     below = (folder / name for name in IMAGE_FOLDERS)
-    return next((path for path in below if path.is_dir()), folder)
+    return next((path for path in below if is_folder(path)), folder)
 
 
 def truths_in(folder: Path) -> list[Path]:
-    """The truth files beside a sequence's pictures, sorted; one for each target."""
+    """The truth files beside a sequence's pictures, sorted; one for each target.
+
+    Raises:
+        ValueError: The folder cannot be read.
+    """
     for place in (folder, folder.parent) if folder.name in IMAGE_FOLDERS else (folder,):
         for pattern in TRUTHS:
-            found = sorted(place.glob(pattern))
+            found = [path for path in reading.names(place) if path.match(pattern)]
             if found:
                 return found
     return []
 
 
-def read_folder(folder: Path, rate: float) -> list[Sequence]:
+def check_count(truth: Array, source: Source, place: str) -> None:
+    """Refuse a truth that has not one line for each picture: which belongs to which is not known.
+
+    Raises:
+        ValueError: It has more or fewer; place names it.
+    """
+    if source.count is not None and len(truth) != source.count:
+        raise ValueError(
+            f"{place}: this truth has {len(truth)} lines for {source.count} pictures; it needs one "
+            "for each, with nan where the target is absent"
+        )
+
+
+def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
     """The sequences of one folder, one for each truth file.
 
     Raises:
@@ -103,31 +125,54 @@ def read_folder(folder: Path, rate: float) -> list[Sequence]:
     source, found = Folder.of(pictures_in(folder), rate), truths_in(folder)
     several = len(found) > 1
     return [
-        _read(f"{folder.name}-{i}" if several else folder.name, source, path)
+        _read(f"{folder.name}-{i}" if several else folder.name, source, path, form)
         for i, path in enumerate(found, 1)
     ]
 
 
-def read_all(folder: Path, rate: float) -> list[Sequence]:
-    """The sequences of a folder, or of all folders in it that hold one.
+def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
+    """The sequences of a folder, or of all folders in it.
+
+    Folders in it with neither pictures nor truth are passed over.
 
     Raises:
-        ValueError: There is none.
+        ValueError: There is none, or one of the folders is half a sequence or cannot be read.
     """
     if not is_folder(folder):
         raise ValueError(f"{folder}: there is no such folder of sequences")
-    places = [folder] if truths_in(folder) else sorted(p for p in folder.iterdir() if p.is_dir())
-    found = [s for place in places if truths_in(place) for s in read_folder(place, rate)]
+    if _is_sequence(folder):
+        return read_folder(folder, rate, form)
+    found = [s for place in reading.names(folder) if _is_sequence(place)
+             for s in read_folder(place, rate, form)]  # fmt: skip
     if not found:
         raise ValueError(f"{folder}: there is no sequence (pictures with a truth file) in it")
     return found
 
 
-def _read(name: str, source: Folder, path: Path) -> Sequence:
-    corners = truths.read(path)[: source.count]
-    present = np.flatnonzero(np.isfinite(corners).all(axis=(1, 2)))
-    if len(present) == 0 or present[0] != 0:
+def _is_sequence(path: Path) -> bool:
+    """Whether a path is a folder with pictures and a truth.
+
+    Raises:
+        ValueError: It has one without the other, is a broken link, or cannot be read.
+    """
+    if path.is_symlink() and not path.exists():
+        raise ValueError(f"{path}: this link leads nowhere")
+    if not is_folder(path):
+        return False
+    place = pictures_in(path)
+    pictures = any(f.suffix.lower() in SUFFIXES for f in reading.names(place))
+    truth = bool(truths_in(path))
+    if pictures and not truth:
+        raise ValueError(f"{path}: there are pictures in this folder, but no truth file")
+    if truth and not pictures:
+        raise ValueError(f"{path}: there is a truth file in this folder, but no picture")
+    return truth
+
+
+def _read(name: str, source: Folder, path: Path, form: Format) -> Sequence:
+    corners = truths.read(path, form)
+    check_count(corners, source, str(path))
+    if not np.isfinite(corners[0]).all():
         raise ValueError(f"{path}: the target is not in the first picture")
-    files = source.files[: len(corners)]
     region, start = truths.placement(corners[0])
-    return Sequence(name, name, Folder(files, source.rate), corners, region, start)
+    return Sequence(name, name, source, corners, region, start)

@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import Protocol
 
 import cv2
-import numpy as np
 
+from sim.quiet import silent_libraries
 from sim.types import Image
+from tracking.evaluation import reading, video_file
+from tracking.evaluation.picture_file import SUFFIXES, read_image, rgb
 
-SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"})
 RATE = 30.0
-"""Frames a second where nothing tells."""
-GIVEN_UP = 100
-"""A video whose next frames cannot be decoded this many times in a row has ended."""
+"""Pictures a second of a folder, and of a camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +30,8 @@ class Picture:
     """When it was taken, from the first on [s]."""
     image: Image | None
     """RGB (H, W, 3), read-only; None where it cannot be decoded."""
+    reason: str = "it cannot be decoded"
+    """Why there is no image, where there is none."""
 
 
 class Source(Protocol):
@@ -51,7 +52,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Image files, sorted by name."""
+    """Image files, sorted by name, the numbers in names by their value."""
 
     files: tuple[Path, ...]
     rate: float = RATE
@@ -61,9 +62,9 @@ class Folder:
         """The images of a folder.
 
         Raises:
-            ValueError: There are none.
+            ValueError: There are none, or the folder cannot be read.
         """
-        files = sorted(f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES)
+        files = [f for f in reading.names(folder) if f.suffix.lower() in SUFFIXES]
         if not files:
             raise ValueError(f"{folder}: there are no images in this folder")
         return Folder(tuple(files), rate)
@@ -75,7 +76,11 @@ class Folder:
 
     def __iter__(self) -> Iterator[Picture]:
         for index, file in enumerate(self.files):
-            yield Picture(file.name, index / self.rate, read_image(file))
+            time = index / self.rate
+            try:
+                yield Picture(file.name, time, read_image(file))
+            except ValueError as error:
+                yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,33 +89,20 @@ class Video:
 
     path: Path
     rate: float
-    count: int | None
+    count: int
 
     @staticmethod
     def of(path: Path) -> Video:
-        """A video that can be opened.
+        """A video that can be read.
 
         Raises:
-            ValueError: OpenCV cannot open it.
+            ValueError: It is not one video of a known format.
         """
-        capture = cv2.VideoCapture(str(path))
-        if not capture.isOpened():
-            raise ValueError(f"{path}: this is no video that OpenCV can open")
-        rate, count = capture.get(cv2.CAP_PROP_FPS), int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        capture.release()
-        return Video(path, rate if rate > 0 else RATE, count if count > 0 else None)
+        return Video(path, *video_file.describe(path))
 
     def __iter__(self) -> Iterator[Picture]:
-        capture = cv2.VideoCapture(str(self.path))
-        failures = 0
-        for index in itertools.count():
-            more, image = capture.read()
-            failures = 0 if more else failures + 1
-            known = self.count if self.count is not None else index if failures else index + 1
-            if index >= known or failures > GIVEN_UP:
-                break
-            yield Picture(f"frame {index}", index / self.rate, rgb(image) if more else None)
-        capture.release()
+        for index, image in enumerate(video_file.images(self.path, self.count)):
+            yield Picture(f"frame {index}", index / self.rate, image)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +114,8 @@ class Live:
     count: int | None = None
 
     def __iter__(self) -> Iterator[Picture]:
-        capture = cv2.VideoCapture(self.number)
+        with silent_libraries():
+            capture = cv2.VideoCapture(self.number)
         if not capture.isOpened():
             raise ValueError(f"camera:{self.number}: there is no such camera")
         began = time.monotonic()
@@ -147,24 +140,3 @@ class Painted:
             image = self.paint(index)
             image.setflags(write=False)
             yield Picture(f"frame {index}", index / self.rate, image)
-
-
-def read_image(file: Path) -> Image | None:
-    """A picture as RGB (H, W, 3), whatever its depth and channels; None where it cannot be read."""
-    try:
-        data = np.fromfile(file, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    except (OSError, cv2.error):
-        return None
-    return None if image is None else rgb(image)
-
-
-def rgb(image: np.ndarray) -> Image:
-    """A picture in OpenCV's convention (grey, BGR or BGRA) as RGB (H, W, 3), read-only."""
-    code = {2: cv2.COLOR_GRAY2RGB, 4: cv2.COLOR_BGRA2RGB}
-    depth = image.ndim if image.ndim == 2 or image.shape[2] != 4 else 4
-    if image.ndim == 3 and image.shape[2] == 1:
-        image, depth = image[:, :, 0], 2
-    turned = cv2.cvtColor(image, code.get(depth, cv2.COLOR_BGR2RGB)).astype(np.uint8, copy=False)
-    turned.setflags(write=False)
-    return turned

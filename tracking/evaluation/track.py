@@ -50,14 +50,15 @@ def follow(tracker: Tracker, source: Source, region: Region, state: State) -> It
     it.
 
     Raises:
-        ValueError: The region is none, or the first picture cannot be decoded.
+        ValueError: The region is none, or the first picture cannot be read.
     """
     last = state
     follows = (True, True)
     for index, picture in enumerate(source):
         if picture.image is None:
             if index == 0:
-                raise ValueError(f"{picture.name}: the first picture cannot be decoded")
+                reason = f"the first picture cannot be read: {picture.reason}"
+                raise ValueError(f"{picture.name}: {reason}")
             blind = Estimate(last, unknown_covariance(), 1.0, Status.LOST, follows)
             yield Shot(picture, index, blind, 0.0, None)
             continue

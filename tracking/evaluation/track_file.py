@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-from io import TextIOWrapper
+import io
 from pathlib import Path
 
 import numpy as np
 
-from tracking.evaluation import atomic
+from tracking.evaluation import atomic, reading
 from tracking.evaluation.track import Shot, Track
 from tracking.types import Region, Status
 
@@ -18,6 +18,8 @@ HEADER = (
 )  # fmt: skip
 CORNERS = slice(HEADER.index("x1"), HEADER.index("y4") + 1)
 DIGITS = 9
+LARGEST = 1_000_000_000
+"""Largest track [bytes]."""
 
 
 class TrackFile:
@@ -25,7 +27,7 @@ class TrackFile:
 
     def __init__(self, path: Path, region: Region) -> None:
         self._path, self._region = path, region
-        self._file = TextIOWrapper(atomic.new_file(path), encoding="utf-8", newline="")
+        self._file = io.TextIOWrapper(atomic.new_file(path), encoding="utf-8", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerow(HEADER)
 
@@ -59,12 +61,12 @@ def read(path: Path) -> Track:
     """The track in a file; it does not tell how many histograms were read.
 
     Raises:
-        ValueError: The file is no track.
+        ValueError: The file cannot be read, or is no track.
     """
+    text = reading.text(path, "track", LARGEST)
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
-    except (OSError, ValueError, csv.Error):
+        header, *rows = csv.reader(io.StringIO(text, newline=""))
+    except (ValueError, csv.Error):
         raise ValueError(f"{path}: this is not a track") from None
     if tuple(header) != HEADER:
         raise ValueError(f"{path}: this is not a track: its columns are {', '.join(header)}")

@@ -1,0 +1,162 @@
+"""Pictures of all formats, odd ones, and sizes that are refused before anything is decoded."""
+
+import os
+import struct
+import subprocess
+import sys
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.quiet import silent_libraries
+from tracking.evaluation import picture_file
+from tracking.evaluation.picture_file import SUFFIXES, read_image, size_of
+from tracking.evaluation.sources import Folder
+
+PICTURE = np.random.default_rng(0).integers(0, 256, (23, 37, 3), np.uint8)
+SIDE = 30_000
+
+
+def encoded(suffix, image=PICTURE):
+    done, data = cv2.imencode(suffix, image)
+    assert done
+    return data.tobytes()
+
+
+def png(width, height):
+    def chunk(kind, data):
+        whole = kind + data
+        return struct.pack(">I", len(data)) + whole + struct.pack(">I", zlib.crc32(whole))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    pixels = zlib.compress(b"\0" * 1000)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels)
+
+
+def tiff(order, *, big):
+    mark = b"II" if order == "<" else b"MM"
+    if big:
+        head = mark + struct.pack(f"{order}HHHQ", 43, 8, 0, 16) + struct.pack(f"{order}Q", 2)
+        return head + b"".join(struct.pack(f"{order}HHQQ", t, 16, 1, SIDE) for t in (256, 257))
+    head = mark + struct.pack(f"{order}HIH", 42, 8, 2)
+    return head + b"".join(struct.pack(f"{order}HHII", t, 4, 1, SIDE) for t in (256, 257))
+
+
+def jpeg():
+    start = encoded(".jpg").index(b"\xff\xc0") + 5
+    small = encoded(".jpg")
+    return small[:start] + struct.pack(">HH", SIDE, SIDE) + small[start + 4 :]
+
+
+BOMBS = {
+    "png": png(SIDE, SIDE),
+    "jpeg": jpeg(),
+    "bmp": b"BM" + b"\0" * 12 + struct.pack("<Iii", 40, SIDE, -SIDE) + b"\0" * 40,
+    "old bmp": b"BM" + b"\0" * 12 + struct.pack("<IHHHH", 12, SIDE, SIDE, 1, 24),
+    "ppm": b"P6 # made by hand\n30000\n# rows\n30000 255\n" + b"\0" * 99,
+    "pgm": b"P5\n30000 30000\n255\n",
+    "webp": b"RIFF\0\0\0\0WEBPVP8X\x0a\0\0\0\0\0\0\0" + (SIDE - 1).to_bytes(3, "little") * 2,
+    **{f"tiff{o}{b}": tiff(o, big=b) for o in "<>" for b in (False, True)},
+}
+
+
+@pytest.mark.parametrize("suffix", sorted(SUFFIXES))
+def test_every_format_is_read_and_its_header_tells_its_size(tmp_path, suffix):
+    image = PICTURE[..., 0] if suffix == ".pgm" else PICTURE
+    data = encoded(suffix, image)
+    (tmp_path / f"a{suffix}").write_bytes(data)
+    found = read_image(tmp_path / f"a{suffix}")
+    assert found.shape == (23, 37, 3)
+    if suffix != ".webp":  # of a usual one only what is larger than the limit would be read
+        assert size_of(data) == (37, 23)
+    if suffix not in (".jpg", ".jpeg", ".webp", ".pgm"):
+        np.testing.assert_array_equal(found, PICTURE[..., ::-1])
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_every_depth_and_number_of_channels_is_rgb(tmp_path, suffix, depth, channels):
+    image = np.full((5, 7, channels), np.iinfo(depth).max // 2, depth)
+    (tmp_path / f"a{suffix}").write_bytes(encoded(suffix, image))
+    found = read_image(tmp_path / f"a{suffix}")
+    assert (found.shape, found.dtype) == ((5, 7, 3), np.uint8)
+    np.testing.assert_allclose(found, 127, atol=1)
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_an_absurd_size_is_refused_before_it_is_decoded(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(cv2, "imdecode", None)  # a call of it would be another error
+    path = tmp_path / "bomb.png"
+    path.write_bytes(BOMBS[name])
+    with pytest.raises(ValueError) as refused:
+        read_image(path)
+    assert str(refused.value) == (
+        f"{path}: the picture has 30000 x 30000 px; the limit is 16384 px a side"
+    )
+
+
+def test_a_suffix_that_lies_does_no_harm(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(encoded(".png"))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.jpg"), PICTURE[..., ::-1])
+
+
+def test_what_is_in_a_folder_but_no_picture_gives_its_reason(tmp_path, capfd):
+    """A pipe would be waited for, for ever; libraries would write lines of their own."""
+    (tmp_path / "0.png").write_bytes(encoded(".png"))
+    (tmp_path / "1.png").mkdir()
+    (tmp_path / "2.png").symlink_to("gone")
+    (tmp_path / "3.png").symlink_to("3.png")
+    os.mkfifo(tmp_path / "4.png")
+    (tmp_path / "5.png").write_bytes(b"")
+    (tmp_path / "6.png").write_bytes(encoded(".png")[:20])
+    (tmp_path / "7.png").write_bytes(b"GIF89a" + b"\0" * 99)
+    (tmp_path / "8.png").write_bytes(encoded(".png")[:40])
+    (tmp_path / "9.png").write_bytes(b"\xff\xd8\xff\xe0\x00")
+    first, *others = Folder.of(tmp_path)
+    assert first.image is not None
+    unread = "cannot read this picture: "
+    assert [picture.reason for picture in others] == [
+        f"{unread}it is a folder",
+        f"{unread}No such file or directory",
+        f"{unread}Too many levels of symbolic links",
+        f"{unread}it is a named pipe, not a file",
+        "this picture is an empty file",
+        "this picture is cut off or damaged",
+        "this is no picture; known are JPEG, PNG, BMP, TIFF, WebP, PPM",
+        "this picture cannot be decoded",
+        "this picture is cut off or damaged",
+    ]
+    assert [picture.image for picture in others] == [None] * 9
+    assert capfd.readouterr() == ("", "")
+
+
+def test_half_a_jpeg_says_nothing_by_itself(tmp_path, capfd):
+    """OpenCV logs that it is cut off."""
+    whole = encoded(".jpg", np.tile(PICTURE, (20, 20, 1)))
+    (tmp_path / "a.jpg").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match=r"a\.jpg: this picture cannot be decoded"):
+        read_image(tmp_path / "a.jpg")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_libraries_are_silent_only_meanwhile(capfd):
+    os.write(2, b"before ")
+    with silent_libraries():
+        os.write(2, b"meanwhile ")
+    os.write(2, b"after")
+    assert capfd.readouterr().err == "before after"
+
+
+def test_a_closed_stderr_silences_nothing_and_does_no_harm(tmp_path):
+    (tmp_path / "a.png").write_bytes(encoded(".png"))
+    code = (
+        "import os, sys; from pathlib import Path; os.close(2)\n"
+        f"from {picture_file.__name__} import read_image\n"
+        "print(read_image(Path(sys.argv[1])).shape)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "a.png")]
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
+    assert done.stdout == b"(23, 37, 3)\n"

@@ -1,0 +1,206 @@
+"""Which files are accepted as videos, and what a damaged one gives."""
+
+import io
+import struct
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from tracking.evaluation import picture_file
+from tracking.evaluation.sequence import source_of
+from tracking.evaluation.sources import Video
+from tracking.evaluation.video_file import GIVEN_UP
+
+FRAMES = 20
+WIDTH, HEIGHT = 64, 48
+CODECS = {
+    "mp4": "mpeg4", "mov": "mpeg4", "matroska": "mpeg4", "avi": "mjpeg", "mpegts": "mpeg2video",
+    "mpeg": "mpeg2video", "flv": "flv", "asf": "mpeg4", "gif": "gif", "yuv4mpegpipe": "rawvideo",
+    "webm": "libvpx",
+}  # fmt: skip
+
+
+def film(form="mp4", videos=1):
+    """A video of FRAMES frames at 25 Hz, each brighter than the one before."""
+    data = io.BytesIO()
+    with av.open(data, mode="w", format=form) as container:
+        streams = [container.add_stream(CODECS[form], rate=Fraction(25)) for _ in range(videos)]
+        for stream in streams:
+            stream.width, stream.height = WIDTH, HEIGHT
+            stream.pix_fmt = {"gif": "rgb8", "avi": "yuvj420p"}.get(form, "yuv420p")
+        for k in range(FRAMES):
+            image = np.full((HEIGHT, WIDTH, 3), 40 + 8 * k, np.uint8)
+            for stream in streams:
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        for stream in streams:
+            container.mux(stream.encode(None))
+    return data.getvalue()
+
+
+def refusal(path):
+    with pytest.raises(ValueError) as refused:
+        source_of(str(path), 30.0)
+    return str(refused.value).removeprefix(f"{path}: ")
+
+
+@pytest.mark.parametrize("form", CODECS)
+def test_every_container_is_read_by_its_content_whatever_its_name(tmp_path, form):
+    path = tmp_path / "img_%03d.png"
+    path.write_bytes(film(form))
+    video = Video.of(path)
+    pictures = list(video)
+    assert len(pictures) == video.count == FRAMES
+    assert video.rate == pytest.approx(25)
+    assert pictures[4].time == pytest.approx(4 / 25)
+    for k in (0, FRAMES // 2, FRAMES - 1):
+        image = pictures[k].image
+        assert image.shape == (HEIGHT, WIDTH, 3)
+        assert image.mean() == pytest.approx(40 + 8 * k, abs=20 if form == "gif" else 6)
+        assert not image.flags.writeable
+
+
+ONE_CAMERA = "convert the pictures of one camera to a video or a folder of pictures"
+TEXT = "this is a text, such as a playlist, not a video: give the video itself"
+STREAM = "this is a bare stream without times, not a video: put it in an MP4 or Matroska"
+NOT_VIDEOS = {
+    "mcap": (b"\x89MCAP0\r\n" + b"\0" * 99, f"this is an MCAP log, not a video: {ONE_CAMERA}"),
+    "bag": (b"#ROSBAG V2.0\n" + b"\0" * 99, f"this is a ROS bag, not a video: {ONE_CAMERA}"),
+    "db3": (
+        b"SQLite format 3\0" + b"\0" * 99,
+        f"this is an SQLite file, perhaps a ROS 2 bag, not a video: {ONE_CAMERA}",
+    ),
+    "rrd": (b"RRF2\0\0\0\0", f"this is a Rerun recording, not a video: {ONE_CAMERA}"),
+    "ffconcat": (b"ffconcat version 1.0\nfile real.mp4\n" * 3, TEXT),
+    "m3u8": (b"#EXTM3U\n#EXTINF:1,\nreal.mp4\n" * 3, TEXT),
+    "sdp": (b"v=0\nc=IN IP4 127.0.0.1\nm=video 5004 RTP/AVP 96\n" * 3, TEXT),
+    "mpd": (b"<?xml version='1.0'?><MPD profiles='urn:mpeg:dash:profile'></MPD>" * 3, TEXT),
+    "edl": (b"# mpv EDL v0\nreal.mp4,0,1\n" * 3, TEXT),
+    "xspf": (b"<playlist><trackList><track/></trackList></playlist>" * 3, TEXT),
+    "h264": (b"\0\0\0\1\x67\x42" + b"\1" * 99, STREAM),
+    "m2v": (b"\0\0\1\xb3" + b"\1" * 99, STREAM),
+    "empty": (b"", "this is an empty file"),
+    "noise": (b"\x01\x80\xff" * 99, "this is not a video; known are MP4, MOV, Matroska, WebM, "
+              "AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"),
+    "jpg": (
+        b"\xff\xd8\xff\xe0" + b"\0" * 99,
+        "this is one picture, not a video: put the pictures in a folder and give that",
+    ),
+    "half": (film()[: len(film()) // 2], "this video is damaged, or not of a known format"),
+    "box": (b"\0\0\0\x18ftyp" + b"\0" * 99, "this video is damaged, or not of a known format"),
+    "G": (b"G" + b"\x01\x80" * 99, "this video is damaged, or not of a known format"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NOT_VIDEOS)
+def test_what_is_no_video_is_named_and_opens_nothing_else(tmp_path, capfd, name):
+    """A real video lies beside it: a playlist would find it."""
+    content, sentence = NOT_VIDEOS[name]
+    (tmp_path / "real.mp4").write_bytes(film())
+    path = tmp_path / "film.mp4"
+    path.write_bytes(content)
+    assert refusal(path) == sentence
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_playlist_in_the_clothes_of_a_video_opens_nothing(tmp_path):
+    """Its first bytes are those of an MP4; FFmpeg takes the text inside for a DASH playlist."""
+    path = tmp_path / "film.mp4"
+    text = b"<?xml ?><MPD profiles='urn:mpeg:dash:profile:isoff-on-demand:2011'><BaseURL>real.mp4"
+    path.write_bytes(b"\0\0\0\x18ftypisom" + text * 20)
+    assert refusal(path) == "this video is damaged, or not of a known format"
+
+
+def test_two_videos_in_one_file_are_refused(tmp_path):
+    path = tmp_path / "film.mkv"
+    path.write_bytes(film("matroska", videos=2))
+    assert refusal(path) == "there are 2 videos in this file; give a file with one video"
+
+
+def test_a_video_too_large_for_memory_is_refused_by_its_header(tmp_path, monkeypatch):
+    monkeypatch.setattr(picture_file, "LARGEST_PICTURE", WIDTH - 1)
+    path = tmp_path / "film.mp4"
+    path.write_bytes(film())
+    assert refusal(path) == "first frame: the picture has 64 x 48 px; the limit is 63 px a side"
+
+
+def test_a_video_whose_frames_have_no_size_is_refused(tmp_path):
+    path = tmp_path / "film.gif"
+    path.write_bytes(b"GIF89a" + struct.pack("<HH", 30_000, 30_000) + film("gif")[10:])
+    assert refusal(path) == "not one frame of this video can be decoded"
+
+
+def test_a_rate_that_is_none_is_refused(tmp_path):
+    data = film("yuv4mpegpipe").replace(b"F25:1", b"F99999:1")
+    path = tmp_path / "film.y4m"
+    path.write_bytes(data)
+    assert refusal(path) == (
+        "this video states 99999 frames a second; accepted are 0.01 to 10000: convert it to a "
+        "folder of pictures and give --rate"
+    )
+
+
+def test_the_missing_frames_of_a_cut_video_are_none(tmp_path):
+    """Its header is in front and counts all frames."""
+    path = tmp_path / "film.avi"
+    whole = film("avi")
+    path.write_bytes(whole[: whole.index(b"movi") + (len(whole) - whole.index(b"movi")) // 2])
+    images = [picture.image for picture in Video.of(path)]
+    assert len(images) == FRAMES
+    there = [image is not None for image in images]
+    assert 0 < sum(there) < FRAMES
+    assert there == sorted(there, reverse=True)
+
+
+def test_a_video_of_noise_ends(tmp_path):
+    content = bytearray(film("avi"))
+    start = content.index(b"movi")
+    noise = np.random.default_rng(0).integers(0, 256, len(content) - start - 4, np.uint8)
+    path = tmp_path / "film.avi"
+    path.write_bytes(bytes(content[: start + 4]) + noise.tobytes())
+    images = [picture.image for picture in Video.of(path)]
+    assert len(images) <= FRAMES + GIVEN_UP
+    assert images[0] is None
+
+
+def test_a_video_that_says_how_to_turn_it_is_turned_as_opencv_does(tmp_path):
+    """Telephones store a portrait lying on its side, with a matrix that turns it by 90 degrees."""
+    upright, turned = (struct.pack(">9i", *rows) for rows in (
+        (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30),
+        (0, 1 << 16, 0, -(1 << 16), 0, 0, 0, 0, 1 << 30),
+    ))  # fmt: skip
+    data = io.BytesIO()
+    with av.open(data, mode="w", format="mp4") as container:
+        stream = container.add_stream("mpeg4", rate=Fraction(25))
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+        image[:16, :16] = 255
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        container.mux(stream.encode(None))
+    content = data.getvalue()
+    at = content.index(b"tkhd")
+    path = tmp_path / "film.mp4"
+    path.write_bytes(content[:at] + content[at:].replace(upright, turned, 1))
+    (picture,) = Video.of(path)
+    _, opencvs = cv2.VideoCapture(str(path)).read()
+    assert picture.image.shape == (WIDTH, HEIGHT, 3)
+    np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
+    assert picture.image[8, -8].min() > 200
+
+
+def test_a_file_of_the_kernel_that_gives_an_error_is_named():
+    sentence = "cannot read this video: Input/output error"
+    assert refusal(Path("/proc/self/mem")) == sentence
+
+
+def test_names_that_are_no_text_are_read(tmp_path):
+    folder = tmp_path / "\udcff"
+    folder.mkdir()
+    (folder / "film\udcfe.mp4").write_bytes(film())
+    assert len(list(source_of(str(folder / "film\udcfe.mp4"), 30.0))) == FRAMES
+    (folder / "\udcfd.png").write_bytes(cv2.imencode(".png", np.zeros((4, 5, 3), np.uint8))[1])
+    (picture,) = source_of(str(folder), 30.0)
+    assert (picture.name, picture.image.shape) == ("\udcfd.png", (4, 5, 3))

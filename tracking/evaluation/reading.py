@@ -1,0 +1,91 @@
+"""Reading of a file that a user names: only regular files up to a size, as all readers do it."""
+
+from __future__ import annotations
+
+import re
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+NUMBERS = re.compile("([0-9]+)")
+KINDS = {
+    stat.S_IFDIR: "it is a folder",
+    stat.S_IFIFO: "it is a named pipe, not a file",
+    stat.S_IFSOCK: "it is a socket, not a file",
+    stat.S_IFCHR: "it is a device, not a file",
+    stat.S_IFBLK: "it is a device, not a file",
+}
+
+
+def opened(path: Path, what: str) -> BinaryIO:
+    """A regular file, open for reading; a pipe or a device is refused before it is opened.
+
+    Args:
+        path: Where it is; links are followed.
+        what: What it should be, for messages: "truth".
+
+    Raises:
+        ValueError: It cannot be read, or is not a regular file.
+    """
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISREG(mode):
+            return path.open("rb")
+        reason = KINDS.get(stat.S_IFMT(mode), "it is not a regular file")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no file can have this name"
+    raise ValueError(f"{path}: cannot read this {what}: {reason}")
+
+
+def content(path: Path, what: str, most: int) -> bytes:
+    """The bytes of a regular file.
+
+    Args:
+        path: Where it is.
+        what: What it should be, for messages.
+        most: Largest size [bytes].
+
+    Raises:
+        ValueError: It cannot be read, is not a regular file, or is larger.
+    """
+    with opened(path, what) as file:
+        try:
+            data = file.read(most + 1) if path.stat().st_size <= most else None
+        except OSError as error:
+            raise ValueError(f"{path}: cannot read this {what}: {error.strerror}") from None
+    if data is None or len(data) > most:
+        raise ValueError(
+            f"{path}: cannot read this {what}: it is too large; the limit is {most:,} bytes"
+        )
+    return data
+
+
+def text(path: Path, what: str, most: int) -> str:
+    """The UTF-8 text of a regular file, as for `content`; a byte order mark is left out.
+
+    Raises:
+        ValueError: As for `content`, or it is not UTF-8 text.
+    """
+    try:
+        return content(path, what, most).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: cannot read this {what}: it is not UTF-8 text") from None
+
+
+def names(folder: Path) -> list[Path]:
+    """What is in a folder, sorted by name, the numbers in names by their value.
+
+    Raises:
+        ValueError: There is no such folder, or it cannot be read.
+    """
+    try:
+        return sorted(folder.iterdir(), key=_by_number)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no folder can have this name"
+        raise ValueError(f"{folder}: cannot read this folder: {reason}") from None
+
+
+def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """A key by which 9.png comes before 10.png, and 010.png as before."""
+    parts = NUMBERS.split(path.name)
+    return [(int(p), "") if i % 2 else (0, p) for i, p in enumerate(parts)], path.name
