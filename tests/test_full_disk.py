@@ -67,7 +67,7 @@ def test_a_bench_stops_at_the_first_file_that_does_not_fit(pictures, workers):
     command = f"bench seen --trackers frozen --out out --workers {workers} --seeds 2"
     code, err = limited(4, command, pictures)
     assert code == 1
-    assert err == (
+    assert err.replace("seen-1", "seen-0") == (  # whichever worker is first
         "servobench: out/tracks/frozen/seen-0.csv: File too large; what is in out is whole; the "
         "same command goes on from there\n"
     )
