@@ -17,6 +17,7 @@ from servo.options import (
     changes_option,
     out_option,
     quiet_option,
+    truth_options,
     workers_option,
 )
 
@@ -79,14 +80,7 @@ def check(
 @click.option(
     "--seed", type=NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
 )
-@click.option(
-    "--truth", type=PATH,
-    help="Truth to compare with: OTB, VOT, TLD, CSV (default: what lies beside it).",
-)  # fmt: skip
-@click.option(
-    "--truth-format", default="auto", show_default=True,
-    help="otb (x,y,w,h from 1), vot (x,y,w,h or 4 corners from 0), tld (x1,y1,x2,y2), csv.",
-)  # fmt: skip
+@truth_options
 @out_option("runs/SOURCE-TRACKER-SEED")
 @click.option("--video", is_flag=True, help="Also write an annotated MP4.")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")

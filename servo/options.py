@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -59,9 +60,23 @@ class Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
             from servo.terminal import stop  # only now: it imports rich
 
             stop()
+
+
+def truth_options(command: Command) -> Command:
+    """The options that name a truth and its format."""
+    form = click.option(
+        "--truth-format", default="auto", show_default=True,
+        help="otb (x,y,w,h from 1), vot (x,y,w,h or 4 corners from 0), tld (x1,y1,x2,y2), csv.",
+    )  # fmt: skip
+    path = click.option(
+        "--truth", type=PATH,
+        help="Truth to compare with: OTB, VOT, TLD, CSV (default: what lies beside it).",
+    )  # fmt: skip
+    return path(form(command))

@@ -25,13 +25,7 @@ from tracking.evaluation import atomic
 from tracking.evaluation import truth as truths
 from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
-from tracking.evaluation.sequence import (
-    CAMERA,
-    check_count,
-    is_folder,
-    source_of,
-    truths_in,
-)
+from tracking.evaluation.sequence import check_count, source_of, truth_beside
 from tracking.evaluation.sources import Source
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_file import TrackFile
@@ -117,7 +111,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
 
 def _truth(request: Request, source: Source) -> Array | None:
     form = truths.Format.named(request.truth_format)
-    path = request.truth or _truth_beside(request.source)
+    path = request.truth or truth_beside(request.source)
     if path is None:
         return None
     if source.count is None:
@@ -126,16 +120,6 @@ def _truth(request: Request, source: Source) -> Array | None:
     truth = truths.read(path, form)
     check_count(truth, source, str(path))
     return truth
-
-
-def _truth_beside(source: str) -> Path | None:
-    if source.startswith(CAMERA) or not is_folder(Path(source)):
-        return None
-    found = truths_in(Path(source))
-    if len(found) > 1:
-        names = ", ".join(path.name for path in found)
-        raise Mistake(f"{source}: there are several truths ({names}); choose one with --truth")
-    return found[0] if found else None
 
 
 def _placement(request: Request, truth: Array | None) -> tuple[Region, State]:

@@ -118,7 +118,7 @@ def home(monkeypatch, tmp_path):
     for i in range(3):
         picture = np.random.default_rng(i).integers(0, 256, (40, 60, 3), np.uint8)
         cv2.imwrite(str(tmp_path / "pictures" / f"{i}.png"), picture)
-    (tmp_path / "pictures" / "groundtruth.txt").write_text("10,10,20,20\n" * 3)
+    (tmp_path / "pictures" / "groundtruth.txt").write_text("20,20,12,12\n" * 3)
     monkeypatch.chdir(tmp_path / "work")
     return tmp_path
 

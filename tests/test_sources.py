@@ -4,9 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
+from servo import suites
+from servo.mistake import Mistake
 from tracking.evaluation.picture_file import rgb
 from tracking.evaluation.sequence import read_all, read_folder, source_of
 from tracking.evaluation.sources import Folder, Video
+from tracking.types import Region
 
 RED = np.full((40, 60, 3), (10, 20, 200), np.uint8)  # BGR
 
@@ -158,3 +161,27 @@ def test_tlds_own_layout_is_read(tmp_path):
     assert (sequence.region.width, sequence.region.height) == (20, 10)
     assert (sequence.start.x, sequence.start.y) == (20, 15)
     assert np.isnan(sequence.truth[1]).all()
+
+
+def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
+    layout(tmp_path / "one", "img", 2, {"groundtruth.txt": ["10,10,30,20"] * 2})
+    suite = tmp_path / "suite.toml"
+
+    def entries(more):
+        suite.write_text(f'[[sequences]]\npath = "one"\n{more}')
+        return suites.suite(str(suite))[0]
+
+    (entry,) = entries('truth_format = "tld"')
+    assert entry.build(0).region == Region(20.0, 10.0)
+    (other,) = entries('truth_format = "vot"')
+    assert other.build(0).region == Region(30.0, 20.0)
+    assert entry.describe() != other.describe()
+    for more, message in (
+        ("", "give the format of this truth: otb, vot or tld"),
+        ('truth_format = "coco"', "suite.toml: sequences[0]: there is no truth format 'coco'"),
+        ("truth_format = 3", "suite.toml: sequences[0].truth_format = 3: this should be a text"),
+        ('format = "tld"', "suite.toml: sequences[0]: there is no key 'format'"),
+    ):
+        with pytest.raises(Mistake) as refused:
+            entries(more)
+        assert message in str(refused.value)

@@ -103,6 +103,21 @@ def truths_in(folder: Path) -> list[Path]:
     return []
 
 
+def truth_beside(source: str) -> Path | None:
+    """The truth of what `source_of` reads; None where there is none.
+
+    Raises:
+        ValueError: There are several.
+    """
+    if source.startswith(CAMERA) or not is_folder(Path(source)):
+        return None
+    found = truths_in(Path(source))
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise ValueError(f"{source}: there are several truths ({names}); choose one with --truth")
+    return found[0] if found else None
+
+
 def check_count(truth: Array, source: Source, place: str) -> None:
     """Refuse a truth that has not one line for each picture: which belongs to which is not known.
 
