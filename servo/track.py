@@ -25,7 +25,7 @@ from tracking.evaluation import atomic
 from tracking.evaluation import truth as truths
 from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
-from tracking.evaluation.sequence import check_count, source_of, truth_beside
+from tracking.evaluation.sequence import check_truth, source_of, truth_beside
 from tracking.evaluation.sources import Source
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_file import TrackFile
@@ -118,7 +118,7 @@ def _truth(request: Request, source: Source) -> Array | None:
         raise Mistake(f"{path}: the pictures of {request.source} cannot be counted, so there is no "
                       "truth for them")  # fmt: skip
     truth = truths.read(path, form)
-    check_count(truth, source, str(path))
+    check_truth(truth, source, str(path), form)
     return truth
 
 

@@ -164,7 +164,7 @@ def test_tlds_own_layout_is_read(tmp_path):
 
 
 def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
-    layout(tmp_path / "one", "img", 2, {"groundtruth.txt": ["10,10,30,20"] * 2})
+    layout(tmp_path / "one", "img", 2, {"groundtruth.txt": ["30,20,50,30"] * 2})
     suite = tmp_path / "suite.toml"
 
     def entries(more):
@@ -174,7 +174,7 @@ def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
     (entry,) = entries('truth_format = "tld"')
     assert entry.build(0).region == Region(20.0, 10.0)
     (other,) = entries('truth_format = "vot"')
-    assert other.build(0).region == Region(30.0, 20.0)
+    assert other.build(0).region == Region(50.0, 30.0)
     assert entry.describe() != other.describe()
     for more, message in (
         ("", "give the format of this truth: otb, vot or tld"),

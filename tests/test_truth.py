@@ -80,7 +80,7 @@ def test_tld_has_two_corners(tmp_path):
 
 
 def test_four_numbers_that_may_be_two_corners_are_not_guessed(tmp_path):
-    path = written(tmp_path, "10,20,40,60\nnan,nan,nan,nan\n12,20,42,60\n")
+    path = written(tmp_path, "10,20,40,60\nnan,nan,nan,nan\n12,20,42,60\n", "mine.txt")
     with pytest.raises(ValueError) as refused:
         truth.read(path)
     assert str(refused.value) == (
@@ -90,6 +90,16 @@ def test_four_numbers_that_may_be_two_corners_are_not_guessed(tmp_path):
     box = truth.read(path, truth.Format.VOT)[0]
     np.testing.assert_array_equal(box, [[10, 20], [50, 20], [50, 80], [10, 80]])
     np.testing.assert_array_equal(truth.read(path, truth.Format.OTB)[0], box - 1)
+
+
+def test_boxes_that_leave_the_picture_but_fit_as_corners_are_not_guessed(tmp_path):
+    found = truth.read(written(tmp_path, "10,20,40,60\nnan,nan,nan,nan\n12,20,42,60\n"))
+    np.testing.assert_array_equal(found[0], [[10, 20], [50, 20], [50, 80], [10, 80]])
+    truth.check_boxes(found, (100, 100), "gt")  # it fits: the name decides
+    truth.check_boxes(found, (40, 50), "gt")  # it fits neither way: a target that leaves
+    with pytest.raises(ValueError, match=r"^gt: as x,y,w,h the target leaves the picture; these"):
+        truth.check_boxes(found, (60, 70), "gt")
+    truth.check_boxes(found[:0], (60, 70), "gt")
 
 
 def test_a_box_of_zeros_is_an_absent_target(tmp_path):

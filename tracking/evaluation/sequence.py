@@ -118,17 +118,22 @@ def truth_beside(source: str) -> Path | None:
     return found[0] if found else None
 
 
-def check_count(truth: Array, source: Source, place: str) -> None:
-    """Refuse a truth that has not one line for each picture: which belongs to which is not known.
+def check_truth(truth: Array, source: Source, place: str, form: Format) -> None:
+    """Refuse a truth that does not belong to these pictures, or is read as another format.
 
     Raises:
-        ValueError: It has more or fewer; place names it.
+        ValueError: It has not one line for each picture, so that nobody knows which belongs to
+            which; or, where its format was not given, its boxes seem to be two corners.
     """
     if source.count is not None and len(truth) != source.count:
         raise ValueError(
             f"{place}: this truth has {len(truth)} lines for {source.count} pictures; it needs one "
             "for each, with nan where the target is absent"
         )
+    first = next(iter(source), None) if form is Format.AUTO else None
+    if first is not None and first.image is not None:
+        height, width = first.image.shape[:2]
+        truths.check_boxes(truth, (width, height), place)
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
@@ -186,7 +191,7 @@ def _is_sequence(path: Path) -> bool:
 
 def _read(name: str, source: Folder, path: Path, form: Format) -> Sequence:
     corners = truths.read(path, form)
-    check_count(corners, source, str(path))
+    check_truth(corners, source, str(path), form)
     if not np.isfinite(corners[0]).all():
         raise ValueError(f"{path}: the target is not in the first picture")
     region, start = truths.placement(corners[0])

@@ -18,6 +18,7 @@ from tracking.evaluation import reading
 from tracking.types import FARTHEST, Region, State
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
+VOT_NAME = re.compile(r"groundtruth.*\.txt$")
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 BOX, QUAD = 4, 8
@@ -28,6 +29,10 @@ LONGEST = 80
 """So much of a line is quoted in a message [characters]."""
 LARGEST = 20_000_000
 """Largest truth file [bytes]."""
+DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
+REMEDY = (
+    "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
+)
 RECTANGULAR = 0.02
 """A quadrilateral is a rectangle if its corners are this near to one, over its size."""
 
@@ -63,8 +68,9 @@ def read(path: Path, form: Format = Format.AUTO) -> Array:
 
     Args:
         path: The file.
-        form: AUTO: a header makes it CSV, the name groundtruth_rect*.txt OTB, the names gt.txt and
-            init.txt TLD; else it is VOT, unless four numbers a line could as well be TLD's.
+        form: AUTO: a header makes it CSV, the name groundtruth_rect*.txt OTB, groundtruth*.txt VOT,
+            gt.txt and init.txt TLD; a file of another name is VOT's, unless four numbers a line
+            could as well be TLD's.
 
     Raises:
         ValueError: It cannot be read, a line is not of this format, or AUTO cannot decide.
@@ -90,19 +96,38 @@ def read(path: Path, form: Format = Format.AUTO) -> Array:
 def _format_of(path: Path, rows: list[Array]) -> Format:
     if OTB_NAME.match(path.name):
         return Format.OTB
-    if path.name in TLD_NAMES and all(len(row) == BOX for row in rows):
+    if VOT_NAME.match(path.name) or not all(len(row) == BOX for row in rows):
+        return Format.VOT
+    if path.name in TLD_NAMES:
         return Format.TLD
-    given = [row for row in rows if np.isfinite(row).all()]
-    if (
-        given
-        and all(len(row) == BOX for row in rows)
-        and all((row[2:] > row[:2]).all() for row in given)
-    ):
-        raise ValueError(
-            f"{path}: these numbers may be x,y,w,h or x1,y1,x2,y2; give the format of this truth: "
-            "otb, vot or tld (--truth-format, or truth_format in a suite)"
-        )
+    given = np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, BOX)
+    if len(given) and _may_be_corners(given):
+        raise ValueError(f"{path}: {DOUBT}; {REMEDY}")
     return Format.VOT
+
+
+def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
+    """Refuse boxes that leave the picture, but would fit into it as TLD's two corners.
+
+    Args:
+        corners: Of the target in each frame (n, 4, 2), nan where it is absent.
+        size: Width and height of the pictures [px].
+        place: The truth's file, for messages.
+
+    Raises:
+        ValueError: The numbers seem to be x1,y1,x2,y2, read as x,y,w,h.
+    """
+    seen = corners[np.isfinite(corners).all(axis=(1, 2))]
+    given, most = boxes(seen), np.add(size, 1)
+    upright = len(seen) > 0 and np.allclose(corners_of(given[0]), seen[0])
+    outside = (given[:, :2] + given[:, 2:] > most).any()
+    if upright and outside and _may_be_corners(given) and (given[:, 2:] <= most).all():
+        raise ValueError(f"{place}: as x,y,w,h the target leaves the picture; {DOUBT}; {REMEDY}")
+
+
+def _may_be_corners(given: Array) -> bool:
+    """Whether the four numbers of each line (n, 4) could be x1,y1,x2,y2."""
+    return bool((given[:, 2:] > given[:, :2]).all())
 
 
 def _of_otb(row: Array, place: str) -> Array:
