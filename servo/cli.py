@@ -55,14 +55,20 @@ def run(
     help="Run each with seeds 0, 1, ... up to this many.",
 )  # fmt: skip
 @click.option("--seed", type=NATURAL, default=0, show_default=True, help="The first seed.")
+@workers_option
 @quiet_option
 def check(
-    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, quiet: bool
+    scenarios: tuple[str, ...],
+    changes: tuple[str, ...],
+    seeds: int,
+    seed: int,
+    workers: int,
+    quiet: bool,
 ) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
-    from servo.commands import check_scenarios
+    from servo.check import check_scenarios
 
-    sys.exit(check_scenarios(scenarios, changes, range(seed, seed + seeds), quiet=quiet))
+    sys.exit(check_scenarios(scenarios, changes, range(seed, seed + seeds), workers, quiet=quiet))
 
 
 @app.command()
@@ -144,7 +150,7 @@ def bench(
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="A Dask scheduler to work on, such as tcp://10.0.0.1:8786.",
+    help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
 )
 @out_option("runs/sweep-STUDY, to go on in")
 @quiet_option
@@ -238,12 +244,15 @@ def doctor(bench: bool) -> None:
 
 
 def main() -> None:
-    """The entry point: a user's mistake is one sentence on stderr and exit code 2."""
-    from servo.mistake import Mistake
+    """The entry point: a user's mistake is one sentence on stderr and exit code 2.
+
+    What the machine refuses has exit code 1.
+    """
+    from servo.mistake import Mistake, Refused
     from sim.gl import NoRenderer
 
     try:
         app()
     except (Mistake, NoRenderer) as error:
         print(f"servobench: {error}", file=sys.stderr)
-        sys.exit(2)
+        sys.exit(1 if isinstance(error, Refused) else 2)

@@ -22,6 +22,10 @@ class Mistake(ValueError):
         super().__init__(line)
 
 
+class Refused(Mistake):
+    """Something the machine refuses, in one sentence: what, and what would help; exit code 1."""
+
+
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
     """The sentence for a key, or something else, that does not exist."""
     names = list(known)

@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 
 import click
 
+from servo.signals import ending_signals
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
-MOST_WORKERS = 1024
 COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
@@ -21,7 +22,7 @@ changes_option = click.option(
 )  # fmt: skip
 workers_option = click.option(
     "--workers",
-    type=click.IntRange(1, MOST_WORKERS),
+    type=COUNT,
     default=2,
     help="Processes side by side.",
     show_default=True,
@@ -34,16 +35,17 @@ def out_option(default: str) -> Callable[[Command], Command]:
 
 
 class Commands(click.Group):
-    """Lists commands as they stand, not by the alphabet; Ctrl-C means the same to all of them."""
+    """Lists commands in the order of the file; Ctrl-C, TERM and HUP end all of them alike."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            from servo.terminal import stop  # only now: it imports rich
+        with ending_signals():
+            try:
+                return super().invoke(ctx)
+            except KeyboardInterrupt as cause:
+                from servo.terminal import stop  # only now: it imports rich
 
-            stop()
+                stop(cause)
