@@ -58,13 +58,9 @@ def run(
 @workers_option
 @quiet_option
 def check(
-    scenarios: tuple[str, ...],
-    changes: tuple[str, ...],
-    seeds: int,
-    seed: int,
-    workers: int,
+    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, workers: int,
     quiet: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Test the bounds of scenarios; exit 1 if one is missed."""
     from servo.check import check_scenarios
 
@@ -148,10 +144,9 @@ def bench(
 @click.option("--seeds", type=COUNT, help="Seeds 0, 1, ... up to this many (default: the study's).")
 @workers_option
 @click.option(
-    "--scheduler",
-    metavar="ADDRESS",
+    "--scheduler", metavar="ADDRESS",
     help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
-)
+)  # fmt: skip
 @out_option("runs/sweep-STUDY, to go on in")
 @quiet_option
 def sweep(
@@ -244,10 +239,7 @@ def doctor(bench: bool) -> None:
 
 
 def main() -> None:
-    """The entry point: a user's mistake is one sentence on stderr and exit code 2.
-
-    What the machine refuses has exit code 1.
-    """
+    """The entry point: mistakes are a sentence and exit code 2, what the machine refuses is 1."""
     from servo.mistake import Mistake, Refused
     from sim.gl import NoRenderer
 

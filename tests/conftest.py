@@ -2,6 +2,7 @@
 
 import json
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -9,6 +10,7 @@ os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run
 import cv2
 import numpy as np
 import pytest
+from commands import scheduler_with
 from hypothesis import HealthCheck, settings
 
 # The same examples in each run: what CI finds anybody finds. The first call compiles: no deadline.
@@ -79,3 +81,12 @@ def make_papers():
         return folder
 
     return make
+
+
+@pytest.fixture
+def cluster():
+    """Starts a scheduler with workers; gives their processes, the scheduler first, and its
+    address.
+    """
+    with ExitStack() as started:
+        yield lambda *options, **more: started.enter_context(scheduler_with(*options, **more))

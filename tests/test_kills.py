@@ -19,6 +19,8 @@ from commands import (
     workers_of,
 )
 
+from servo.farm.local import local
+from servo.farm.tasks import carry_out
 from servo.study import command, store
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
@@ -125,6 +127,47 @@ def test_processes_that_are_stopped_for_a_while_lose_nothing(place, undisturbed)
             time.sleep(0.5)
     assert ended(client) == (0, "")
     assert same_as(undisturbed)
+
+
+def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(place, undisturbed, cluster):
+    (scheduler, *workers), address = cluster(2)
+    client = begin(f"{SWEEP} --scheduler {address}")
+    wait_for_some(client, 1)
+    for process in (scheduler, *workers):
+        for number in (STOP, CONT):
+            process.send_signal(number)
+            time.sleep(0.3)
+    workers[0].terminate()
+    wait_for_some(client, finished() + 1)
+    scheduler.kill()
+    assert ended(client) == (
+        2,
+        f"servobench: the scheduler {address} is gone; {finished()} of {RUNS} runs are finished; "
+        "go on with: servobench sweep mine.toml --out out\n",
+    )
+    assert ended(begin(f"{SWEEP} --workers 1")) == (0, "")
+    assert same_as(undisturbed)
+
+
+def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
+    def work(task):
+        import os
+
+        if task == "deadly":
+            os.kill(os.getpid(), 9)
+        if task == "wrong":
+            raise ValueError("this run is wrong")
+        return task.upper()
+
+    tasks = ["a", "deadly", "b", "wrong", "c", "d"]
+    with local(2) as crew:
+        found = dict(carry_out(crew, tasks, work))
+    assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
+    assert found["deadly"].error == (
+        "3 workers died of it, one after the other: for want of memory, or somebody killed them\n"
+    )
+    assert found["wrong"].reason == "ValueError: this run is wrong"
+    assert "in work" in found["wrong"].error
 
 
 def test_a_sweep_listens_on_nothing_but_loopback(place):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import resource
 import signal
 import threading
 from collections.abc import Generator
@@ -28,6 +29,8 @@ SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 WORKER_BYTES = 300e6
 """Memory of a worker that renders, at its peak."""
 WORKERS_A_CORE = 8
+FILES, FILES_A_WORKER = 32, 16
+"""Open files of a client, and more of them for each worker."""
 MOST_REPLACED = 3
 """A worker that dies so often before it could work is given up."""
 WARNINGS = "PYTHONWARNINGS"
@@ -40,6 +43,7 @@ def check_workers(workers: int) -> None:
 
     Raises:
         Mistake: There are too many.
+        Refused: They could not open their files.
     """
     by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))
     most = min(by_memory, WORKERS_A_CORE * CPU_COUNT)
@@ -49,6 +53,24 @@ def check_workers(workers: int) -> None:
             f"{CPU_COUNT} cores, and a worker takes {WORKER_BYTES / 1e9:.1f} GB: the limit is "
             f"{most}, the best number {min(by_memory, CPU_COUNT)}"
         )
+    _allow_files(FILES + FILES_A_WORKER * workers)
+
+
+def _allow_files(needed: int) -> None:
+    """Let this process and its children open so many files.
+
+    Raises:
+        Refused: The machine does not allow it.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise Refused(
+            f"the workers need {needed} open files, and {hard} are allowed: raise the limit "
+            f"(ulimit -n {needed}), or use fewer --workers"
+        )
+    resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
 @contextmanager
@@ -63,9 +85,11 @@ def local(workers: int) -> Generator[Crew]:
     with silence():
         try:
             with _deaf_children():  # the client stops them
+                # Not with the certificates of a cluster that the user has elsewhere.
+                plain = Security(require_encryption=False, tls_ca_file=None)
                 cluster = LocalCluster(
                     n_workers=0, threads_per_worker=1, processes=True, host=LOOPBACK,
-                    protocol="tcp://", security=Security(require_encryption=False, tls_ca_file=None),
+                    protocol="tcp://", security=plain,
                     dashboard_address=f"{LOOPBACK}:0", worker_dashboard_address=f"{LOOPBACK}:0",
                     memory_limit=int(MEMORY_LIMIT / workers), env=ONE_THREAD | SILENT,
                     silence_logs=logging.CRITICAL,

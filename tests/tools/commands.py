@@ -2,9 +2,11 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 BIN = Path(sys.executable).parent
@@ -23,9 +25,37 @@ def begin(words, cwd=None):
 
 
 def hear():
-    """What a shell runs in its background, these tests perhaps, ignores signals, and so would we."""
+    """A shell's background, where these tests perhaps run, ignores signals; so would we."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
+def scheduler_with(workers=1, protocol="tcp"):
+    """A Dask scheduler and workers of it on this machine: their processes, and its address."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    address, host = f"{protocol}://127.0.0.1:{port}", f"{protocol}://127.0.0.1"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    where = ["--host", host, "--no-dashboard"]
+    scheduler = [BIN / "dask", "scheduler", "--port", str(port), *where]
+    worker = [BIN / "dask", "worker", address, "--nthreads", "1", "--no-nanny", *where]
+    started = [subprocess.Popen(scheduler, **quiet)]
+    try:
+        wait_for(lambda: answers(port))
+        started += [subprocess.Popen(worker, **quiet) for _ in range(workers)]
+        yield started, address
+    finally:
+        for process in started:
+            process.kill()
+        for process in started:
+            process.wait(PATIENCE)
+
+
+def answers(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def ended(command):
