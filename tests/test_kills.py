@@ -216,8 +216,8 @@ def picture():
 @pytest.mark.parametrize("name", BUSY)
 def test_term_ends_every_command_with_one_line_and_leaves_no_process(place, name):
     client = at_work(name)
-    os.kill(client.pid, STOP)
-    os.kill(client.pid, CONT)
+    for number in (STOP, CONT):
+        os.kill(client.pid, number)
     for _ in range(2):  # as `timeout` does
         os.killpg(client.pid, TERM)
     assert ended(client) == (128 + TERM, f"{STOPPED}{MORE.get(name, '')}\n")
