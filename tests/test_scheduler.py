@@ -148,8 +148,8 @@ def test_a_cluster_over_tls_with_dasks_own_configuration(monkeypatch, capfd, pla
         "in ~/.config/dask\n",
     }
     for authority, sentence in wrong.items():
-        tls = {"ca-file": authority, "client": {"cert": "mine.pem", "key": "mine.key"}}
-        with dask.config.set({"distributed.comm.tls": tls}):
+        tls = {"ca-file": authority, "client.cert": "mine.pem", "client.key": "mine.key"}
+        with dask.config.set({f"distributed.comm.tls.{key}": name for key, name in tls.items()}):
             code, said = sweep(monkeypatch, capfd, address)
         begin = f"servobench: --scheduler {address}: {sentence}"
         assert (code, said[: len(begin)], said.count("\n")) == (2, begin, 1)

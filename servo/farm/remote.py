@@ -97,7 +97,7 @@ def _security(address: str) -> Security:
         security = Security()
         names += [name for attribute in TLS_FILES if (name := getattr(security, attribute))]
         security.get_connection_args("client")  # reads the files
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise Mistake(
             f"--scheduler {address}: Dask's settings of TLS ({', '.join(names)}) cannot be used: "
             f"{error}"
