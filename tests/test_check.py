@@ -7,6 +7,8 @@ import pytest
 
 from servo import check, cli
 from servo.ended import Ended
+from servo.farm.local import local
+from servo.farm.tasks import carry_out
 from servo.study.perform import TIMED
 
 QUICK = (
@@ -86,3 +88,24 @@ def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd)
 def test_how_a_task_ended_in_one_line():
     assert Ended(None, "Traceback\n  in x\nValueError: so\n").reason == "ValueError: so"
     assert Ended(None, "Traceback\nMistake: so\n", "so").reason == "so"
+
+
+def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
+    def work(task):
+        import os
+
+        if task == "deadly":
+            os.kill(os.getpid(), 9)
+        if task == "wrong":
+            raise ValueError("this run is wrong")
+        return task.upper()
+
+    tasks = ["a", "deadly", "b", "wrong", "c", "d"]
+    with local(2) as crew:
+        found = dict(carry_out(crew, tasks, work))
+    assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
+    assert found["deadly"].error == (
+        "3 workers died of it, one after the other: for want of memory, or somebody killed them\n"
+    )
+    assert found["wrong"].reason == "ValueError: this run is wrong"
+    assert "in work" in found["wrong"].error

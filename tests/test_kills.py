@@ -19,8 +19,6 @@ from commands import (
     workers_of,
 )
 
-from servo.farm.local import local
-from servo.farm.tasks import carry_out
 from servo.study import command, store
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
@@ -147,27 +145,6 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(place, undist
     )
     assert ended(begin(f"{SWEEP} --workers 1")) == (0, "")
     assert same_as(undisturbed)
-
-
-def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
-    def work(task):
-        import os
-
-        if task == "deadly":
-            os.kill(os.getpid(), 9)
-        if task == "wrong":
-            raise ValueError("this run is wrong")
-        return task.upper()
-
-    tasks = ["a", "deadly", "b", "wrong", "c", "d"]
-    with local(2) as crew:
-        found = dict(carry_out(crew, tasks, work))
-    assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
-    assert found["deadly"].error == (
-        "3 workers died of it, one after the other: for want of memory, or somebody killed them\n"
-    )
-    assert found["wrong"].reason == "ValueError: this run is wrong"
-    assert "in work" in found["wrong"].error
 
 
 def test_a_sweep_listens_on_nothing_but_loopback(place):

@@ -70,8 +70,11 @@ def test_what_is_no_address_is_refused_before_anything_is_written(
 
 
 def test_addresses_as_dask_writes_them():
-    found = [check_address(a) for a in ("10.0.0.1:8786", "tcp://[::1]:1", "TLS://h:65535")]
-    assert found == ["tcp://10.0.0.1:8786", "tcp://[::1]:1", "tls://h:65535"]
+    assert [check_address(a) for a in ("10.0.0.1:8786", "tcp://[::1]:1", "TLS://h:65535")] == [
+        "tcp://10.0.0.1:8786",
+        "tcp://[::1]:1",
+        "tls://h:65535",
+    ]
 
 
 def silent(peer, kept):
