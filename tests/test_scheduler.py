@@ -178,19 +178,6 @@ def test_a_cluster_whose_workers_are_gone_is_given_up_and_one_without_any(
     )
 
 
-def test_workers_with_several_threads_are_refused(place):
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as shared:
-        address = shared.scheduler_address
-        with pytest.raises(Lost) as refused, remote(address) as found:
-            list(carry_out(found, [1], abs))
-    assert str(refused.value) == (
-        f"the scheduler {address}: a worker has several threads, but a renderer needs a process "
-        "of its own; start the workers with --nthreads 1"
-    )
-
-
 def test_more_workers_than_the_machine_holds_are_refused(monkeypatch, capfd, place):
     monkeypatch.setattr(processes, "MEMORY_LIMIT", 24_000_000_000)
     monkeypatch.setattr(processes, "CPU_COUNT", 2)

@@ -1,4 +1,4 @@
-"""`servobench check` over workers: the same table in the same order, whatever fails."""
+"""Tasks over workers, and `servobench check` by them: the same table, whatever fails."""
 
 import sys
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from servo import check, cli
-from servo.ended import Ended
+from servo.ended import Ended, Lost
 from servo.farm.local import local
+from servo.farm.remote import remote
 from servo.farm.tasks import carry_out
 from servo.study.perform import TIMED
 
@@ -109,3 +110,16 @@ def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
     )
     assert found["wrong"].reason == "ValueError: this run is wrong"
     assert "in work" in found["wrong"].error
+
+
+def test_workers_with_several_threads_are_refused():
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as shared:
+        address = shared.scheduler_address
+        with pytest.raises(Lost) as refused, remote(address) as found:
+            list(carry_out(found, [1], abs))
+    assert str(refused.value) == (
+        f"the scheduler {address}: a worker has several threads, but a renderer needs a process "
+        "of its own; start the workers with --nthreads 1"
+    )
