@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.markup import escape
 
-from servo.mistake import FULL, Mistake
+from servo.ended import Ended, Lost, one_by_one
+from servo.mistake import FULL, Mistake, Refused
 from servo.result_folder import GOES_ON
 from servo.terminal import COMPILING, plain, progress_bar, stop
 from tracking.evaluation.jobs import Done, Job, attempt, damaged, known
 
+Task = TypeVar("Task")
 MOST_RUNS = 100_000
 """Runs of one command: more would fill memory before the first of them ends."""
 
@@ -38,9 +41,16 @@ class Team:
 
         Args:
             workers: Number of processes; 1: this one.
+
+        Raises:
+            Mistake: The machine cannot hold so many.
         """
         self._workers = workers
         self._open = ExitStack()
+        if workers > 1:
+            from servo.farm.local import check_workers  # Dask takes a second to import
+
+            check_workers(workers)
 
     def __enter__(self) -> Team:
         return self
@@ -53,19 +63,32 @@ class Team:
         kept = {job.key: known(job, folder) for job in jobs}
         yield from (done for done in kept.values() if done is not None)
         todo = [job for job in jobs if kept[job.key] is None]
-        if self._workers == 1 or not todo:
-            yield from (attempt(job, folder) for job in todo)
-            return
-        from servo.farm import carry_out  # Dask takes a second to import
-
-        for job, ended in carry_out(self._farm, todo, partial(attempt, folder=folder)):
+        for job, ended in self.ends(todo, partial(attempt, folder=folder)):
             yield Done(job, None, ended.error) if ended.error else ended.value
 
-    @cached_property
-    def _farm(self):
-        from servo.farm import farm
+    def ends(
+        self, tasks: Sequence[Task], work: Callable[[Task], Any]
+    ) -> Iterator[tuple[Task, Ended]]:
+        """Do tasks; the order is that of their ends.
 
-        return self._open.enter_context(farm(self._workers, None))
+        Raises:
+            Refused: The machine lets no process work.
+        """
+        if self._workers == 1 or not tasks:
+            yield from one_by_one(tasks, work)
+            return
+        from servo.farm.tasks import carry_out
+
+        try:
+            yield from carry_out(self._crew, tasks, work)
+        except Lost as error:
+            raise Refused(f"{error}; what was written is complete up to here") from None
+
+    @cached_property
+    def _crew(self):
+        from servo.farm.local import local
+
+        return self._open.enter_context(local(self._workers))
 
 
 def work(
@@ -78,7 +101,7 @@ def work(
         OSError: The disk is full.
     """
     keys = [job.key for job in jobs]
-    double = next((key for key in keys if keys.count(key) > 1), None)
+    double = next((key for key, count in Counter(keys).items() if count > 1), None)
     if double is not None:
         raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
     _print_damaged(damaged(jobs, folder))
@@ -91,8 +114,8 @@ def work(
                 if one.refused is not None and one.refused.errno in FULL:
                     raise one.refused
                 bar.update(task, advance=1, note=escape(one.job.key))
-    except KeyboardInterrupt:
-        stop(f"{GOES_ON.capitalize()}.")
+    except KeyboardInterrupt as cause:
+        stop(cause, f"{GOES_ON.capitalize()}.")
     failed = [d for d in done.values() if d.result is None]
     for d in failed:
         plain(Console(stderr=True), f"servobench: {d.job.key} failed:\n{d.error}")

@@ -58,14 +58,16 @@ def run(
     help="Run each with seeds 0, 1, ... up to this many.",
 )  # fmt: skip
 @click.option("--seed", type=NATURAL, default=0, show_default=True, help="The first seed.")
+@workers_option
 @quiet_option
 def check(
-    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, quiet: bool
-) -> None:
+    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, workers: int,
+    quiet: bool,
+) -> None:  # fmt: skip
     """Test the bounds of scenarios; exit 1 if one is missed."""
-    from servo.commands import check_scenarios
+    from servo.check import check_scenarios
 
-    sys.exit(check_scenarios(scenarios, changes, range(seed, seed + seeds), quiet=quiet))
+    sys.exit(check_scenarios(scenarios, changes, range(seed, seed + seeds), workers, quiet=quiet))
 
 
 @app.command()
@@ -143,10 +145,9 @@ def bench(
 @click.option("--seeds", type=COUNT, help="Seeds 0, 1, ... up to this many (default: the study's).")
 @workers_option
 @click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="A Dask scheduler to work on, such as tcp://10.0.0.1:8786.",
-)
+    "--scheduler", metavar="ADDRESS",
+    help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
+)  # fmt: skip
 @out_option("runs/sweep-STUDY, to go on in")
 @quiet_option
 def sweep(

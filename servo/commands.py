@@ -1,4 +1,4 @@
-"""What the commands `run`, `check` and `doctor` do, between the library and the terminal."""
+"""What `servobench run` does: one scenario, from its settings to a folder."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo import catalogue
 from servo import scenario as scenarios
-from servo.batch import check_number
 from servo.episode import Episode
 from servo.measures import Report, Violation, check_expect, summarise, violations
 from servo.run_folder import RunFolder, prepare
@@ -41,7 +39,7 @@ def run_scenario(
         Mistake: The user's mistake, in one sentence.
         Refused: The disk did not take all of it; the rows come first.
     """
-    scenario = _load(name, changes, seed)
+    scenario = load(name, changes, seed)
     gl.backend()
     console = Console(quiet=quiet)
     with console.status(WAITING):
@@ -67,46 +65,18 @@ def run_scenario(
     console.print(_stage_line(steps, writing))
     for path in paths:
         plain(console, f"  {path}")
-    _print_missed(Console(stderr=True), missed, _command(name, changes, scenario.run.seed))
+    print_missed(Console(stderr=True), missed, command(name, changes, scenario.run.seed))
     if output.refused is not None:
         raise output.refused
     return 1 if missed else 0
 
 
-def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seeds: Sequence[int], *, quiet: bool
-) -> int:
-    """Run scenarios with bounds and print a table; the exit code: 1 where a bound was missed."""
-    chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
-    check_number(len(chosen) * len(seeds))
-    runs = [(name, _load(name, changes, seed)) for name in chosen for seed in seeds]
-    gl.backend()
-    console, table = Console(quiet=quiet), Table(box=None, pad_edge=False)
-    for title in ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time"):
-        words = title in ("scenario", "outcome", "bounds")
-        table.add_column(title, justify="left" if words else "right", no_wrap=True)
-    failures: list[tuple[list[Violation], str]] = []
-    with progress_bar(console) as progress:
-        task = progress.add_task("", total=len(runs), note="")
-        for name, scenario in runs:
-            progress.update(task, description=f"{escape(scenario.name)}, seed {scenario.run.seed}")
-            began = time.perf_counter()
-            with Episode(scenario) as episode:
-                report = summarise(
-                    [s.light() for s in episode], scenario.measure, episode.world.period
-                )
-            missed = violations(report, scenario.expect)
-            if missed:
-                failures.append((missed, _command(name, changes, scenario.run.seed)))
-            table.add_row(*_check_row(scenario, report, missed, time.perf_counter() - began))
-            progress.advance(task)
-    console.print(table)
-    for missed, command in failures:
-        _print_missed(Console(stderr=True), missed, command)
-    return 1 if failures else 0
+def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
+    """A scenario whose bounds are measures that exist.
 
-
-def _load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
+    Raises:
+        Mistake: It is not there, or a setting or a bound is wrong.
+    """
     scenario = scenarios.load(name, changes, seed)
     check_expect(scenario)
     return scenario
@@ -146,20 +116,8 @@ def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
     )
 
 
-def _check_row(
-    scenario: Scenario, report: Report, missed: list[Violation], seconds: float
-) -> list[str]:
-    value = report.value
-    kept = f"{len(scenario.expect) - len(missed)} of {len(scenario.expect)}"
-    return [
-        escape(scenario.name), str(scenario.run.seed), report.outcome.name,
-        f"{value('servo_rms_px'):.2f}", f"{value('servo_peak_px'):.1f}",
-        f"{value('tracking_rms_px'):.2f}",
-        f"[red]{kept}[/]" if missed else f"[green]{kept}[/]", f"{seconds:.1f} s",
-    ]  # fmt: skip
-
-
-def _command(name: str, changes: Sequence[str], seed: int) -> str:
+def command(name: str, changes: Sequence[str], seed: int) -> str:
+    """What runs a scenario again."""
     parts = [
         "servobench",
         "run",
@@ -171,7 +129,8 @@ def _command(name: str, changes: Sequence[str], seed: int) -> str:
     return shlex.join(parts)
 
 
-def _print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
+def print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
+    """Print missed bounds and the command that repeats them; nothing where none was missed."""
     for violation in missed:
         plain(console, f"missed: {violation}")
     if missed:

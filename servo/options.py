@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +9,11 @@ from typing import Any, TypeVar
 
 import click
 
+from servo.signals import ending_signals
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
-MOST_WORKERS = 1024
 MOST_FRAMES = 1_000_000_000
 
 
@@ -40,7 +40,7 @@ changes_option = click.option(
 )  # fmt: skip
 workers_option = click.option(
     "--workers",
-    type=click.IntRange(1, MOST_WORKERS),
+    type=COUNT,
     default=2,
     help="Processes side by side.",
     show_default=True,
@@ -53,20 +53,20 @@ def out_option(default: str) -> Callable[[Command], Command]:
 
 
 class Commands(click.Group):
-    """Lists commands as they stand, not by the alphabet; Ctrl-C means the same to all of them."""
+    """Lists commands in the order of the file; Ctrl-C, TERM and HUP end all of them alike."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
-        logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            from servo.terminal import stop  # only now: it imports rich
+        with ending_signals():
+            try:
+                return super().invoke(ctx)
+            except KeyboardInterrupt as cause:
+                from servo.terminal import stop  # only now: it imports rich
 
-            stop()
+                stop(cause)
 
 
 def truth_options(command: Command) -> Command:

@@ -7,9 +7,9 @@ from typing import NoReturn
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from servo.signals import exit_code
+
 STOPPED = "servobench: stopped; what was written is complete up to here."
-INTERRUPTED = 128 + 2
-"""The exit code of what Ctrl-C (signal 2) has ended."""
 COMPILING = "(the first run on a machine compiles the hot loops)"
 WAITING = f"preparing {COMPILING}"
 
@@ -30,7 +30,7 @@ def plain(console: Console, text: str) -> None:
     console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
-def stop(more: str = "") -> NoReturn:
-    """Say that Ctrl-C was heard, and end the program."""
+def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
+    """Say that Ctrl-C, or another signal that ends us, was heard; and end the program."""
     plain(Console(stderr=True), f"{STOPPED} {more}".rstrip())
-    raise SystemExit(INTERRUPTED)
+    raise SystemExit(exit_code(cause))

@@ -18,7 +18,8 @@ from servo.mistake import Mistake
 from servo.parsing import fill_plugin
 from servo.run_folder import REPORT, prepare
 from servo.scenario import override
-from servo.terminal import COMPILING, INTERRUPTED, STOPPED, plain, progress_bar
+from servo.signals import exit_code
+from servo.terminal import COMPILING, STOPPED, plain, progress_bar
 from servo.versions import versions
 from sim.types import Array
 from tracking.evaluation import atomic
@@ -175,9 +176,9 @@ def _write(
                     extra.add(shot, true)
                 seen.append(shot.without_picture())
                 bar.update(task, advance=1, note=shot.estimate.status.name)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as cause:
         plain(Console(stderr=True), STOPPED)
-        code = INTERRUPTED
+        code = exit_code(cause)
     finally:
         for part in (rows, *extras):
             part.close()

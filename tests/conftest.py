@@ -2,6 +2,7 @@
 
 import json
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -9,6 +10,7 @@ os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run
 import cv2
 import numpy as np
 import pytest
+from commands import scheduler_with
 from hypothesis import HealthCheck, settings
 
 # The same examples in each run: what CI finds anybody finds. The first call compiles: no deadline.
@@ -141,3 +143,12 @@ def finished_study(tmp_path_factory):
         for run in study.runs():
             kept.add(perform(run))
     return there / "out"
+
+
+@pytest.fixture
+def cluster():
+    """Starts a scheduler with workers; gives their processes, the scheduler first, and its
+    address.
+    """
+    with ExitStack() as started:
+        yield lambda *options, **more: started.enter_context(scheduler_with(*options, **more))

@@ -15,8 +15,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.farm import carry_out, farm
-from servo.mistake import Mistake
+from servo.ended import Lost
+from servo.farm.local import check_workers, local
+from servo.farm.remote import check_address, remote
+from servo.farm.tasks import carry_out
+from servo.mistake import Mistake, Refused
 from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.plan import Study
@@ -70,17 +73,20 @@ def run(request: Request) -> int:
         study = load(request.name, request.changes, request.seeds)
     folder = request.out or Path("runs") / f"sweep-{study.name}"
     if request.scheduler is None:
+        check_workers(request.workers)
         gl.backend()
+    else:
+        check_address(request.scheduler)
     with Store(folder, study, manifest(study, request.command)) as store:
         _print_damaged(store.damaged)
         try:
             failed = _work(study, store, request, console)
             code = _sum_up(study, store, console)
-        except KeyboardInterrupt:
-            stop(_again(store, study, request))
-        except ConnectionError:
-            lost = f"the scheduler {request.scheduler or ''} is gone; "
-            raise Mistake(lost + _again(store, study, request)) from None
+        except KeyboardInterrupt as cause:
+            stop(cause, _again(store, study, request))
+        except Lost as lost:
+            kind = Refused if request.scheduler is None else Mistake
+            raise kind(f"{lost}; {_again(store, study, request)}") from None
     for path, error in failed:
         plain(Console(stderr=True), f"servobench: {path}: {error}")
     return 1 if failed else code
@@ -113,9 +119,9 @@ def _work(study: Study, store: Store, request: Request, console: Console) -> lis
     missing = (r for r in study.runs() if r.number not in done)
     with (
         Board(console, study.name, study.size, len(done), request.workers) as board,
-        farm(request.workers, request.scheduler) as client,
+        local(request.workers) if request.scheduler is None else remote(request.scheduler) as crew,
     ):
-        for task, ended in carry_out(client, missing, perform):
+        for task, ended in carry_out(crew, missing, perform):
             if ended.error:
                 path = store.fail(task, ended.error, task.command(study.changes))
                 failed.append((path, ended.error.strip().splitlines()[-1]))

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import psutil
 
-from servo.farm import carry_out, farm
+from servo.farm.local import local
+from servo.farm.tasks import carry_out
 from servo.study import command, store
 from servo.study.parse import load
 from servo.study.perform import perform
@@ -37,10 +38,10 @@ def carried(study, workers, kept):
     """Wall-clock seconds, seconds inside runs, and memory [MB] of client and workers by run."""
     memory, inside = [], 0.0
     runs = list(study.runs())
-    with farm(workers, None) as client:
-        list(carry_out(client, runs[:workers], timed))  # imports, compiled loops
+    with local(workers) as crew:
+        list(carry_out(crew, runs[:workers], timed))  # imports, compiled loops
         began = time.perf_counter()
-        for _, ended in carry_out(client, runs, timed):
+        for _, ended in carry_out(crew, runs, timed):
             row, seconds, worker, rss = ended.value
             kept.add(row)
             inside += seconds

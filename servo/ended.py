@@ -1,0 +1,48 @@
+"""How a task ended, here or in another process, and that a cluster is lost."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from servo.mistake import Mistake
+
+Task = TypeVar("Task")
+
+
+class Lost(RuntimeError):
+    """A cluster does no more work, in one clause: which, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a task ended."""
+
+    value: Any
+    error: str = ""
+    """The traceback of a failure; empty where there was none."""
+    mistake: str = ""
+    """The sentence of a failure that is the user's mistake; empty for all others."""
+
+    @property
+    def reason(self) -> str:
+        """The last line of a failure."""
+        return self.mistake or self.error.strip().splitlines()[-1]
+
+
+def failed(error: BaseException) -> Ended:
+    """The end of a task that raised this."""
+    mistake = str(error) if isinstance(error, Mistake) else ""
+    return Ended(None, "".join(traceback.format_exception(error)), mistake)
+
+
+def one_by_one(tasks: Iterable[Task], work: Callable[[Task], Any]) -> Iterator[tuple[Task, Ended]]:
+    """Do tasks in this process, in their order."""
+    for task in tasks:
+        try:
+            ended = Ended(work(task))
+        except Exception as error:
+            ended = failed(error)
+        yield task, ended

@@ -1,0 +1,56 @@
+"""The signals that end a command: all of them unwind it as Ctrl-C does, so that nothing is lost."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from types import FrameType
+
+ENDING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal that ends the command."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def exit_code(cause: KeyboardInterrupt) -> int:
+    """What a shell reports of a program that a signal has ended."""
+    return 128 + (cause.number if isinstance(cause, Stopped) else signal.SIGINT)
+
+
+@contextmanager
+def ending_signals() -> Generator[None]:
+    """In here each ending signal raises `Stopped` once; those that come while it unwinds are lost.
+
+    A signal that the parent has us ignore (nohup, a shell's background) stays ignored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    stopped = False
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal stopped
+        del frame
+        if not stopped:
+            stopped = True
+            raise Stopped(number)
+
+    ours = (signal.SIG_DFL, signal.default_int_handler)
+    before = {number: signal.getsignal(number) for number in ENDING}
+    before = {number: handler for number, handler in before.items() if handler in ours}
+    for number in before:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

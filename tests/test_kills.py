@@ -1,0 +1,234 @@
+"""Nothing is lost: commands, workers and schedulers are killed, stopped and continued at work."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from commands import (
+    QUICK,
+    STOPPED,
+    alive,
+    begin,
+    ended,
+    listening,
+    wait_for,
+    workers_of,
+)
+
+from servo.study import command, store
+from servo.study.parse import load
+from servo.study.perform import TIMED, perform
+
+MINE = """# mine
+# Short runs, of kinds that are quick to import.
+scenario = "still"
+seeds = 6
+
+[set]
+run.duration = 0.7
+tracker.kind = "frozen"
+estimator.kind = "none"
+
+[axes]
+run.latency = [0, 1]
+start.x = { uniform = [-20.0, 20.0] }
+"""
+RUNS = 12
+SWEEP = "sweep mine.toml --out out -q"
+TERM, KILL, STOP, CONT = signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(MINE)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The table of all runs, done one after the other in this process, the last one first."""
+    there = tmp_path_factory.mktemp("undisturbed")
+    (there / "mine.toml").write_text(MINE)
+    study = load(str(there / "mine.toml"))
+    with store.Store(there / "out", study, command.manifest(study, "")) as kept:
+        for run in reversed(list(study.runs())):
+            kept.add(perform(run))
+        return kept.table(kept.done()).drop_columns(TIMED)
+
+
+def finished():
+    return len(list(Path("out/runs").glob("*.parquet")))
+
+
+def wait_for_some(client, count=2):
+    """In mid-study: some runs are finished, and some are not."""
+    wait_for(lambda: finished() >= count or client.poll() is not None)
+    assert count <= finished() < RUNS
+
+
+def same_as(undisturbed):
+    return pq.read_table("out/results.parquet").drop_columns(TIMED).equals(undisturbed)
+
+
+def test_a_killed_worker_and_a_killed_client_cost_nothing(place, undisturbed):
+    client = begin(SWEEP)
+    wait_for_some(client)
+    os.kill(workers_of(client)[0], KILL)
+    wait_for_some(client, finished() + 2)
+    client.kill()
+    assert ended(client) == (-KILL, "")  # and no worker lives on
+    before = {path: path.stat().st_mtime_ns for path in Path("out/runs").glob("*.parquet")}
+    assert len(before) < RUNS
+    assert ended(begin(f"{SWEEP} --workers 1")) == (0, "")
+    assert {path: path.stat().st_mtime_ns for path in before} == before  # none was run again
+    assert same_as(undisturbed)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, TERM, signal.SIGHUP])
+def test_a_sweep_stops_cleanly_and_says_how_to_go_on(place, number):
+    client = begin(f"{SWEEP} --seeds 60")  # so many that it cannot be done before it hears
+    wait_for_some(client)
+    os.killpg(client.pid, number)  # as a terminal does: to everybody
+    assert ended(client) == (
+        128 + number,
+        f"{STOPPED} {finished()} of 120 runs are finished; go on with: "
+        "servobench sweep mine.toml --seeds 60 --out out\n",
+    )
+    assert not list(Path("out/runs").glob(".*.part"))
+
+
+def test_workers_killed_at_their_start_and_all_at_once_are_replaced(place, undisturbed):
+    client = begin(SWEEP)
+    wait_for(lambda: len(workers_of(client)) == 2)
+    for pid in workers_of(client):
+        os.kill(pid, KILL)
+    wait_for_some(client, 1)
+    for pid in workers_of(client):
+        os.kill(pid, KILL)
+    assert ended(client) == (0, "")
+    assert same_as(undisturbed)
+
+
+def test_processes_that_are_stopped_for_a_while_lose_nothing(place, undisturbed):
+    client = begin(SWEEP)
+    wait_for_some(client, 1)
+    workers = workers_of(client)
+    for some in (workers[:1], workers, [client.pid]):
+        for number in (STOP, CONT):
+            for pid in some:
+                os.kill(pid, number)
+            time.sleep(0.5)
+    assert ended(client) == (0, "")
+    assert same_as(undisturbed)
+
+
+def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(place, undisturbed, cluster):
+    (scheduler, *workers), address = cluster(2)
+    client = begin(f"{SWEEP} --scheduler {address}")
+    wait_for_some(client, 1)
+    for process in (scheduler, *workers):
+        for number in (STOP, CONT):
+            process.send_signal(number)
+            time.sleep(0.3)
+    workers[0].terminate()
+    wait_for_some(client, finished() + 1)
+    scheduler.kill()
+    assert ended(client) == (
+        2,
+        f"servobench: the scheduler {address} is gone; {finished()} of {RUNS} runs are finished; "
+        "go on with: servobench sweep mine.toml --out out\n",
+    )
+    assert ended(begin(f"{SWEEP} --workers 1")) == (0, "")
+    assert same_as(undisturbed)
+
+
+def test_a_sweep_listens_on_nothing_but_loopback(place):
+    client = begin(f"{SWEEP} --seeds 60")
+    wait_for_some(client)
+    assert listening(alive(client.pid)) == {"0100007F"}
+    client.terminate()
+    assert ended(client)[0] == 128 + TERM
+
+
+BUSY = {
+    "run": f"run still {QUICK} --set run.duration=600 --out out -q",
+    "track": "track pictures --region 10,10,40,40 --tracker frozen --out out -q",
+    "check": f"check still {QUICK} --set expect={{}} --seeds 900 -q",
+    "bench": "bench clutter --trackers frozen --seeds 200 --out out -q",
+}
+SIGNS = {"run": "out/steps.arrows", "track": "out/track.csv", "bench": "out/results/**/*.json"}
+MORE = {"bench": " The same command goes on from there."}
+
+
+def at_work(name):
+    """A command in the middle of its work."""
+    if name == "track":
+        Path("pictures").mkdir()
+        first = Path("pictures/0.png")
+        first.write_bytes(picture())
+        for number in range(1, 20_000):
+            os.link(first, f"pictures/{number}.png")
+    client = begin(BUSY[name])
+    if name == "check":  # it writes nothing
+        wait_for(lambda: len(workers_of(client)) == 2)
+    else:
+        wait_for(lambda: any(p.stat().st_size for p in Path().glob(SIGNS[name])))
+    assert client.poll() is None
+    return client
+
+
+def picture():
+    import cv2
+    import numpy as np
+
+    noise = np.random.default_rng(0).integers(0, 255, (120, 160, 3), np.uint8)
+    return cv2.imencode(".png", noise)[1].tobytes()
+
+
+@pytest.mark.parametrize("name", BUSY)
+def test_term_ends_every_command_with_one_line_and_leaves_no_process(place, name):
+    client = at_work(name)
+    for number in (STOP, CONT):
+        os.kill(client.pid, number)
+    for _ in range(2):  # as `timeout` does
+        os.killpg(client.pid, TERM)
+    assert ended(client) == (128 + TERM, f"{STOPPED}{MORE.get(name, '')}\n")
+
+
+@pytest.mark.parametrize("name", BUSY)
+def test_a_killed_command_leaves_no_process_and_no_half_of_a_file(place, name):
+    client = at_work(name)
+    client.kill()
+    assert ended(client) == (-KILL, "")
+    if name == "run":
+        with pa.OSFile("out/steps.arrows") as file:
+            assert pa.ipc.open_stream(file).read_next_batch().num_rows == 30
+
+
+def test_a_killed_bench_goes_on_and_gives_the_same_numbers(place):
+    numbers = []
+    for out, killed in (("out", True), ("whole", False)):
+        words = f"bench clutter --trackers frozen --seeds 2 --out {out} -q"
+        if killed:
+            client = begin(words)
+            wait_for(lambda: len(list(Path("out").glob("results/**/*.json"))) >= 2)
+            client.kill()
+            assert ended(client) == (-KILL, "")
+        assert ended(begin(words)) == (0, "")
+        numbers.append(untimed(Path(out) / "runs.csv"))
+    assert numbers[0] == numbers[1]
+    assert len(numbers[0]) == 1 + 2 * 4
+
+
+def untimed(path):
+    """The lines of a table without its times."""
+    import csv
+
+    head, *rows = csv.reader(path.read_text().splitlines())
+    kept = [i for i, name in enumerate(head) if "milliseconds" not in name]
+    return [[row[i] for i in kept] for row in (head, *rows)]

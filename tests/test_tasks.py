@@ -1,0 +1,125 @@
+"""Tasks over workers, and `servobench check` by them: the same table, whatever fails."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from servo import check, cli
+from servo.ended import Ended, Lost
+from servo.farm.local import local
+from servo.farm.remote import remote
+from servo.farm.tasks import carry_out
+from servo.study.perform import TIMED
+
+QUICK = (
+    "--set", "tracker.kind=frozen", "--set", "estimator.kind=none", "--set", "run.duration=0.3",
+    "--set", "expect={servo_rms_px=0.5}", "--seeds", "2",
+)  # fmt: skip
+
+
+def call(monkeypatch, capfd, *arguments):
+    """Exit code, stdout and stderr of a command."""
+    monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capfd.readouterr()
+    return ended.value.code, out, err
+
+
+def untimed(out):
+    return [line.split()[:-2] for line in out.splitlines() if line]
+
+
+def test_the_table_and_the_missed_bounds_are_the_same_on_one_worker_and_on_two(monkeypatch, capfd):
+    words = ("check", "still", "line", "still", *QUICK)
+    one, two = (call(monkeypatch, capfd, *words, "--workers", n) for n in "12")
+    assert one[0] == two[0] == 1
+    assert untimed(one[1]) == untimed(two[1])
+    rows = untimed(one[1])
+    assert [row[:2] for row in rows[1:]] == [
+        [name, seed] for name in ("still", "line", "still") for seed in "01"
+    ]
+    assert one[2] == two[2]
+    assert one[2].count("missed: servo_rms_px is") == one[2].count("  again: servobench run") == 6
+
+
+def test_measures_are_bit_for_bit_the_same_in_another_process():
+    from servo.batch import Team
+    from servo.commands import load
+
+    checks = [check.Check(n, load("still", QUICK[1:6:2], n), "") for n in range(2)]
+    found = []
+    for workers in (1, 2):
+        with Team(workers) as team:
+            ends = {done.number: end for done, end in team.ends(checks, check.perform)}
+        reports = [ends[n].value.report.measures for n in range(2)]
+        found.append([[m.value for m in measures if m.name not in TIMED] for measures in reports])
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
+    real = check.perform
+
+    def perform(one):
+        if one.scenario.name == "still":
+            raise OSError("no luck")
+        return real(one)
+
+    monkeypatch.setattr(check, "perform", perform)
+    words = ("check", "still", "line", *QUICK[:-2], "--set", "expect={}", "--workers", "1")
+    code, out, err = call(monkeypatch, capfd, *words)
+    again = (
+        "servobench run still --set tracker.kind=frozen --set estimator.kind=none --set "
+        "run.duration=0.3 --set 'expect={servo_rms_px=0.5}' --set 'expect={}' "
+        "--seed 0"
+    )
+    assert (code, err) == (1, f"servobench: still failed: OSError: no luck\n  again: {again}\n")
+    assert [row[0] for row in untimed(out)] == ["scenario", "line"]
+
+
+def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd):
+    words = ("check", "still", *QUICK, "--set", "start.x=200", "--workers", "1")
+    code, out, err = call(monkeypatch, capfd, *words)
+    assert (code, out.strip()) == (2, "")
+    assert err.startswith("servobench: still: first frame: the region spans ")
+    assert err.count("\n") == 1
+
+
+def test_how_a_task_ended_in_one_line():
+    assert Ended(None, "Traceback\n  in x\nValueError: so\n").reason == "ValueError: so"
+    assert Ended(None, "Traceback\nMistake: so\n", "so").reason == "so"
+
+
+def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
+    def work(task):
+        import os
+
+        if task == "deadly":
+            os.kill(os.getpid(), 9)
+        if task == "wrong":
+            raise ValueError("this run is wrong")
+        return task.upper()
+
+    tasks = ["a", "deadly", "b", "wrong", "c", "d"]
+    with local(2) as crew:
+        found = dict(carry_out(crew, tasks, work))
+    assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
+    assert found["deadly"].error == (
+        "3 workers died of it, one after the other: for want of memory, or somebody killed them\n"
+    )
+    assert found["wrong"].reason == "ValueError: this run is wrong"
+    assert "in work" in found["wrong"].error
+
+
+def test_workers_with_several_threads_are_refused():
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as shared:
+        address = shared.scheduler_address
+        with pytest.raises(Lost) as refused, remote(address) as found:
+            list(carry_out(found, [1], abs))
+    assert str(refused.value) == (
+        f"the scheduler {address}: a worker has several threads, but a renderer needs a process "
+        "of its own; start the workers with --nthreads 1"
+    )
