@@ -15,9 +15,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo.mistake import Mistake
+from servo.overrides import override
 from servo.parsing import fill_plugin
 from servo.run_folder import REPORT, prepare
-from servo.scenario import override
 from servo.signals import exit_code
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar
 from servo.versions import versions

@@ -19,6 +19,7 @@ from servo.catalogue import LISTS, PLUGINS
 from servo.episode import Episode
 from servo.measures import summarise
 from servo.mistake import Mistake
+from servo.overrides import put
 from sim import plugins
 from sim.ranges import LONGEST
 
@@ -122,7 +123,7 @@ def run_short(place, kind, changes):
     """Run a short scenario with changes; whatever it says is a number."""
     table, refused = base(place, kind), ""
     for key, value in changes.items():
-        s.put(table, key, value, "short")
+        put(table, key, value, "short")
     try:
         scenario = s.parse(table, "short", "short")
         with Episode(scenario) as episode:

@@ -15,6 +15,7 @@ from servo import scenario as scenarios
 from servo.catalogue import sentence, shipped, studies
 from servo.measures import MEANINGS, check_expect
 from servo.mistake import Mistake, unknown
+from servo.overrides import assignment
 from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
 from servo.study.keys import check_apart, flat
 from servo.study.plan import Base, Run, Study
@@ -65,7 +66,7 @@ def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[
     changed = flat(_table(table.get("set", {}), f"{place}: set"), f"{place}: set")
     places = {key: f"set.{key}" for key in changed}
     for item in changes:
-        key, value = scenarios.assignment(item)
+        key, value = assignment(item)
         own = flat({key: value}, f"--set {item}")
         changed |= own
         places |= dict.fromkeys(own, f"--set {item}")

@@ -13,6 +13,7 @@ import numpy as np
 
 from servo import scenario as scenarios
 from servo.measures import check_expect
+from servo.overrides import put
 from servo.scenario import Scenario, Table
 from servo.study.axes import SCENARIO, Axis, Draw, Value
 
@@ -151,8 +152,8 @@ class Study:
         table.pop("sweep", None)
         own = {k: v for k, v in settings.items() if k != SCENARIO}
         for key, value in ordered(self.changes | own).items():
-            scenarios.put(table, key, value, f"{self.name}.toml")
-        scenarios.put(table, "run.seed", seed, f"{self.name}.toml")
+            put(table, key, value, f"{self.name}.toml")
+        put(table, "run.seed", seed, f"{self.name}.toml")
         return table
 
 
