@@ -207,7 +207,7 @@ class StepsTable:
         with pa.ipc.open_stream(str(self._folder / STREAM)) as reader:
             whole = reader.read_all()
         with atomic.writing(self._folder, TABLE) as file:
-            pq.write_table(whole, file)
+            pq.write_table(whole, file, write_page_checksum=True)
         (self._folder / STREAM).unlink()
 
     def _flush(self) -> None:

@@ -27,17 +27,17 @@ SURE = 0.05
 class Mean:
     """A measure of a tracker over all runs."""
 
-    mean: float
-    low: float
-    high: float
+    mean: files.Number
+    low: files.Number
+    high: files.Number
 
 
 @dataclass(frozen=True, slots=True)
 class Test:
     """A tracker against the best one."""
 
-    z: float
-    p_holm: float
+    z: files.Number
+    p_holm: files.Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Ranked:
     tracker: str
     runs: int
     measures: dict[str, Mean]
-    families: dict[str, float]
+    families: dict[str, files.Number]
     against_best: Test | None
 
 
@@ -58,7 +58,7 @@ class One:
     tracker: str
     sequence: str
     seed: int
-    measures: dict[str, float | None]
+    measures: dict[str, files.Number | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +89,8 @@ def section(folder: Path) -> Section:
     if "scenario" in runs[0]:
         return loop.section(folder, path)
     bench = files.read(path, Written)
+    if not bench.trackers:
+        raise Mistake(f"{path}: there are no trackers in it")
     best = bench.trackers[0]
     again = command(folder, [(r.tracker, r.sequence, r.seed) for r in bench.runs])
     blocks = [

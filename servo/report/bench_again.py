@@ -81,7 +81,7 @@ def _tracker(label: str, described: dict[str, Any] | None) -> str | None:
             contender = suites.contenders(word)[0]
             if contender.label == label and contender.describe() == described:
                 return word
-    except (Mistake, ImportError):
+    except (Mistake, plugins.UnknownKind, ImportError):
         pass  # a tracker that this version does not have
     return None
 

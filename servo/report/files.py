@@ -1,14 +1,16 @@
-"""Reading what other commands wrote: a file that is missing or broken is a mistake, told once."""
+"""Reading what other commands wrote: a file that is missing or damaged is a mistake."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from annotated_types import Ge, Le
 from pydantic import TypeAdapter, ValidationError
 
 from servo.mistake import Mistake
@@ -16,6 +18,9 @@ from tracking.evaluation import reading
 
 Content = TypeVar("Content")
 HALF = "it may be half-written"
+ABSURD = 1e100
+"""No number of ours is larger; what is larger cannot be drawn."""
+Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
 LARGEST = 1_000_000_000
 """Largest file [bytes]."""
 
@@ -57,13 +62,25 @@ def table(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """
     raw = content(path)
     try:
-        file = pq.ParquetFile(pa.BufferReader(raw))
+        file = pq.ParquetFile(pa.BufferReader(raw), page_checksum_verification=True)
         for name in wanted or ():
             if name not in file.schema_arrow.names:
                 raise Mistake(f"{path}: there is no column '{name}' in this table")
-        return file.read(columns=None if wanted is None else list(wanted))
-    except (pa.ArrowInvalid, OSError):
+        found = file.read(columns=None if wanted is None else list(wanted))
+    except Mistake:
+        raise
+    except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
         raise Mistake(f"{path}: this is no Parquet table; {HALF}") from None
+    for name, column in zip(found.column_names, found.columns, strict=True):
+        if pa.types.is_floating(column.type) and _absurd(column):
+            raise Mistake(f"{path}: the column '{name}' holds a number beyond {ABSURD:g}")
+    return found
+
+
+def _absurd(column: pa.ChunkedArray) -> bool:
+    """Whether a finite number is too large; inf and nan are said of what has no value."""
+    values = np.asarray(column.to_numpy(), float)
+    return bool((np.abs(values[np.isfinite(values)]) > ABSURD).any())
 
 
 def rows(path: Path) -> list[dict[str, Any]]:

@@ -29,7 +29,7 @@ class One:
     scenario: str
     seed: int
     outcome: str
-    measures: dict[str, float | None]
+    measures: dict[str, files.Number | None]
 
     @property
     def held(self) -> bool:

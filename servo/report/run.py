@@ -39,8 +39,8 @@ class Written:
     scenario: str
     seed: int
     outcome: str
-    measures: dict[str, float | None]
-    expect: dict[str, float | str]
+    measures: dict[str, files.Number | None]
+    expect: dict[str, files.Number | str]
     missed: list[str]
     settings: dict[str, Any]
     versions: dict[str, str]

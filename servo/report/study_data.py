@@ -38,7 +38,7 @@ class Manifest:
     runs: int
     draws: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
     compare: str | None = None
-    expect: dict[str, float] = field(default_factory=dict)
+    expect: dict[str, files.Number] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,7 +175,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
 
 def _parquet(table: pa.Table) -> bytes:
     sink = io.BytesIO()
-    pq.write_table(table, sink)
+    pq.write_table(table, sink, write_page_checksum=True)
     return sink.getvalue()
 
 
