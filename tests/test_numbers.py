@@ -78,6 +78,20 @@ def test_every_estimator_gives_these_estimates(approved):
     approved("estimates", found)
 
 
+def test_every_generator_paints_these_sequences(approved):
+    found = {}
+    for kind in plugins.kinds(GENERATORS):
+        sequence = build(GENERATORS, kind, 2)
+        pictures = [sequence.source.paint(k) for k in (0, 17, 80)]
+        found[kind] = {
+            "states": None if sequence.states is None else sequence.states[::12],
+            "truth": sequence.truth[::25], "size": pictures[0].shape,
+            "colours": [p.reshape(-1, 3).mean(axis=0) for p in pictures],
+            "pixels": [p[::40, ::40].reshape(-1, 3) for p in pictures],
+        }  # fmt: skip
+    approved("sequences", found, ROUNDING)
+
+
 def film(count=9):
     """A car of four colours drives, turns and comes nearer over a smooth ground, with noise."""
     rng = np.random.default_rng(3)

@@ -1,0 +1,141 @@
+"""All that is derived from a run stays what it is: table, recording, measures, plots, events.
+
+The tracker is a script, so that no number depends on how a machine renders; the values lie in
+tests/data/approved.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from operator import itemgetter
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from servo import plots
+from servo.episode import Episode
+from servo.events import events
+from servo.measures import summarise, violations
+from servo.run_folder import RunFolder
+from servo.scenario import load
+from servo.steps_table import TIMED
+from tracking.types import Estimate, State, Status
+
+ROUNDING = 1e-4
+"""Other processors round otherwise: a closed loop may differ by this share."""
+CHANGES = (
+    "run.duration=1.4", "run.latency=1", "run.ego=true", "camera.rate=24.0", "goal.angle_deg=20.0",
+    "estimator.kind=kalman_cv", "controller.acceleration=0.6", "start.x=-25.0", "motion.speed=0.2",
+)  # fmt: skip
+DROPPED = {"kind": "dropped_frames", "share": 0.3, "length": 0.08, "start": 0.5}
+MACHINE = ("/__properties", "/plots/ms", "EncodedImage:blob", "Mesh3D:albedo_texture_buffer")
+"""What of a recording depends on the machine."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """A tracker that drifts from where it began, is unsure for a while and then lost."""
+
+    def build(self, rng):
+        return Scripted(rng)
+
+
+class Scripted:
+    def __init__(self, rng):
+        self.rng = rng
+
+    def start(self, frame, region, state):  # noqa: ARG002
+        self.state, self.count = state, 0
+
+    def update(self, frame, ego=None):  # noqa: ARG002
+        self.count += 1
+        dx, dy, turn, grow = self.rng.normal(0, (0.3, 0.3, 0.004, 0.002))
+        s = self.state
+        drift = 0.0 if ego is None else 0.2 * ego[0]
+        self.state = State(s.x + dx + 0.3 + drift, s.y + dy, s.theta + turn, s.scale * (1 + grow))
+        status = Status.UNSURE if 10 <= self.count < 13 else Status.LOCKED
+        status = Status.LOST if 18 <= self.count < 21 else status
+        particles = np.column_stack(
+            [self.state.vector + self.rng.normal(0, 1, (3, 4)), [1 / 3] * 3]
+        )
+        return Estimate(
+            self.state, np.diag([0.3, 0.2, 1e-4, 1e-5]) * self.count, 0.01 * self.count, status,
+            ess=30.0 - self.count, evaluations=3, particles=particles,
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scripted(tmp_path_factory):
+    """The steps of a run of 35 frames, its scenario, and the folder it has written."""
+    folder = tmp_path_factory.mktemp("scripted")
+    base = load("reversal", CHANGES, seed=3)
+    disturbed = load("occlusion", [f"disturbances.0.{k}={v}" for k, v in DROPPED.items()])
+    scenario = replace(base, tracker=Script(), disturbances=disturbed.disturbances)
+    with Episode(scenario) as episode:
+        written = RunFolder(folder, episode, rerun=True)
+        steps = []
+        for step in episode:
+            written.add(step)
+            steps.append(step)
+        written.close()
+    return steps, scenario, folder
+
+
+def report_of(scripted):
+    steps, scenario, _ = scripted
+    return summarise(steps, replace(scenario.measure, after=0.4), 1 / scenario.camera.rate)
+
+
+def test_the_table_has_these_values(scripted, approved):
+    table = pq.read_table(scripted[2] / "steps.parquet")
+    kept = [n for n in table.column_names if not n.startswith(TIMED)]
+    rows = table.select(kept).take(list(range(0, len(table), 3))).to_pydict()
+    meanings = {f.name: f.metadata[b"meaning"].decode() for f in table.schema}
+    approved("run/table", {"values": rows, "meanings": meanings}, ROUNDING)
+    times = [table[n].to_numpy() for n in table.column_names if n.startswith(TIMED)]
+    assert np.all(np.concatenate(times) < 60)  # in seconds
+
+
+def test_the_measures_are_these(scripted, approved):
+    report = report_of(scripted)
+    missed = violations(report, {"servo_rms_px": 1.0, "servo_peak_px": 500.0, "unseen_pct": 1.0,
+                                 "outcome": "LIMIT_HIT"})  # fmt: skip
+    measures = {
+        m.name: [m.value, m.unit, m.meaning] for m in report.measures if m.name != "step_ms"
+    }
+    found = {"measures": measures, "outcome": report.outcome, "missed": map(str, missed)}
+    approved("run/measures", found | {"missed": [str(v) for v in missed]}, ROUNDING)
+    total = np.median([s.seconds.total for s in scripted[0]])
+    assert report.value("step_ms") == pytest.approx(1e3 * total)
+
+
+def test_these_events_happen(scripted, approved):
+    steps, before, found = scripted[0], None, {}
+    for step in steps:
+        found[step.frame.index] = events(before, step)
+        before = step
+    approved("run/events", {frame: what for frame, what in found.items() if what})
+
+
+def test_the_plots_show_this(scripted, drawn, approved):
+    steps, _, _ = scripted
+    for name, figure in (("motion", plots._motion_figure), ("errors", plots._error_figure)):
+        approved(f"run/plot-{name}", drawn(figure(steps[::2], "title", "m")), ROUNDING)
+
+
+def test_the_recording_holds_these_values(scripted, approved):
+    from rerun.chunk import RrdReader
+
+    found = {}
+    for chunk in RrdReader(str(scripted[2] / "run.rrd")).stream():
+        batch = chunk.to_record_batch()
+        frames = batch.column("frame").to_pylist() if "frame" in batch.schema.names else [0]
+        for name in (n for n in batch.schema.names if ":" in n):
+            at = f"{chunk.entity_path} {name}"
+            if not any(part in at for part in MACHINE):
+                found.setdefault(at, []).extend(
+                    zip(frames, batch.column(name).to_pylist(), strict=True)
+                )
+    kept = {at: sorted(rows, key=itemgetter(0))[::9] for at, rows in sorted(found.items())}
+    kept = json.loads(json.dumps(kept, default=lambda b: b.decode(errors="replace")))
+    approved("run/recording", kept, ROUNDING)
