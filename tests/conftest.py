@@ -166,3 +166,22 @@ def drawn():
         return {"inches": figure.get_size_inches(), "axes": [of_axes(ax) for ax in figure.axes]}
 
     return of
+
+
+@pytest.fixture
+def section(monkeypatch, drawn, tmp_path):
+    """All that `servobench report` says of a folder; figures and pictures as plain values."""
+    from servo.report import charts, command
+
+    monkeypatch.setattr(charts, "svg", lambda figure, title: [title, drawn(figure)])
+
+    def plain(value):
+        if isinstance(value, dict):
+            return {key: plain(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [plain(item) for item in value]
+        if isinstance(value, str):
+            return value.split(";base64")[0].replace(str(tmp_path), "FOLDER")
+        return value
+
+    return lambda folder: plain(as_json(command._section(folder)))

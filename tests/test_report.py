@@ -112,6 +112,12 @@ def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     assert "<li>run 1, seed = 1: Oops: &lt;b&gt;</li>" in page
 
 
+@pytest.mark.parametrize("changes", [{}, {"seeds": 5, "finished": False}], ids=["done", "not"])
+def test_all_that_is_said_and_drawn_of_a_study(changes, section, approved, tmp_path):
+    folder = make_study(tmp_path / "study", **changes)
+    approved(f"report/study-{'not-' * bool(changes)}done", section(folder))
+
+
 def test_a_study_without_runs_still_has_a_page(tmp_path):
     folder = make_study(tmp_path / "study", finished=False)
     shutil.rmtree(folder / "runs")

@@ -136,6 +136,11 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     assert "Its trackers or sequences came from a file of your own" in page
 
 
+def test_all_that_is_said_of_a_bench_and_the_papers(section, approved, make_papers, tmp_path):
+    approved("report/bench", section(make_bench(tmp_path / "bench")))
+    approved("report/papers", section(make_papers(tmp_path / "papers")))
+
+
 def test_papers_tell_which_claims_hold(make_papers, tmp_path):
     page = text_of(make_papers(tmp_path / "papers"), tmp_path)
     assert '<span class="badge bad">1 of 2 hold</span>' in page

@@ -5,6 +5,7 @@ tests/data/approved.
 """
 
 import json
+import shutil
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
@@ -15,7 +16,7 @@ import pytest
 from servo import plots
 from servo.episode import Episode
 from servo.events import events
-from servo.measures import summarise, violations
+from servo.measures import Outcome, summarise, violations
 from servo.run_folder import RunFolder
 from servo.scenario import load
 from servo.steps_table import TIMED
@@ -25,7 +26,8 @@ ROUNDING = 1e-4
 """Other processors round otherwise: a closed loop may differ by this share."""
 CHANGES = (
     "run.duration=1.4", "run.latency=1", "run.ego=true", "camera.rate=24.0", "goal.angle_deg=20.0",
-    "estimator.kind=kalman_cv", "controller.acceleration=0.6", "start.x=-25.0", "motion.speed=0.2",
+    "estimator.kind=kalman_cv", "controller.acceleration=0.6", "start.x=-25.0",
+    "motion.kind=reversal", "motion.speed=0.2",
 )  # fmt: skip
 DROPPED = {"kind": "dropped_frames", "share": 0.3, "length": 0.08, "start": 0.5}
 MACHINE = ("/__properties", "/plots/ms", "EncodedImage:blob", "Mesh3D:albedo_texture_buffer")
@@ -68,9 +70,8 @@ class Scripted:
 def scripted(tmp_path_factory):
     """The steps of a run of 35 frames, its scenario, and the folder it has written."""
     folder = tmp_path_factory.mktemp("scripted")
-    base = load("reversal", CHANGES, seed=3)
-    disturbed = load("occlusion", [f"disturbances.0.{k}={v}" for k, v in DROPPED.items()])
-    scenario = replace(base, tracker=Script(), disturbances=disturbed.disturbances)
+    dropped = [f"disturbances.0.{key}={value}" for key, value in DROPPED.items()]
+    scenario = replace(load("occlusion", [*CHANGES, *dropped], seed=3), tracker=Script())
     with Episode(scenario) as episode:
         written = RunFolder(folder, episode, rerun=True)
         steps = []
@@ -78,7 +79,7 @@ def scripted(tmp_path_factory):
             written.add(step)
             steps.append(step)
         written.close()
-    return steps, scenario, folder
+    return steps, scenario, written
 
 
 def report_of(scripted):
@@ -87,7 +88,7 @@ def report_of(scripted):
 
 
 def test_the_table_has_these_values(scripted, approved):
-    table = pq.read_table(scripted[2] / "steps.parquet")
+    table = pq.read_table(scripted[2].folder / "steps.parquet")
     kept = [n for n in table.column_names if not n.startswith(TIMED)]
     rows = table.select(kept).take(list(range(0, len(table), 3))).to_pydict()
     meanings = {f.name: f.metadata[b"meaning"].decode() for f in table.schema}
@@ -127,7 +128,7 @@ def test_the_recording_holds_these_values(scripted, approved):
     from rerun.chunk import RrdReader
 
     found = {}
-    for chunk in RrdReader(str(scripted[2] / "run.rrd")).stream():
+    for chunk in RrdReader(str(scripted[2].folder / "run.rrd")).stream():
         batch = chunk.to_record_batch()
         frames = batch.column("frame").to_pylist() if "frame" in batch.schema.names else [0]
         for name in (n for n in batch.schema.names if ":" in n):
@@ -139,3 +140,18 @@ def test_the_recording_holds_these_values(scripted, approved):
     kept = {at: sorted(rows, key=itemgetter(0))[::9] for at, rows in sorted(found.items())}
     kept = json.loads(json.dumps(kept, default=lambda b: b.decode(errors="replace")))
     approved("run/recording", kept, ROUNDING)
+
+
+def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_path):
+    steps, _, written = scripted
+    report = replace(report_of(scripted), outcome=Outcome.LIMIT_HIT)
+    values = [replace(m, value=1.5) if m.name == "step_ms" else m for m in report.measures]
+    report = replace(report, measures=tuple(values))
+    missed = violations(report, {"servo_rms_px": 1.0, "servo_peak_px": 500.0})
+    RunFolder.finish(written, steps, report, missed)
+    folder = shutil.copytree(written.folder, tmp_path / "run")
+    said = section(folder)
+    said["blocks"] = [b for b in said["blocks"] if b["title"] != "Versions"]
+    approved("run/report", said, ROUNDING)
+    kept = json.loads((folder / "report.json").read_text())
+    approved("run/report-json", kept | {"versions": sorted(kept["versions"])}, ROUNDING)

@@ -6,12 +6,12 @@ Draws COUNT places in sim, tracking and servo by SEED, changes one operator, com
 truth or result at a time in a copy of the project, and runs the tests that can notice it. One line
 a mutant goes to the terminal: noticed, and by which test, or survived; the survivors come last.
 
-- The first run on a tree runs all tests once under coverage, to learn which test runs which line
-  (on two cores about three times as long as the tests alone); it is kept, with the results, in
-  FOLDER, by the digest of the tree. The same command goes on where it was stopped.
+- The first run tests all once under coverage, to learn which test runs which line (on two cores
+  some minutes); after a change of tests only these. Map and results are kept in FOLDER; the same
+  command on the same tree goes on where it was stopped.
 - A mutant runs the tests that run its line, the quick ones first, until one fails; where the line
   runs at import (defaults of settings, constants), those that run or import its file. Tests of
-  more than three minutes in all are left out, so a survivor can be a mutant that only a slow test
+  more than a minute and a half in all are left out, so a survivor can be a mutant that only a slow test
   notices. Compiled loops (tracking/hot) are compiled anew.
 - Each kind of change is as likely as the others, else half of all mutants would be numbers.
 - Look at every survivor. Write the test that notices the kind of defect, or delete code that does
@@ -22,6 +22,7 @@ mutant, in the checkout itself; mutmut changes no class body and no decorated (c
 """
 
 import argparse
+import hashlib
 import json
 import random
 import sys
@@ -83,7 +84,7 @@ def tried(mutant, copy, known):
         return row | {"noticed": False, "by": "no test runs this line", "seconds": 0.0}
     copy.write(site.file, mutated((ROOT / site.file).read_text(), site, mutant.new))
     began = time.monotonic()
-    verdict = copy.chosen(tests, expected, compiled=site.file.startswith(mutant_runs.COMPILED))
+    verdict = copy.noticed(tests, expected, compiled=site.file.startswith(mutant_runs.COMPILED))
     copy.restore(site.file)
     seconds = round(time.monotonic() - began, 1)
     by = verdict or f"none of {len(tests)} tests"
@@ -97,7 +98,8 @@ def results(seed, count, folder):
     known = Map.of(copy)
     if known.failed:
         say(f"left out, as they do not pass without a mutant: {', '.join(known.failed)}")
-    kept = folder / f"seed-{seed}.jsonl"
+    tree = hashlib.sha256(json.dumps(mutant_runs.digests(ROOT)).encode()).hexdigest()[:12]
+    kept = folder / f"{tree}-seed-{seed}.jsonl"
     rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     done = {tuple(row["key"]): row for row in rows}
     counted = 0
@@ -129,7 +131,7 @@ def main():
     default = Path(tempfile.gettempdir()) / "servobench-mutants"
     parser.add_argument("--folder", type=Path, default=default, help="by default %(default)s")
     asked = parser.parse_args()
-    folder = asked.folder.absolute() / mutant_runs.digest(ROOT)
+    folder = asked.folder.absolute()
     folder.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     ended = list(results(asked.seed, asked.count, folder))
