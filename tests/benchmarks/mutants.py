@@ -10,9 +10,9 @@ a mutant goes to the terminal: noticed, and by which test, or survived; the surv
   some minutes); after a change of tests only these. Map and results are kept in FOLDER; the same
   command on the same tree goes on where it was stopped.
 - A mutant runs the tests that run its line, the quick ones first, until one fails; where the line
-  runs at import (defaults of settings, constants), those that run or import its file. Tests of
-  more than a minute and a half in all are left out, so a survivor can be a mutant that only a slow test
-  notices. Compiled loops (tracking/hot) are compiled anew.
+  runs at import (defaults of settings, constants), those that run or import its file. Beyond 90 s
+  in all the slowest tests are left out: what only they notice counts as survived. Compiled loops
+  (tracking/hot) are compiled anew.
 - Each kind of change is as likely as the others, else half of all mutants would be numbers.
 - Look at every survivor. Write the test that notices the kind of defect, or delete code that does
   nothing. Only a mutant that provably computes the same goes into MUTANTS_THAT_CHANGE_NOTHING.
@@ -31,8 +31,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import mutant_runs
-from mutant_runs import PACKAGES, ROOT, Copy, Map
+from mutant_map import PACKAGES, Map, digests
+from mutant_runs import COMPILED, ROOT, Copy
 from mutant_sites import KINDS, Site, mutated, sites
 
 MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, str, str], str] = {}
@@ -84,7 +84,7 @@ def tried(mutant, copy, known):
         return row | {"noticed": False, "by": "no test runs this line", "seconds": 0.0}
     copy.write(site.file, mutated((ROOT / site.file).read_text(), site, mutant.new))
     began = time.monotonic()
-    verdict = copy.noticed(tests, expected, compiled=site.file.startswith(mutant_runs.COMPILED))
+    verdict = copy.noticed(tests, expected, compiled=site.file.startswith(COMPILED))
     copy.restore(site.file)
     seconds = round(time.monotonic() - began, 1)
     by = verdict or f"none of {len(tests)} tests"
@@ -98,7 +98,7 @@ def results(seed, count, folder):
     known = Map.of(copy)
     if known.failed:
         say(f"left out, as they do not pass without a mutant: {', '.join(known.failed)}")
-    tree = hashlib.sha256(json.dumps(mutant_runs.digests(ROOT)).encode()).hexdigest()[:12]
+    tree = hashlib.sha256(json.dumps(digests(ROOT)).encode()).hexdigest()[:12]
     kept = folder / f"{tree}-seed-{seed}.jsonl"
     rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     done = {tuple(row["key"]): row for row in rows}
