@@ -155,3 +155,38 @@ def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_
     approved("run/report", said, ROUNDING)
     kept = json.loads((folder / "report.json").read_text())
     approved("run/report-json", kept | {"versions": sorted(kept["versions"])}, ROUNDING)
+
+
+TILTED = ("start.x=30.0", "start.angle_deg=15.0", "start.scale=0.9", "motion.kind=circle")
+ALL_DOF = 'controller.dof=["vx", "vy", "vz", "wx", "wy", "wz"]'
+VARIANTS = {
+    "arm": ("robot.kind=arm", ALL_DOF, "run.latency=2"),
+    "level": (ALL_DOF, 'controller.secondary=["level", "centre"]', "features.plane=known"),
+    "limits": (ALL_DOF, 'controller.secondary=["avoid_limits"]', "robot.kind=arm",
+               "controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]"),
+    "desired": ("controller.matrix=desired", "features.depth=known", "controller.gain_far=0.8"),
+    "mean": ("controller.matrix=mean", "features.depth_factor=1.3", "features.scaling=paper"),
+    "slow start": ("controller.smooth_start=3.0", "controller.fastest=0.1",
+                   "controller.fastest_turn=0.1", "features.plane=estimated"),
+    "nearer": ("goal.depth_to=0.8", "goal.change_start=0.1", "goal.change_duration=0.5",
+               "estimator.kind=error_kalman", "run.latency=3"),
+    "lost": ("controller.coast=0.05", "controller.search_after=0.05", "goal.x=20.0"),
+    "fed forward": ('controller.feed_forward=["xn", "yn", "an", "theta"]', "run.ego=true",
+                    "region.x=3.0", "region.angle_deg=4.0", "region.width=1.1", "run.latency=0"),
+    "noisy": ("camera.width=200", "camera.height=160", "camera.rate=15.0", "goal.angle_deg=170.0"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_loop_with_other_settings_moves_like_this(name, approved):
+    changes = ["run.duration=1.0", *TILTED, *VARIANTS[name]]
+    scenario = replace(load("still", changes, seed=5), tracker=Script())
+    with Episode(scenario) as episode:
+        rows = [
+            {"joints": s.joints, "twist": s.command.twist, "features": s.command.features,
+             "error": s.command.error, "motion": s.command.target_motion, "mode": s.command.mode,
+             "true": [*s.truth.centre, s.truth.theta, s.truth.size], "tilt": s.tilt,
+             "saturated": [s.command.saturated, s.limited]}
+            for s in episode
+        ]  # fmt: skip
+    approved(f"loops/{name.replace(' ', '-')}", rows[::3], ROUNDING)

@@ -2,6 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tracking.evaluation import sources
 from tracking.evaluation.sequence import read_all, read_folder, source_of
 from tracking.evaluation.sources import Folder, Video, rgb
 
@@ -95,3 +96,34 @@ def test_the_shared_sequences_are_read(shared_sequences):
     assert int(np.isnan(found["tld_pedestrian3"].truth[:, 0, 0]).sum()) == 28
     assert found["otb_girl"].start.x == pytest.approx(56 + 31 / 2)
     assert found["vot13_car"].region.width == 57
+
+
+class Camera:
+    """Two frames, the second one half a second later, then no more."""
+
+    def __init__(self, clock, works=True):
+        self.clock, self.works, self.left, self.released = clock, works, 2, False
+
+    def isOpened(self):
+        return self.works
+
+    def read(self):
+        self.clock[0] += 0.5
+        self.left -= 1
+        return self.left >= 0, np.full((2, 3, 3), (10, 20, 30), np.uint8)
+
+    def release(self):
+        self.released = True
+
+
+def test_a_camera_gives_pictures_with_their_times_until_it_ends(monkeypatch):
+    clock = [50.0]
+    cameras = {2: Camera(clock), 3: Camera(clock, works=False)}
+    monkeypatch.setattr(sources.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(sources.cv2, "VideoCapture", cameras.get)
+    pictures = list(sources.Live(2))
+    assert [(p.name, p.time) for p in pictures] == [("frame 0", 0.5), ("frame 1", 1.0)]
+    assert pictures[0].image.tolist() == [[[30, 20, 10]] * 3] * 2
+    assert cameras[2].released
+    with pytest.raises(ValueError, match="camera:3: there is no such camera"):
+        next(iter(sources.Live(3)))
