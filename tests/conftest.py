@@ -5,6 +5,7 @@ import enum
 import json
 import math
 import os
+import re
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -132,7 +133,9 @@ def approved():
         path, found = APPROVED / f"{name}.json", as_json(value)
         if os.environ.get(APPROVE):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+            text = json.dumps(found, indent=1, ensure_ascii=False)
+            text = re.sub(r"\[\s+[^][{}]+\s\]", lambda row: re.sub(r"\n\s*", " ", row[0]), text)
+            path.write_text(text + "\n")
         differs = difference(found, json.loads(path.read_text()), tolerance)
         assert differs is None, f"{name}{differs} (if that is meant: {APPROVE}=1)"
 
