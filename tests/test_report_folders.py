@@ -86,6 +86,15 @@ def test_a_run_without_a_recording_says_so(ran, tmp_path):
     assert "<img" not in page
 
 
+def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
+    from servo.recording import pictures
+
+    monkeypatch.setattr(pictures, "pictures", lambda path, count: [])
+    blocks = {block["title"]: block for block in section(ran)["blocks"]}
+    told = blocks["What the camera saw"]
+    assert (told["text"], told["pictures"]) == (["There are no pictures in this recording."], [])
+
+
 def test_the_settings_of_a_scenario_that_is_not_shipped_become_its_file():
     changes = ["tracker.kind=kams", "disturbances.0.start=1.25"]
     own = scenarios.load("occlusion", changes, 4)

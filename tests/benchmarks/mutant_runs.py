@@ -1,6 +1,9 @@
 """The copy of the project that `mutants.py` changes, and one run of tests in it."""
 
+import contextlib
+import importlib
 import json
+import multiprocessing
 import os
 import shutil
 import signal
@@ -8,10 +11,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
+import pytest
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 BUSY = {"tests/test_ctrl_c.py", "tests/test_study_kills.py"}
 """They send signals in time, which a busy machine can spoil."""
+HEAVY = (
+    "cv2", "filterpy.kalman", "jinja2", "matplotlib.backends.backend_agg", "mujoco", "pydantic",
+    "pyarrow.parquet", "rich.progress", "rich.table", "scipy.stats",
+)  # fmt: skip
+"""Imported once: the imports take longer than most tests."""
 COMPILED = "tracking/hot/"
 """numba compiles these: coverage does not see their lines, and each change compiles anew."""
 
@@ -27,6 +38,8 @@ class Copy:
 
     def __init__(self, folder: Path):
         self.folder, self.root = folder, folder / "copy" / "project"
+        for name in HEAVY:
+            importlib.import_module(name)
 
     def make(self):
         """Copies all files; an earlier run may have been killed before it restored one."""
@@ -73,6 +86,20 @@ class Copy:
                     os.killpg(process.pid, signal.SIGKILL)
                     process.wait()
 
+    def forked(self, words, limit, **environment):
+        """As `pytest`, in a fork of this process: what all tests need is imported already."""
+        process = multiprocessing.get_context("fork").Process(
+            target=inside, args=(self, words, self.environment(**environment))
+        )
+        process.start()
+        process.join(limit)
+        if process.exitcode is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.join()
+            return None
+        return process.exitcode
+
     def noticed(self, tests, expected, *, compiled):
         """As `chosen`, but a test that a busy machine can make fail has to fail twice."""
         while verdict := self.chosen(tests, expected, compiled=compiled):
@@ -97,7 +124,7 @@ class Copy:
             shutil.rmtree(extra["numba"], ignore_errors=True)
         files = sorted({test.split("::")[0] for test in tests})
         limit = 60 + 4 * expected + 120 * compiled
-        code = self.pytest(["-x", "-n", "0", "-p", "no:cacheprovider", *files], limit,
+        code = self.forked(["-x", "-n", "0", "-p", "no:cacheprovider", *files], limit,
                            MUTANTS_CHOSEN=chosen, MUTANTS_VERDICT=verdict, **extra)  # fmt: skip
         if code is None:
             return f"time: still running after {limit:.0f} s"
@@ -107,3 +134,17 @@ class Copy:
             found = json.loads(verdict.read_text())
             return f"{found['test']}: {found['said']}"[:300]
         return f"pytest's exit code {code}: {(self.folder / 'output.txt').read_text()[-200:]!r}"
+
+
+def inside(copy, words, environment):
+    """What the fork does: becomes a process like any other that runs pytest in the copy."""
+    os.setsid()
+    os.environ.update(environment)
+    os.chdir(copy.root)
+    output = os.open(copy.folder / "output.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    sys.path[:0] = [str(copy.root), str(HERE)]
+    sys.dont_write_bytecode = True
+    numba.config.CACHE_DIR = environment["NUMBA_CACHE_DIR"]
+    sys.exit(int(pytest.main(["-q", "-p", "mutant_plugin", *words])))
