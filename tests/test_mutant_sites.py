@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     import numpy as n1
 __all__ = ["a", 1]
 
-@decorated(cache=True)
+@numba.njit(cache=True)
 def f(x: Annotated[int, Le(9)] = 2) -> int:
     """Says 3 < 4."""
     print(f"{x + 1}", "é" + "b")
@@ -19,6 +19,10 @@ def f(x: Annotated[int, Le(9)] = 2) -> int:
     ):
         x += 1.5
     return None
+
+@option(default=2)
+def g():
+    pass
 '''
 
 
@@ -48,6 +52,7 @@ def test_sites_are_where_something_is_computed(mutant_sites):
         ("number", 14, "5", ("6",), True),
         ("arithmetic", 16, "+=", ("-=",), True),
         ("number", 16, "1.5", ("2.25", "2.5"), True),
+        ("number", 19, "2", ("3",), False),
     ]
 
 

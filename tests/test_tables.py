@@ -11,6 +11,7 @@ from rich.console import Console
 
 from servo import bench, listing
 from servo.catalogue import shipped, studies
+from servo.cli import app
 from servo.measures import MEANINGS
 from servo.study import command, progress
 from servo.study.parse import load
@@ -165,3 +166,13 @@ def test_the_list_has_every_scenario_study_and_kind(printed):
 def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
     listing.show_kind(kind)
     approved(f"tables/settings-{kind}", lines(printed))
+
+
+def test_the_options_of_every_command_begin_so(approved):
+    found = {
+        name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
+                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max"))]
+               for p in command.params}
+        for name, command in app.commands.items()
+    }  # fmt: skip
+    approved("tables/options", found)

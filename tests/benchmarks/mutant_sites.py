@@ -1,7 +1,8 @@
 """Every place of a Python file where one operator, comparison, number, truth or result can change.
 
-Not mutated: annotations (and the bounds in `Annotated`), decorators, strings (docstrings, messages,
-f-strings), `__all__`, and what runs only under `TYPE_CHECKING`.
+Not mutated: annotations (and the bounds in `Annotated`), what decorates dataclasses and compiled
+functions, strings (docstrings, messages, f-strings), `__all__`, and what runs only under
+`TYPE_CHECKING`.
 """
 
 import ast
@@ -87,6 +88,9 @@ class Finder(ast.NodeVisitor):
             super().visit(node)
 
     def visit_FunctionDef(self, node):
+        for decorator in node.decorator_list:
+            if not ast.unparse(decorator).startswith("numba"):
+                self.visit(decorator)
         for default in [*node.args.defaults, *(d for d in node.args.kw_defaults if d)]:
             self.visit(default)
         before, self.inside = self.inside, True
