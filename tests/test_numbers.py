@@ -3,6 +3,8 @@
 The values lie in tests/data/approved; conftest.py says how they are changed on purpose.
 """
 
+from typing import Literal, get_args, get_origin, get_type_hints
+
 import cv2
 import numpy as np
 import pytest
@@ -111,9 +113,8 @@ def film(count=9):
         yield Frame(noisy, k / 30, k)
 
 
-@pytest.mark.parametrize(("kind", "preset"), PRESETS, ids=["-".join(p).strip("-") for p in PRESETS])
-def test_every_tracker_goes_this_way(approved, kind, preset):
-    settings = plugins.presets(TRACKERS, kind)[preset] if preset else {}
+def track(kind, settings):
+    """What a tracker says of the film, a row a picture; it is told of the camera at every third."""
     tracker = build(TRACKERS, kind, 7, **settings)
     first, *frames = film()
     tracker.start(first, Region(40.0, 20.0), State(60.0, 62.0, 0.3, 1.0))
@@ -123,4 +124,24 @@ def test_every_tracker_goes_this_way(approved, kind, preset):
         e = tracker.update(frame, ego if frame.index % 3 == 0 else None)
         rows.append([*e.state.vector, *np.diag(e.covariance), e.distance, e.ess, e.evaluations,
                      e.status, e.follows])  # fmt: skip
-    approved(f"tracks/{kind}{'-' * bool(preset)}{preset}", rows, ROUNDING)
+    return rows
+
+
+@pytest.mark.parametrize(("kind", "preset"), PRESETS, ids=["-".join(p).strip("-") for p in PRESETS])
+def test_every_tracker_goes_this_way(approved, kind, preset):
+    settings = plugins.presets(TRACKERS, kind)[preset] if preset else {}
+    approved(f"tracks/{kind}{'-' * bool(preset)}{preset}", track(kind, settings), ROUNDING)
+
+
+@pytest.mark.parametrize("kind", plugins.kinds(TRACKERS))
+def test_every_choice_of_a_tracker_goes_this_way(approved, kind):
+    """Each word that a setting may have, and each switch the other way round."""
+    config, others = plugins.config_of(TRACKERS, kind), {}
+    for name, hint in get_type_hints(config).items():
+        before = getattr(config(), name)
+        if get_origin(hint) is Literal:
+            others |= {f"{name}={w}": {name: w} for w in get_args(hint) if w != before}
+        elif isinstance(before, bool):
+            others[f"{name}={not before}"] = {name: not before}
+    rows = {said: track(kind, changes)[::3] for said, changes in others.items()}
+    approved(f"tracks/choices-{kind}", rows, ROUNDING)
