@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from mutant_sites import mutated
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -53,14 +54,19 @@ class Copy:
         if (ROOT.parent / "shared").is_dir() and not data.exists():
             data.symlink_to(ROOT.parent / "shared")
 
-    def write(self, file, text):
-        """Changes a file; its new time is one that no byte code in the copy has."""
-        later = (self.root / file).stat().st_mtime + 10
-        (self.root / file).write_text(text)
-        os.utime(self.root / file, (later, later))
-
-    def restore(self, file):
-        shutil.copy2(ROOT / file, self.root / file)
+    @contextlib.contextmanager
+    def mutated(self, site, new):
+        """Changes one place of a file while this lasts."""
+        path = self.root / site.file
+        before, time = path.read_text(), path.stat().st_mtime_ns
+        try:
+            path.write_text(mutated(before, site, new))
+            later = time + 10**10  # no byte code in the copy has this time
+            os.utime(path, ns=(later, later))
+            yield
+        finally:
+            path.write_text(before)
+            os.utime(path, ns=(time, time))
 
     def environment(self, **more):
         numba = more.pop("numba", self.folder / "numba")

@@ -37,6 +37,8 @@ class Site:
     new: tuple[str, ...]
     """Alternatives."""
     line: int
+    column: int
+    """In that line, in bytes."""
     lines: tuple[int, int]
     """First and last line that must run for it to matter."""
     inside: bool
@@ -71,7 +73,10 @@ class Finder(ast.NodeVisitor):
         first = self.statement.lineno if self.statement else node.lineno
         line = self.data[:start].count(b"\n") + 1
         lines = (first, max(first, node.end_lineno))
-        self.found.append(Site(self.file, kind, start, end, old, new, line, lines, self.inside))
+        column = start - self.starts[line - 1]
+        self.found.append(
+            Site(self.file, kind, start, end, old, new, line, column, lines, self.inside)
+        )
 
     def between(self, left, right, sign):
         """Where an operator stands between two operands."""

@@ -33,10 +33,10 @@ from pathlib import Path
 
 from mutant_map import PACKAGES, Map, digests
 from mutant_runs import COMPILED, ROOT, Copy
-from mutant_sites import KINDS, Site, mutated, sites
+from mutant_sites import KINDS, Site, sites
 
-MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, str, str], str] = {}
-"""Reviewed: (file, line, old, new) -> why every result stays the same."""
+MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {}
+"""Reviewed: (file, line of code, column in the file, old, new) -> why every result stays the same."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Mutant:
     @property
     def key(self):
         """What identifies it while lines move."""
-        return self.site.file, self.code, self.site.old, self.new
+        return self.site.file, self.code, self.site.column, self.site.old, self.new
 
     def __str__(self):
         old, new = (" ".join(text.split()) for text in (self.site.old, self.new))
@@ -82,10 +82,9 @@ def tried(mutant, copy, known):
     tests, expected = known.tests(site)
     if not tests:
         return row | {"noticed": False, "by": "no test runs this line", "seconds": 0.0}
-    copy.write(site.file, mutated((ROOT / site.file).read_text(), site, mutant.new))
     began = time.monotonic()
-    verdict = copy.noticed(tests, expected, compiled=site.file.startswith(COMPILED))
-    copy.restore(site.file)
+    with copy.mutated(site, mutant.new):
+        verdict = copy.noticed(tests, expected, compiled=site.file.startswith(COMPILED))
     seconds = round(time.monotonic() - began, 1)
     by = verdict or f"none of {len(tests)} tests"
     return row | {"noticed": verdict is not None, "by": by, "seconds": seconds}
