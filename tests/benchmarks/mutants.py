@@ -36,7 +36,7 @@ from mutant_runs import COMPILED, ROOT, Copy
 from mutant_sites import KINDS, Site, sites
 
 MUTANTS_THAT_CHANGE_NOTHING: dict[tuple[str, str, int, str, str], str] = {}
-"""Reviewed: (file, line of code, column in the file, old, new) -> why every result stays the same."""
+"""Reviewed: (file, code of the line, column, old, new) -> why every result stays the same."""
 
 
 @dataclass(frozen=True)
