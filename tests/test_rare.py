@@ -16,7 +16,7 @@ from servo.report import bench_again, papers, run, study_data
 from servo.settings import FeaturesConfig
 from servo.study import command, store
 from servo.study.command import Request
-from sim import gl
+from sim import gl, plugins
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.texture import TextureBins
@@ -186,3 +186,39 @@ def test_too_many_runs_of_one_command_are_refused():
     with pytest.raises(Mistake) as refused:
         check_number(MOST_RUNS + 1)
     assert str(refused.value) == "these are 100,001 runs; the limit is 100,000"
+
+
+@pytest.mark.parametrize(("suite", "asked", "labels"), [
+    ("listed", None, ["nothing"]), ("listed", "kams,sok", ["kams", "sok"]),
+    ("plain", "sok", ["sok"]), ("plain", None, plugins.kinds("tracking.trackers")),
+])  # fmt: skip
+def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
+    suite, asked, labels, monkeypatch, tmp_path
+):
+    from servo import bench
+
+    text = '[[sequences]]\nkind = "clutter"\n'
+    if suite == "listed":
+        text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
+    (tmp_path / "s.toml").write_text(text)
+    benched = []
+    monkeypatch.setattr(bench, "work", lambda jobs, *_: benched.extend(jobs) or ([], 0))
+    assert bench.run(str(tmp_path / "s.toml"), asked, 2, 1, tmp_path / "out", quiet=True) == 0
+    assert [job.contender.label for job in benched] == [w for w in labels for _ in range(2)]
+    assert [job.seed for job in benched] == [0, 1] * len(labels)
+
+
+def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):
+    """A folder with a file named like a shipped scenario; a file that is not there."""
+    from servo.study.parse import load
+
+    (tmp_path / "still").write_text("not TOML")
+    (tmp_path / "own.toml").write_text("[run]\nduration = 1.0\n")
+    study = tmp_path / "mine.toml"
+    study.write_text('scenario = ["still", "own.toml"]\n')
+    assert [base.name for base in load(str(study)).bases] == ["still", str(tmp_path / "own.toml")]
+    study.write_text('scenario = "gone.toml"\n')
+    monkeypatch.chdir("/")
+    with pytest.raises(Mistake) as refused:
+        load(str(study))
+    assert str(refused.value).startswith("gone.toml: cannot read this scenario")
