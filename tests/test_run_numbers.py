@@ -132,7 +132,7 @@ def test_the_recording_holds_these_values(scripted, approved):
         batch = chunk.to_record_batch()
         frames = batch.column("frame").to_pylist() if "frame" in batch.schema.names else [0]
         for name in (n for n in batch.schema.names if ":" in n):
-            at = f"{chunk.entity_path} {name}"
+            at = f"{chunk.entity_path} {name}{' static' * chunk.is_static}"
             if not any(part in at for part in MACHINE):
                 found.setdefault(at, []).extend(
                     zip(frames, batch.column(name).to_pylist(), strict=True)
