@@ -49,10 +49,6 @@ class Camera:
         """Points (..., 3) in the camera frame [m] as pixels (..., 2)."""
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
-    def contains(self, pixels: Array) -> bool:
-        """Whether every one of the pixels (..., 2) lies inside the image."""
-        return bool(np.all((pixels >= 0) & (pixels <= (self.width, self.height))))
-
 
 @dataclass(frozen=True, slots=True)
 class Pose:

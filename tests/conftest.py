@@ -10,6 +10,7 @@ os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run
 import cv2
 import numpy as np
 import pytest
+from approved import approved, drawn, section  # noqa: F401  (fixtures)
 from commands import scheduler_with
 from hypothesis import HealthCheck, settings
 

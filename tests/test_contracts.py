@@ -164,6 +164,15 @@ def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
     assert np.all(np.isfinite(after.error))
 
 
+@pytest.mark.parametrize("kind", ESTIMATORS)
+def test_estimators_that_have_seen_nothing_foretell_nothing(kind):
+    outlook = build("servo.estimators", kind).skip(OwnMotion.of(np.full(4, 0.3)), 0.1)
+    assert outlook.motion.tolist() == [0.0] * 4
+    assert outlook.error.tolist() == [0.0] * 4
+    assert np.all(np.isnan(outlook.innovation))
+    assert np.all(np.isnan(outlook.nis))
+
+
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_controllers_give_finite_twists_seen_or_unseen(kind):
     from servo import features, moments

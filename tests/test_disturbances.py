@@ -16,6 +16,12 @@ def test_board_hides_the_line_of_sight_for_its_duration():
     assert disturbance.at(2.8).board is None
 
 
+def test_a_board_is_there_from_the_first_moment_of_its_slide_to_the_last():
+    at = board.Config(start=2.0, duration=0.5, slide=0.25, distance=0.6).build(RNG).at
+    assert [at(t).board for t in (1.75, 2.75)] == [-0.6, 0.6]
+    assert [at(t).board for t in (np.nextafter(1.75, 0), np.nextafter(2.75, 3))] == [None, None]
+
+
 def test_brightness_ramps_down_stays_and_comes_back():
     disturbance = brightness.Config(start=3.0, factor=0.5, ramp=1.0, duration=2.0).build(RNG)
     gains = [disturbance.at(t).gain for t in (0.0, 3.5, 5.0, 6.5, 9.0)]

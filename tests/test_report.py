@@ -37,7 +37,7 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
     (folder / "study.json").write_text(json.dumps(manifest))
     rows = []
     for kind in AXES["tracker.kind"]:
-        for rate in manifest["axes"]["camera.rate"]:
+        for rate in AXES["camera.rate"]:
             for seed in range(seeds):
                 held = kind == "pf_ssd" or rate == 30.0
                 rows.append({
@@ -110,6 +110,27 @@ def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     assert "<p>This study is not finished: 6 of 8 runs.</p>" in page
     assert "<p>Files of runs that could not be read: 1.</p>" in page
     assert "<li>run 1, seed = 1: Oops: &lt;b&gt;</li>" in page
+
+
+CASES = {
+    "done": {},
+    "not-done": {"seeds": 5, "finished": False},
+    "no-axes": {"axes": {}, "compare": None, "expect": {}},
+    "one-axis": {"axes": {"camera.rate": [5.0, 30.0]}, "expect": {"servo_rms_px": 60.0}},
+    "names": {"axes": {"tracker.kind": AXES["tracker.kind"]}, "draws": {}},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_all_that_is_said_and_drawn_of_a_study(name, section, approved, tmp_path):
+    folder = make_study(tmp_path / "study", **CASES[name])
+    if name == "not-done":
+        (folder / "failures").mkdir()
+        for run, error in ((1, "Trace\nOops"), (2, "Other")):
+            failure = {"run": run, "settings": {"seed": run}, "command": "again", "error": error}
+            (folder / "failures" / f"{run:06}.json").write_text(json.dumps(failure))
+            (folder / "runs" / f"{run:06}.parquet").unlink()
+    approved(f"report/study-{name}", section(folder))
 
 
 def test_a_study_without_runs_still_has_a_page(tmp_path):

@@ -86,6 +86,15 @@ def test_a_run_without_a_recording_says_so(ran, tmp_path):
     assert "<img" not in page
 
 
+def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
+    from servo.recording import pictures
+
+    monkeypatch.setattr(pictures, "pictures", lambda path, count: [])
+    blocks = {block["title"]: block for block in section(ran)["blocks"]}
+    told = blocks["What the camera saw"]
+    assert (told["text"], told["pictures"]) == (["There are no pictures in this recording."], [])
+
+
 def test_the_settings_of_a_scenario_that_is_not_shipped_become_its_file():
     changes = ["tracker.kind=kams", "disturbances.0.start=1.25"]
     own = scenarios.load("occlusion", changes, 4)
@@ -134,6 +143,11 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     assert page.count("<img") == 3
     assert "<script" not in page
     assert "Its trackers or sequences came from a file of your own" in page
+
+
+def test_all_that_is_said_of_a_bench_and_the_papers(section, approved, make_papers, tmp_path):
+    approved("report/bench", section(make_bench(tmp_path / "bench")))
+    approved("report/papers", section(make_papers(tmp_path / "papers")))
 
 
 def test_papers_tell_which_claims_hold(make_papers, tmp_path):

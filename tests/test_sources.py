@@ -6,6 +6,7 @@ import pytest
 
 from servo import suites
 from servo.mistake import Mistake
+from tracking.evaluation import sources
 from tracking.evaluation.picture_file import rgb
 from tracking.evaluation.sequence import read_all, read_folder, source_of
 from tracking.evaluation.sources import Folder, Video
@@ -185,3 +186,34 @@ def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
         with pytest.raises(Mistake) as refused:
             entries(more)
         assert message in str(refused.value)
+
+
+class Camera:
+    """Two frames, the second one half a second later, then no more."""
+
+    def __init__(self, clock, works=True):
+        self.clock, self.works, self.left, self.released = clock, works, 2, False
+
+    def isOpened(self):
+        return self.works
+
+    def read(self):
+        self.clock[0] += 0.5
+        self.left -= 1
+        return self.left >= 0, np.full((2, 3, 3), (10, 20, 30), np.uint8)
+
+    def release(self):
+        self.released = True
+
+
+def test_a_camera_gives_pictures_with_their_times_until_it_ends(monkeypatch):
+    clock = [50.0]
+    cameras = {2: Camera(clock), 3: Camera(clock, works=False)}
+    monkeypatch.setattr(sources.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(sources.cv2, "VideoCapture", cameras.get)
+    pictures = list(sources.Live(2))
+    assert [(p.name, p.time) for p in pictures] == [("frame 0", 0.5), ("frame 1", 1.0)]
+    assert pictures[0].image.tolist() == [[[30, 20, 10]] * 3] * 2
+    assert cameras[2].released
+    with pytest.raises(ValueError, match="camera:3: there is no such camera"):
+        next(iter(sources.Live(3)))

@@ -1,0 +1,71 @@
+"""Every kind of chart on a page with all that it can show: logarithms, bands, gaps, columns."""
+
+import numpy as np
+import pytest
+
+from servo.report import charts
+from servo.report.charts import Axis, Curve
+from tracking.evaluation.statistics import Interval
+
+
+@pytest.fixture
+def chart(monkeypatch, drawn, approved):
+    """Compares a chart with the one that was approved."""
+    monkeypatch.setattr(charts, "svg", lambda figure, title: [title, drawn(figure)])
+    return lambda name, figure: approved(f"charts/{name}", figure)
+
+
+X = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+
+
+def test_curves_with_bands_points_dashes_and_shade(chart):
+    y = np.array([1.0, 3.0, 2.0, 5.0, 4.0])
+    drawn = [
+        Curve("plain", X, y),
+        Curve("band", X, y + 1, y, y + 3, colour=charts.colour(1)),
+        Curve("points", X, y / 2, y / 2 - 0.2, y, colour=charts.colour(2), points=True),
+        Curve("dashed", X, -y, colour=charts.colour(3), dashed=True),
+    ]
+    shade = X, np.array([False, True, True, False, False])
+    chart(
+        "curves", charts.curves("t", Axis("x"), Axis("y", low=-9.0), drawn, shaded=shade, note="n")
+    )
+
+
+@pytest.mark.parametrize("deep", [30.0, 1e3, 1e9])
+def test_a_curve_over_decades_has_a_logarithmic_axis(chart, deep):
+    y = np.array([0.0, 1.0, 2.0, np.nan, deep])
+    x, axis = Axis("x", 0.0, 2.0), Axis("y", low=0, log_from=10.0)
+    chart(f"decades-{deep:g}", charts.curves("t", x, axis, [Curve("one", X, y, dashed=True)]))
+
+
+def test_a_curve_below_the_factor_keeps_its_axis(chart):
+    axis = Axis("y", low=0, high=50, log_from=100.0)
+    chart("linear", charts.curves("t", Axis("x"), axis, [Curve("one", X, 10 + 10 * X)]))
+
+
+@pytest.mark.parametrize("largest", [4.0, 400.0])
+def test_values_by_name_and_group(chart, largest):
+    groups = {
+        "a": [Interval(1.0, 0.5, 2.0), None, Interval(largest, 3.0, largest + 1)],
+        "b": [Interval(2.0, 2.5, 2.5), Interval(1.5, 1.0, 2.0), Interval(1.2, 1.1, 1.3)],
+    }
+    chart(f"names-{largest:g}", charts.by_name("t", "px", ["one", "two", "three"], groups))
+
+
+def test_values_by_name_of_one_group(chart):
+    chart("names", charts.by_name("t", "px", ["one"], {"all": [Interval(1.0, 0.5, 2.0)]}))
+
+
+@pytest.mark.parametrize("options", [{}, {"limits": (0.0, 1.0)}, {"log_from": 5.0}],
+                         ids=["plain", "limits", "log"])  # fmt: skip
+def test_a_heat_map_has_its_numbers(chart, options, request):
+    values = np.array([[0.1, 0.5, np.nan], [0.9, 0.2, 8.0]])
+    figure = charts.heat("t", "x", "y", ["p", "q", "r"], ["u", "v"], values, **options, note="n")
+    chart(f"heat-{request.node.callspec.id}", figure)
+
+
+def test_a_heat_map_of_many_columns_has_none(chart):
+    columns = [f"column {i}" for i in range(12)]
+    values = np.arange(24.0).reshape(2, 12)
+    chart("heat-wide", charts.heat("t", "x", "y", columns, ["u", "v"], values))

@@ -1,0 +1,126 @@
+"""What is printed and drawn beside tables: doctor, reports of runs, sheets, the viewer's layout."""
+
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from servo import commands, doctor
+from servo.measures import MEANINGS, Measure, Outcome, Report, violations
+from servo.recording import parts, track_log
+from servo.scenario import load
+from servo.step import Seconds
+from tracking.evaluation import contact_sheet
+from tracking.evaluation.sources import Painted, Picture
+
+LOOP = SimpleNamespace(render=2.5, step=6.0, ratio=2.4)
+
+
+@pytest.fixture
+def console(monkeypatch):
+    found = Console(width=120, record=True, file=io.StringIO())
+    monkeypatch.setattr(doctor, "Console", lambda: found)
+    return found
+
+
+def lines(console):
+    return [line.rstrip() for line in console.export_text(styles=False).splitlines()]
+
+
+def test_the_doctor_says_this(console, monkeypatch, approved):
+    monkeypatch.setattr(doctor.gl, "backend", lambda: "egl")
+    monkeypatch.setattr(doctor.platform, "python_version", lambda: "3.x")
+    monkeypatch.setattr(doctor, "versions", lambda: {"mujoco": "4.x"})
+    world = SimpleNamespace(describe_renderer=lambda: "a renderer")
+    episode = SimpleNamespace(world=world, frames=10)
+
+    class Opened:
+        def __init__(self, scenario):
+            pass
+
+        def __enter__(self):
+            return episode
+
+        def __exit__(self, *_):
+            pass
+
+    class Folder:
+        def __init__(self, folder, _, *, rerun):
+            assert rerun
+            self.path = folder / "run.rrd"
+
+        def add(self, step):
+            pass
+
+        def close(self):
+            self.path.write_bytes(bytes(73_000))
+
+    monkeypatch.setattr(doctor, "Episode", Opened)
+    monkeypatch.setattr(doctor, "RunFolder", Folder)
+    times = SimpleNamespace(render=2.0, step=9.0)
+    monkeypatch.setattr(doctor.speed, "times_of", lambda episode, output=None: times)
+    monkeypatch.setattr(doctor.speed, "loop_times", lambda: LOOP)
+    monkeypatch.setattr(doctor.speed, "law_ms", lambda: 0.1234)
+    monkeypatch.setattr(doctor.speed, "film", lambda length: length)
+    monkeypatch.setattr(doctor.speed, "tracker_ms", lambda kind, film: len(kind) * film / 100)
+    assert doctor.examine(bench=True) == 0
+    approved("prints/doctor", lines(console))
+
+
+def report():
+    values = (Measure(name, 0.37 * (k + 1), *MEANINGS[name]) for k, name in enumerate(MEANINGS))
+    return Report(Outcome.CONVERGED, tuple(values))
+
+
+def test_the_report_of_a_run_is_printed_so(console, approved):
+    scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
+    commands._print_report(console, scenario, report())
+    missed = violations(report(), {"servo_rms_px": 0.1, "outcome": "TIMED_OUT", "lost_pct": 90.0})
+    commands._print_missed(console, missed, commands._command("reversal", ["a=b c"], 4))
+    row = commands._check_row(scenario, report(), missed, 2.345)
+    approved("prints/run", [*lines(console), row, commands._check_row(scenario, report(), [], 0.1)])
+
+
+def test_the_stages_of_a_step_are_told_as_medians():
+    steps = [SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t)))) for t in
+             ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])]  # fmt: skip
+    assert commands._stage_line(steps, [0.002, 0.001, 0.5]) == (
+        "A step took 20.0 ms: render 2.00  track 4.00  control 6.00  physics 8.00; writing it took "
+        "2.0 ms (medians)"
+    )
+
+
+def test_contact_sheets_look_like_this(approved):
+    def paint(k):
+        image = np.full((90, 120, 3), 40 + 10 * k, np.uint8)
+        image[10 * k :, :20] = (200, 10 * k, 30)
+        return image
+
+    square = np.array([[20, 20], [60, 20], [60, 50], [20, 50]], float)
+    truth = square + 3 * np.arange(7)[:, None, None]
+    found = truth[:5] + 6
+    found[2] = np.nan
+    whole = contact_sheet.sheet(Painted(paint, 7), truth, found, count=6)
+    lost = contact_sheet.tile(Picture("gone", 0.0, None), truth[0], None)
+    seen = {}
+    for name, image in (("sheet", whole), ("lost", lost), ("page", contact_sheet.page([lost] * 2))):
+        bands = np.add.reduceat(image.astype(float), range(0, image.shape[0], 31), axis=0)
+        seen[name] = [image.shape, np.add.reduceat(bands, range(0, image.shape[1], 31), axis=1)]
+    approved("prints/sheets", seen, 0.01)
+
+
+def plan(item):
+    """A viewer's plan as plain values."""
+    if isinstance(item, list | tuple):
+        return [plan(part) for part in item]
+    if type(item).__module__.startswith("rerun.blueprint"):
+        return {type(item).__name__: {k: plan(v) for k, v in vars(item).items() if k != "id"}}
+    return str(item)
+
+
+@pytest.mark.parametrize(("name", "blueprint"), [("run", parts.blueprint),
+                                                 ("track", track_log._blueprint)])  # fmt: skip
+def test_the_viewer_is_laid_out_so(name, blueprint, approved):
+    approved(f"prints/viewer-{name}", plan(blueprint()))

@@ -1,0 +1,224 @@
+"""What happens rarely: nothing seen, nothing there, nothing reachable, everything failed."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rich.console import Console
+
+from servo import loop_bench
+from servo.eyes import Eyes
+from servo.mistake import Mistake, unknown
+from servo.options import Commands
+from servo.report import bench_again, papers, run, study_data
+from servo.settings import FeaturesConfig
+from servo.study import command, store
+from servo.study.command import Request
+from sim import gl, plugins
+from sim.types import Camera, Pose
+from tracking.appearance.bins import Window
+from tracking.appearance.texture import TextureBins
+from tracking.evaluation.sequence import source_of
+from tracking.evaluation.sources import Live
+from tracking.types import Region, State
+
+
+def test_a_kind_without_settings_says_so():
+    assert unknown("rho", []) == "there is no key 'rho'; this kind has no settings"
+
+
+def test_before_the_target_was_seen_no_camera_motion_moves_it():
+    camera = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)
+    outline = np.array([[-0.1, 0.05, 0], [0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, -0.05, 0.0]])
+    eyes = Eyes(FeaturesConfig(), camera, Region(58.0, 29.0), outline)
+    assert eyes.ego(State(1.0, 2.0, 0.0, 1.0), np.ones(6), 0.1).tolist() == [0.0] * 4
+
+
+def test_a_pose_out_of_reach_is_not_reached():
+    import mujoco
+
+    from sim.assembly import build_model
+    from sim.render import CameraConfig
+    from sim.robot import Robot
+    from sim.robots import arm
+
+    design = arm.Config().build(np.random.default_rng(0))
+    model = build_model(480.0, CameraConfig(), design)
+    far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([9.0, 9.0, 9.0]))
+    assert Robot(model, design).solve(mujoco.MjData(model), far) is False
+
+
+@pytest.mark.parametrize(("platform", "asked", "found"), [
+    ("darwin", "", "glfw"), ("linux", " OSMesa ", "osmesa"),
+])  # fmt: skip
+def test_other_systems_and_libraries_render_too(monkeypatch, platform, asked, found):
+    monkeypatch.setattr(gl.sys, "platform", platform)
+    monkeypatch.setenv(gl.CHOSEN_BY, asked)
+    monkeypatch.setattr(gl, "_require", lambda name, remedy: name)
+    assert gl.backend() == found
+
+
+def test_a_library_without_the_extensions_has_no_device():
+    class Address:
+        restype = None
+
+        def __call__(self, _):
+            return None
+
+    assert gl._has_device(SimpleNamespace(eglGetProcAddress=Address())) is False
+
+
+def test_an_empty_window_has_no_texture():
+    labels = TextureBins(8, 10.0).label(np.zeros((9, 9, 3), np.uint8), Window(4, 4, 4, 8))
+    assert labels.shape == (4, 0)
+
+
+def test_a_camera_is_a_source():
+    assert source_of("camera:7", 15.0) == Live(7)
+
+
+def test_a_study_without_runs_has_no_tables():
+    nothing = SimpleNamespace(done=list)
+    assert command._sum_up(None, nothing, Console()) == 0
+
+
+@pytest.fixture
+def broken(monkeypatch, tmp_path):
+    """A study of two runs that fail, on workers that are not there."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(
+        'scenario = "still"\nseeds = 2\n[axes]\nrun.latency = [0]\n'
+    )
+
+    class Cluster:
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr(command, "farm", lambda workers, scheduler: Cluster())
+    monkeypatch.setattr(command, "carry_out", lambda client, runs, perform: [
+        (task, SimpleNamespace(error="Trace\n  oh\nValueError: no\n", value=None)) for task in runs
+    ])  # fmt: skip
+    return Request("mine.toml", (), None, 1, None, tmp_path / "out", True)
+
+
+def test_failed_runs_are_told_with_their_last_line(broken, capfd):
+    assert command.run(broken) == 1
+    lines = capfd.readouterr().err.splitlines()
+    found = [broken.out / "failures" / f"{n:06}.json" for n in range(2)]
+    assert lines == [f"servobench: {path}: ValueError: no" for path in found]
+    kept = json.loads(found[1].read_text())
+    assert kept["error"] == "Trace\n  oh\nValueError: no\n"
+    assert "servobench run still" in kept["command"]
+
+
+@pytest.mark.parametrize(("values", "kind"), [
+    ([True, False], pa.bool_()), ([1, 2], pa.int64()), ([1, 2.5], pa.float64()),
+    (["a", 1], pa.string()), ([True, 1], pa.string()),
+])  # fmt: skip
+def test_a_column_has_the_type_of_its_values(values, kind):
+    assert store._type(values) == kind
+
+
+def test_what_is_not_there_leaves_its_place_empty(tmp_path):
+    assert study_data._array(pa.chunked_array([[None]], pa.list_(pa.float32()))).tolist() == []
+    assert loop_bench._cell([{"measures": {"a": None}}], "a") == ""
+    assert loop_bench._mean([{"measures": {"a": None}}], "a") == np.inf
+    assert run._tone(SimpleNamespace(expect={}, missed=[])).value == "plain"
+    assert run._tone(SimpleNamespace(expect={"a": 1.0}, missed=["a"])).value == "bad"
+    assert run._tone(SimpleNamespace(expect={"a": 1.0}, missed=[])).value == "good"
+
+
+def test_the_commands_are_listed_as_they_stand():
+    import click
+
+    group = Commands("x", commands={"b": click.Command("b"), "a": click.Command("a")})
+    assert group.list_commands(None) == ["b", "a"]
+
+
+@pytest.mark.parametrize("name", ["clutter", "similarity", "texture"])
+def test_a_suite_is_known_by_its_sequences(name):
+    from servo import suites
+
+    described = [entry.describe() for entry in suites.suite(name)[0]]
+    assert bench_again._suite(described) == name
+    assert bench_again._suite(described[1:] or [{"kind": "x"}]) is None
+    assert bench_again._suite([{"folder": "/a"}, {"folder": "/a"}]) == "/a"
+    assert bench_again._suite([{"folder": "/a"}, {"folder": "/b"}]) is None
+
+
+def test_papers_on_sequences_of_ones_own_name_their_folder(make_papers, monkeypatch, tmp_path):
+    folder = make_papers(tmp_path / "papers")
+    monkeypatch.setattr(papers, "_recorded", lambda folder: ["my sequences"])
+    again = papers.section(folder).blocks[-1]
+    line = "servobench papers P0-1 P2-2 --quick --sequences 'my sequences'"
+    assert list(again.code) == [line]
+
+
+def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
+    from servo.batch import Team, work
+
+    class Job:
+        key = "wrong/0"
+
+        def describe(self):
+            return {}
+
+        def run(self, _):
+            raise ValueError("this job is wrong")
+
+    with Team(1) as team:
+        done, code = work([Job()], tmp_path, team, Console(quiet=True), "x")
+    assert (code, [d.result for d in done]) == (1, [None])
+    err = capfd.readouterr().err
+    assert err.startswith("servobench: wrong/0 failed:\n")
+    assert err.rstrip().endswith("ValueError: this job is wrong")
+
+
+def test_too_many_runs_of_one_command_are_refused():
+    from servo.batch import MOST_RUNS, check_number
+
+    check_number(MOST_RUNS)
+    with pytest.raises(Mistake) as refused:
+        check_number(MOST_RUNS + 1)
+    assert str(refused.value) == "these are 100,001 runs; the limit is 100,000"
+
+
+@pytest.mark.parametrize(("suite", "asked", "labels"), [
+    ("listed", None, ["nothing"]), ("listed", "kams,sok", ["kams", "sok"]),
+    ("plain", "sok", ["sok"]), ("plain", None, plugins.kinds("tracking.trackers")),
+])  # fmt: skip
+def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
+    suite, asked, labels, monkeypatch, tmp_path
+):
+    from servo import bench
+
+    text = '[[sequences]]\nkind = "clutter"\n'
+    if suite == "listed":
+        text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
+    (tmp_path / "s.toml").write_text(text)
+    benched = []
+    monkeypatch.setattr(bench, "work", lambda jobs, *_: benched.extend(jobs) or ([], 0))
+    assert bench.run(str(tmp_path / "s.toml"), asked, 2, 1, tmp_path / "out", quiet=True) == 0
+    assert [job.contender.label for job in benched] == [w for w in labels for _ in range(2)]
+    assert [job.seed for job in benched] == [0, 1] * len(labels)
+
+
+def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):
+    """A folder with a file named like a shipped scenario; a file that is not there."""
+    from servo.study.parse import load
+
+    (tmp_path / "still").write_text("not TOML")
+    (tmp_path / "own.toml").write_text("[run]\nduration = 1.0\n")
+    study = tmp_path / "mine.toml"
+    study.write_text('scenario = ["still", "own.toml"]\n')
+    assert [base.name for base in load(str(study)).bases] == ["still", str(tmp_path / "own.toml")]
+    study.write_text('scenario = "gone.toml"\n')
+    monkeypatch.chdir("/")
+    with pytest.raises(Mistake) as refused:
+        load(str(study))
+    assert str(refused.value).startswith("gone.toml: cannot read this scenario")

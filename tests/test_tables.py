@@ -1,0 +1,178 @@
+"""Tables as they are printed and written, from made-up results: bench, study, progress, lists."""
+
+import io
+import json
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from servo import bench, listing
+from servo.catalogue import shipped, studies
+from servo.cli import app
+from servo.measures import MEANINGS
+from servo.study import command, progress
+from servo.study.parse import load
+from sim import plugins
+from tracking.evaluation import curves, summary
+from tracking.evaluation.measures import MEASURES, OVERLAPS, PIXELS
+
+
+@pytest.fixture
+def printed(monkeypatch):
+    """A console that keeps lines of up to 140 characters; `listing` prints into it, too."""
+    console = Console(width=140, record=True, file=io.StringIO())
+    monkeypatch.setattr(listing, "Console", lambda: console)
+    return console
+
+
+def lines(console):
+    return [line.rstrip() for line in console.export_text(styles=False).splitlines()]
+
+
+def results(families, seeds=8):
+    """Three trackers; the best one is named last, one measure of another is never known."""
+    rng, found = np.random.default_rng(6), []
+    for i, tracker in enumerate(("slow", "poor", "best")):
+        for family in families:
+            for seed in range(seeds):
+                skill = (0.5, 0.2, 0.8)[i] * rng.uniform(0.9, 1.1)
+                measures = {m.name: float(10 * skill * rng.uniform(1, 2)) for m in MEASURES}
+                measures |= {"auc": float(skill), "frames_until_loss": round(100 * skill)}
+                if tracker == "poor":
+                    measures[MEASURES[-1].name] = None
+                found.append({
+                    "tracker": tracker, "sequence": f"{family}-1", "family": family, "seed": seed,
+                    "frames": 100 + seed, "measures": measures,
+                    "success": (skill * (1 - OVERLAPS)).tolist(),
+                    "precision": np.minimum(1, skill * PIXELS / 30).tolist(),
+                })  # fmt: skip
+    return found
+
+
+@pytest.mark.parametrize("count", [1, 3, bench.WIDE + 1])
+def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
+    found = results([f"family{i}" for i in range(count)])
+    rows = summary.rows_of(found)
+    bench.print_rows(printed, rows)
+    approved(f"tables/bench-{count}", lines(printed))
+    if count == 3:
+        files = summary.write(found, rows, tmp_path)
+        texts = {path.name: path.read_text().splitlines() for path in files[:2]}
+        approved("tables/bench-files", texts)
+        document = json.loads(files[2].read_text())
+        assert document.pop("runs") == found
+        approved("tables/bench-json", document)
+
+
+def test_curves_of_a_bench_show_this(monkeypatch, drawn, approved, tmp_path):
+    saved = []
+    monkeypatch.setattr(
+        Figure, "savefig", lambda f, path, **options: saved.append([path.name, options, drawn(f)])
+    )
+    curves.draw(results(["one"]), ["best", "slow", "poor"], "a $uite", tmp_path)
+    approved("tables/curves", saved)
+
+
+class Kept:
+    """A store with made-up rows."""
+
+    def __init__(self, study, folder):
+        self.folder, self.written = folder, {}
+        rng, self.rows = np.random.default_rng(8), []
+        for run in study.runs():
+            poor = run.settings["tracker.kind"] == "kams"
+            rms = float(rng.uniform(1, 2) * (3 if poor else 1))
+            self.rows.append(
+                {a.key: run.settings.get(a.key, run.scenario) for a in study.every_axis}
+                | {"run": run.number, "seed": run.seed, "success": not poor or run.seed % 3 == 0}
+                | {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
+                | {"track_ms": 0.5 * rms, "settle_s": None if poor else rms}
+            )  # fmt: skip
+
+    def done(self):
+        return [row["run"] for row in self.rows]
+
+    def table(self, _):
+        return pa.Table.from_pylist(self.rows)
+
+    def write(self, name, data):
+        self.written[name] = data
+        return self.folder / name
+
+
+def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'scenario = "still"\nseeds = 9\n[axes]\ntracker.kind = ["kams", "pf_ssd"]\n'
+        "controller.gain = { geomspace = [0.5, 8.0, 3] }\n"
+        "[expect]\nsuccess_rate = 0.9\nservo_rms_px = 4.0\n"
+    )
+    study = load(str(file))
+    kept = Kept(study, tmp_path)
+    assert command._sum_up(study, kept, printed) == 1
+    told = {
+        "printed": [line.replace(str(tmp_path), "DIR") for line in lines(printed)],
+        "missed": capfd.readouterr().err.splitlines(),
+        "cells": kept.written["cells.csv"].decode().splitlines(),
+        "comparisons": kept.written["comparisons.csv"].decode().splitlines(),
+    }
+    approved("tables/study", told)
+
+
+def test_the_manifest_of_every_shipped_study_is_this(approved):
+    found = {}
+    for name in studies():
+        study = load(name)
+        table = command.manifest(study, "again") | {"versions": "", "scenarios": ""}
+        runs = [[r.number, r.scenario, r.seed, r.settings, r.pictured] for r in study.runs()]
+        found[name] = table | {"first": runs[0], "last": runs[-1]}
+    approved("tables/studies", found)
+
+
+def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    board = progress.Board(printed, "mine", total=20, before=4, workers=3)
+    printed.print(board._drawn())
+    for failed in (False, False, True, False):
+        board.ended(failed=failed)
+    clock[0] += 30.0
+    printed.print(board._drawn())
+    for _ in range(11):
+        board.ended(failed=False)
+    printed.print(board._drawn())
+    rows = [line.split() for line in lines(printed) if "━" not in line]
+    assert [row for row in rows if row and row[0].isdigit()] == [
+        ["4", "3", "0", "20", "starting"],
+        ["7", "3", "1", "20", "8.0", "0:01:30"],
+        ["18", "1", "1", "20", "30.0", "0:00:02"],
+    ]
+
+
+def test_the_list_has_every_scenario_study_and_kind(printed):
+    listing.show_all()
+    listed = [tuple(line.split()[:2]) for line in lines(printed) if not line.startswith(" ")]
+    kinds = [(section, kind) for section, folder in listing.FOLDERS.items()
+             for kind in plugins.kinds(folder)]  # fmt: skip
+    assert (
+        listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + kinds
+    )
+
+
+@pytest.mark.parametrize("kind", ["kams", "ibvs", "clutter"])
+def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
+    listing.show_kind(kind)
+    approved(f"tables/settings-{kind}", lines(printed))
+
+
+def test_the_options_of_every_command_begin_so(approved):
+    found = {
+        name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
+                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max"))]
+               for p in command.params}
+        for name, command in app.commands.items()
+    }  # fmt: skip
+    approved("tables/options", found)

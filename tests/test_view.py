@@ -1,0 +1,147 @@
+"""Looking at a recording without the viewer: what is asked of it, what is said where it fails."""
+
+import subprocess
+from dataclasses import dataclass
+
+import pytest
+
+from servo.mistake import Mistake
+from servo.recording import view
+
+
+@dataclass
+class Panel:
+    origin: str
+    view_id: str
+
+
+class Viewer:
+    """A viewer that shows a recording after so many looks at it."""
+
+    def __init__(self, panels, looks=2):
+        self.panels, self.looks, self.asked = panels, looks, []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def open(self, path):
+        self.asked.append(("open", path))
+
+    def get_state(self):
+        self.looks -= 1
+        self.views = self.panels if self.looks <= 0 else []
+        return self
+
+    def set_time(self, timeline, *, duration, play_state):
+        self.asked.append((timeline, duration, play_state))
+
+    def take_screenshot(self, *, view_id):
+        self.asked.append(view_id)
+        return b"drawn"
+
+
+@pytest.fixture
+def viewer(monkeypatch):
+    """Stands for Rerun's viewer; time passes only by sleeping."""
+    clock = [0.0]
+    monkeypatch.setattr(view.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(view.time, "sleep", lambda s: clock.__setitem__(0, clock[0] + s))
+
+    def start(*panels, looks=2):
+        found = Viewer([Panel(*p) for p in panels], looks)
+        monkeypatch.setattr(view, "_quiet_viewer", lambda: found)
+        return found, clock
+
+    return start
+
+
+BOTH = (("/world/eye/image", "a"), ("plots/error", "b"))
+
+
+@pytest.mark.parametrize(("panel", "asked"), [(None, None), ("/plots/error/", "b"),
+                                              ("world/eye/image", "a")])  # fmt: skip
+def test_a_picture_is_the_view_at_a_time(viewer, tmp_path, panel, asked):
+    found, clock = viewer(*BOTH)
+    view.picture(tmp_path / "run.rrd", tmp_path / "out.png", 7.7, panel)
+    assert found.asked == [
+        ("open", str(tmp_path / "run.rrd")), ("sim_time", 7.7, "paused"), asked,
+    ]  # fmt: skip
+    assert (tmp_path / "out.png").read_bytes() == b"drawn"
+    assert clock[0] == pytest.approx(view.POLL + view.DRAWN_AFTER)
+
+
+def refused(path, png, panel=None):
+    with pytest.raises(Mistake) as found:
+        view.picture(path, png, 1.0, panel)
+    assert not png.exists()
+    return str(found.value)
+
+
+def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch):
+    png = tmp_path / "out.png"
+    viewer(*BOTH)
+    assert refused(tmp_path, png, "world") == (
+        "there is no panel 'world'; there is plots/error, world/eye/image"
+    )
+    _, clock = viewer(looks=10_000)
+    began = clock[0]
+    assert refused(tmp_path, png) == f"{tmp_path}: the viewer did not show this within 30 s"
+    assert 30.0 < clock[0] - began < 31.0
+    gone = tmp_path / "gone" / "out.png"
+    assert refused(tmp_path, gone) == f"{gone}: there is no such folder to write to"
+
+    def fails():
+        raise RuntimeError("no Vulkan")
+
+    monkeypatch.setattr(view, "_quiet_viewer", fails)
+    assert refused(tmp_path, png).startswith("the viewer does not start without a window: on a")
+
+
+@pytest.mark.parametrize("web", [False, True])
+def test_the_viewer_is_opened_on_this_machine_alone(monkeypatch, tmp_path, web):
+    called = []
+    monkeypatch.setattr(subprocess, "call", lambda words: called.append(words) or 3)
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert view.show(tmp_path / "run.rrd", web=web) == 3
+    words = ["-m", "rerun", str(tmp_path / "run.rrd"), "--bind", "127.0.0.1"]
+    assert called[0][1:] == words + ["--web-viewer"] * web
+
+
+def test_without_a_display_only_the_browser_is_left(monkeypatch, tmp_path):
+    monkeypatch.setattr(view.sys, "platform", "linux")
+    monkeypatch.setattr(subprocess, "call", lambda words: 0)
+    for name in view.DISPLAYS:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(Mistake) as found:
+        view.show(tmp_path / "run.rrd", web=False)
+    assert str(found.value) == "there is no display here: use --web, or --png FILE for a picture"
+    assert view.show(tmp_path / "run.rrd", web=True) == 0
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    assert view.show(tmp_path / "run.rrd", web=False) == 0
+
+
+def test_the_viewer_is_the_one_that_belongs_to_the_package(monkeypatch, capfd):
+    asked = {}
+
+    def spawn(**options):
+        import os
+
+        os.write(2, b"noise")
+        asked.update(options)
+        return "viewer"
+
+    monkeypatch.setattr(view.ViewerClient, "spawn", spawn)
+    assert view._quiet_viewer() == "viewer"
+    assert capfd.readouterr().err == ""
+    assert asked["executable_path"].endswith("/rerun")
+    assert (asked["headless"], asked["hide_welcome_screen"]) == (True, True)
+    assert 1024 < asked["port"] < 65536
+
+
+def test_the_recording_of_a_folder(tmp_path):
+    assert view.recording_in(tmp_path) == tmp_path / "run.rrd"
+    (tmp_path / "track.rrd").touch()
+    assert view.recording_in(tmp_path) == tmp_path / "track.rrd"
