@@ -55,9 +55,8 @@ def run(
     check_number(len(chosen) * len(entries) * seeds)
     jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
     title = Path(name).stem
-    with result_folder(folder, "bench"):
-        with Team(workers) as team:
-            done, code = work(jobs, folder, team, console, f"bench {title}")
+    with Team(workers) as team, result_folder(folder, "bench"):
+        done, code = work(jobs, folder, team, console, f"bench {title}")
         results = [d.result for d in done if d.result is not None]
         if not results:
             return code

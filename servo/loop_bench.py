@@ -96,9 +96,8 @@ def run(
     gl.backend()
     check_number(len(chosen) * len(SCENARIOS) * seeds)
     jobs = [LoopJob(c, name, s) for c in chosen for name in SCENARIOS for s in range(seeds)]
-    with result_folder(folder, "bench closed_loop"):
-        with Team(workers) as team:
-            done, code = work(jobs, folder, team, console, "bench closed loop")
+    with Team(workers) as team, result_folder(folder, "bench closed_loop"):
+        done, code = work(jobs, folder, team, console, "bench closed loop")
         results = [d.result for d in done if d.result is not None]
         paths = _write(results, folder) if results else []
     if results:

@@ -183,9 +183,10 @@ class StepsTable:
         fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in every]
         self._schema = pa.schema(fields)
         self._file = (folder / STREAM).open("xb")
+        self._stream = pa.ipc.new_stream(self._file, self._schema)
+        self._file.flush()
         batches = 1 + rows / rows_at_once
         _reserve(self._file, round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)
-        self._stream = pa.ipc.new_stream(self._file, self._schema)
 
     def add(self, step: Step) -> None:
         """Append a row.

@@ -26,6 +26,7 @@ from tracking.evaluation import atomic
 from tracking.evaluation import truth as truths
 from tracking.evaluation.jobs import number
 from tracking.evaluation.measures import MEASURES, Comparison, measure_all
+from tracking.evaluation.quadrilateral import placement
 from tracking.evaluation.sequence import check_truth, source_of, truth_beside
 from tracking.evaluation.sources import Source
 from tracking.evaluation.track import Shot, Track, follow
@@ -130,7 +131,7 @@ def _placement(request: Request, truth: Array | None) -> tuple[Region, State]:
         raise Mistake(f"{request.source}: there is no truth beside it; give --region X,Y,W,H[,DEG]")
     if not np.isfinite(truth[0]).all():
         raise Mistake("the target is not in the first picture of the truth; give --region")
-    return truths.placement(truth[0])
+    return placement(truth[0])
 
 
 def region_of(text: str) -> tuple[Region, State]:

@@ -26,7 +26,7 @@ from servo.study.perform import TIMED, perform
 MINE = """# mine
 # Short runs, of kinds that are quick to import.
 scenario = "still"
-seeds = 6
+seeds = 20
 
 [set]
 run.duration = 0.7
@@ -37,7 +37,7 @@ estimator.kind = "none"
 run.latency = [0, 1]
 start.x = { uniform = [-20.0, 20.0] }
 """
-RUNS = 12
+RUNS = 40
 SWEEP = "sweep mine.toml --out out -q"
 TERM, KILL, STOP, CONT = signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from servo import scenario as scenarios
 from servo.episode import run
@@ -14,6 +13,7 @@ from servo.papers import kernels, texture
 from servo.papers.claim import Effort
 from servo.papers.command import CLAIMS
 from servo.papers.loop_series import LoopSeries
+from tracking.evaluation import figures as saving
 from tracking.evaluation.bench import Generated, track_path
 from tracking.evaluation.sources import Picture
 from tracking.evaluation.track import Shot
@@ -30,10 +30,11 @@ def figures(monkeypatch, drawn):
     """What is saved, instead of pictures: file name, dots an inch, and what it shows."""
     found = []
 
-    def keep(figure, path, **options):
-        found.append([path.name, options, drawn(figure)])
+    def keep(figure, folder, name):
+        found.append([name, drawn(figure)])
+        return folder / name
 
-    monkeypatch.setattr(Figure, "savefig", keep)
+    monkeypatch.setattr(saving, "save", keep)
     return found
 
 

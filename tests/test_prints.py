@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo import commands, doctor
+from servo import check, commands, doctor
 from servo.measures import MEANINGS, Measure, Outcome, Report, violations
 from servo.recording import parts, track_log
 from servo.scenario import load
@@ -78,9 +78,12 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
     scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
     commands._print_report(console, scenario, report())
     missed = violations(report(), {"servo_rms_px": 0.1, "outcome": "TIMED_OUT", "lost_pct": 90.0})
-    commands._print_missed(console, missed, commands._command("reversal", ["a=b c"], 4))
-    row = commands._check_row(scenario, report(), missed, 2.345)
-    approved("prints/run", [*lines(console), row, commands._check_row(scenario, report(), [], 0.1)])
+    commands.print_missed(console, missed, commands.command("reversal", ["a=b c"], 4))
+    console.print(check._table([
+        (check.Check(n, scenario, ""), check.Checked(report(), misses, seconds))
+        for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
+    ]))  # fmt: skip
+    approved("prints/run", lines(console))
 
 
 def test_the_stages_of_a_step_are_told_as_medians():

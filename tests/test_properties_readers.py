@@ -13,7 +13,7 @@ from servo.mistake import Mistake
 from servo.recording import view
 from servo.track import region_of
 from sim.types import Frame
-from tracking.evaluation import sources, track_file, truth
+from tracking.evaluation import quadrilateral, sources, track_file, truth
 from tracking.evaluation.picture_file import read_image
 from tracking.evaluation.sequence import read_all, source_of
 from tracking.evaluation.video_file import GIVEN_UP
@@ -100,7 +100,7 @@ def test_a_truth_is_places_in_a_picture_or_a_sentence(folder, content, name):
         assert np.isnan(corners[~known]).all()
         assert np.abs(corners[known]).max(initial=0) <= 2 * FARTHEST + 1
         for one in corners[known]:
-            region, state = truth.placement(one)
+            region, state = quadrilateral.placement(one)
             assert np.isfinite([region.width, region.height, state.x, state.y, state.theta]).all()
 
 

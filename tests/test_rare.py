@@ -14,7 +14,7 @@ from servo.mistake import Mistake, unknown
 from servo.options import Commands
 from servo.report import bench_again, papers, run, study_data
 from servo.settings import FeaturesConfig
-from servo.study import command, store
+from servo.study import command, run_file
 from servo.study.command import Request
 from sim import gl, plugins
 from sim.types import Camera, Pose
@@ -99,7 +99,7 @@ def broken(monkeypatch, tmp_path):
         def __exit__(self, *_):
             pass
 
-    monkeypatch.setattr(command, "farm", lambda workers, scheduler: Cluster())
+    monkeypatch.setattr(command, "local", lambda workers: Cluster())
     monkeypatch.setattr(command, "carry_out", lambda client, runs, perform: [
         (task, SimpleNamespace(error="Trace\n  oh\nValueError: no\n", value=None)) for task in runs
     ])  # fmt: skip
@@ -121,7 +121,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     (["a", 1], pa.string()), ([True, 1], pa.string()),
 ])  # fmt: skip
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert store._type(values) == kind
+    assert run_file._type(values) == kind
 
 
 def test_what_is_not_there_leaves_its_place_empty(tmp_path):

@@ -20,7 +20,7 @@ from servo.farm import crew
 from servo.farm import local as processes
 from servo.farm.remote import check_address, remote
 from servo.farm.tasks import carry_out
-from servo.mistake import Mistake
+from servo.mistake import Mistake, Refused
 
 STUDY = """# mine
 # Short runs, of kinds that are quick to import.
@@ -195,7 +195,7 @@ def test_more_workers_than_the_machine_holds_are_refused(monkeypatch, capfd, pla
 
 def test_too_few_open_files_are_named(monkeypatch):
     monkeypatch.setattr(resource, "getrlimit", lambda _: (30, 60))
-    with pytest.raises(Mistake) as refused:
+    with pytest.raises(Refused) as refused:
         processes.check_workers(2)
     assert str(refused.value) == (
         "the workers need 64 open files, and 60 are allowed: raise the limit (ulimit -n 64), or "

@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pyarrow as pa
 import pytest
-from matplotlib.figure import Figure
 from rich.console import Console
 
 from servo import bench, listing
@@ -69,9 +68,7 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
 
 def test_curves_of_a_bench_show_this(monkeypatch, drawn, approved, tmp_path):
     saved = []
-    monkeypatch.setattr(
-        Figure, "savefig", lambda f, path, **options: saved.append([path.name, options, drawn(f)])
-    )
+    monkeypatch.setattr(curves, "save", lambda f, _, name: saved.append([name, drawn(f)]))
     curves.draw(results(["one"]), ["best", "slow", "poor"], "a $uite", tmp_path)
     approved("tables/curves", saved)
 
@@ -116,8 +113,8 @@ def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, tmp_pa
     told = {
         "printed": [line.replace(str(tmp_path), "DIR") for line in lines(printed)],
         "missed": capfd.readouterr().err.splitlines(),
-        "cells": kept.written["cells.csv"].decode().splitlines(),
-        "comparisons": kept.written["comparisons.csv"].decode().splitlines(),
+        "cells": kept.written["cells.csv"].splitlines(),
+        "comparisons": kept.written["comparisons.csv"].splitlines(),
     }
     approved("tables/study", told)
 

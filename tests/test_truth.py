@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation import truth
+from tracking.evaluation import quadrilateral, truth
 from tracking.types import Region, State
 
 BOX = [[10, 20], [40, 20], [40, 60], [10, 60]]
@@ -58,14 +58,14 @@ def test_a_file_that_is_no_truth_is_refused(tmp_path, text, message):
 def test_placement_is_the_upright_box_or_the_turned_rectangle():
     region, state = Region(40.0, 20.0), State(100.0, 50.0, 0.4)
     corners = region.corners(state)
-    turned = truth.placement(corners, turned=True)
+    turned = quadrilateral.placement(corners, turned=True)
     assert turned[0].width == pytest.approx(40)
     assert turned[1].theta == pytest.approx(0.4)
-    upright = truth.placement(corners)
+    upright = quadrilateral.placement(corners)
     assert upright[1].theta == 0.0
     assert upright[0].width == pytest.approx(40 * np.cos(0.4) + 20 * np.sin(0.4))
     trapezium = np.array([[0, 0], [40, 0], [30, 20], [10, 20]], float)
-    assert truth.placement(trapezium, turned=True)[1] == State(20.0, 10.0)
+    assert quadrilateral.placement(trapezium, turned=True)[1] == State(20.0, 10.0)
 
 
 def test_tld_has_two_corners(tmp_path):

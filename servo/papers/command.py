@@ -49,7 +49,7 @@ def run(
         gl.backend()
     verdicts: dict[str, Verdict] = {}
     failed = 0
-    with result_folder(folder, "papers"), Team(workers) as team:
+    with Team(workers) as team, result_folder(folder, "papers"):
         for claim in chosen:
             done, code = work(_jobs(claim, effort), folder, team, console, claim.name)
             if code:

@@ -67,7 +67,7 @@ def section(folder: Path) -> Section:
         "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
         Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome, run.outcome), facts,
         [_bounds(run), Block("Over time", figures=_figures(folder, run)), _pictures(folder),
-         _command(run)], str(folder),
+         _command(folder, run)], str(folder),
     )  # fmt: skip
 
 
@@ -167,12 +167,15 @@ def _pictures(folder: Path) -> Block:
                  pictures=[Picture.of("", encoded, str(path), sheet=True)])  # fmt: skip
 
 
-def _command(run: Written) -> Block:
+def _command(folder: Path, run: Written) -> Block:
     found = again.command(run.scenario, run.seed, run.settings, run.expect)
     told = versions(run.versions)
     if found is not None:
         return Block("Again", tables=[told], code=[found])
     text = [f"Its settings are no shipped scenario's; save this as {run.scenario}.toml beside you."]
-    lines = again.scenario_file(run.settings, run.expect)
+    try:
+        lines = again.scenario_file(run.settings, run.expect)
+    except TypeError as error:
+        raise Mistake(f"{folder / REPORT}: settings: {error}") from None
     return Block("Again", text, tables=[told],
                  code=[f"servobench run {run.scenario}.toml --seed {run.seed}", lines])  # fmt: skip

@@ -141,7 +141,10 @@ def _figures(title: str, figures: list[Figure]) -> list[Block]:
 def _sheets(study: Study) -> list[Block]:
     found = [
         Picture.of(
-            f"{_named(study, row)}: {row['outcome']}", encoded, f"run {row['run']}", sheet=True
+            f"{_named(study, row)}: {row['outcome']}",
+            encoded,
+            f"{study.folder}: the sheet of run {row['run']}",
+            sheet=True,
         )
         for row, encoded in study.sheets(MOST_SHEETS)
     ]

@@ -12,6 +12,7 @@ from sim.types import Array
 from tracking.evaluation import reading
 from tracking.evaluation import truth as truths
 from tracking.evaluation.picture_file import SUFFIXES
+from tracking.evaluation.quadrilateral import placement
 from tracking.evaluation.sources import Folder, Live, Source, Video
 from tracking.evaluation.truth import Format
 from tracking.types import Region, State
@@ -194,5 +195,5 @@ def _read(name: str, source: Folder, path: Path, form: Format) -> Sequence:
     check_truth(corners, source, str(path), form)
     if not np.isfinite(corners[0]).all():
         raise ValueError(f"{path}: the target is not in the first picture")
-    region, start = truths.placement(corners[0])
+    region, start = placement(corners[0])
     return Sequence(name, name, source, corners, region, start)

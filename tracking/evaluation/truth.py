@@ -15,13 +15,13 @@ import numpy as np
 
 from sim.types import Array
 from tracking.evaluation import reading
-from tracking.types import FARTHEST, Region, State
+from tracking.evaluation.quadrilateral import BOX, QUAD, boxes, corners_of, crosses_itself
+from tracking.types import FARTHEST
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
 VOT_NAME = re.compile(r"groundtruth.*\.txt$")
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
-BOX, QUAD = 4, 8
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
 BOX_NAMES = (("left", "top", "width", "height"), ("x", "y", "width", "height"),
              ("x", "y", "w", "h"))  # fmt: skip
@@ -33,8 +33,6 @@ DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
     "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
 )
-RECTANGULAR = 0.02
-"""A quadrilateral is a rectangle if its corners are this near to one, over its size."""
 
 
 class Format(Enum):
@@ -154,54 +152,9 @@ def _of_vot(row: Array, place: str) -> Array:
             raise ValueError(
                 f"{place}: the target is {width:g} x {height:g} px; both sides must be positive"
             )
-    elif _crosses_itself(row.reshape(4, 2)):
+    elif crosses_itself(row.reshape(4, 2)):
         raise ValueError(f"{place}: the corners are not in order around the target")
     return corners_of(row)
-
-
-def _crosses_itself(corners: Array) -> bool:
-    """Whether two opposite sides of a quadrilateral (4, 2) cross each other."""
-
-    def side(i: int, j: int, k: int) -> float:
-        (ax, ay), (bx, by) = corners[j] - corners[i], corners[k] - corners[i]
-        return float(ax * by - ay * bx)
-
-    def cross(a: int, b: int, c: int, d: int) -> bool:
-        return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
-
-    return cross(0, 1, 2, 3) or cross(1, 2, 3, 0)
-
-
-def corners_of(numbers: Array) -> Array:
-    """Corners (4, 2) of a box (left, top, width, height), or of eight numbers as they are."""
-    if len(numbers) == QUAD:
-        return numbers.reshape(4, 2)
-    x, y, w, h = numbers
-    return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
-
-
-def boxes(corners: Array) -> Array:
-    """Upright boxes (n, 4) around corners (n, 4, 2): left, top, width, height."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    return np.hstack([low, high - low])
-
-
-def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
-    """Region and state of corners (4, 2).
-
-    Args:
-        corners: In order around the target, the first edge along its x axis.
-        turned: Keep the rotation of corners that form a rectangle; else the upright box.
-    """
-    edges = np.roll(corners, -1, axis=0) - corners
-    width, height = np.hypot(*edges[0]), np.hypot(*edges[1])
-    square = np.abs(edges[0] + edges[2]).max() + abs(edges[0] @ edges[1]) / max(width, 1e-9)
-    x, y = corners.mean(axis=0).tolist()
-    if turned and square <= RECTANGULAR * max(width, height):
-        theta = float(np.arctan2(edges[0][1], edges[0][0]))
-        return Region(float(width), float(height)), State(x, y, theta)
-    left, top, w, h = boxes(corners[None])[0].tolist()
-    return Region(w, h), State(left + w / 2, top + h / 2)
 
 
 def _numbers(line: str, place: str) -> Array:

@@ -1,0 +1,58 @@
+"""A target as four corners (4, 2): from boxes, to boxes, and to a region with its state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.types import Array
+from tracking.types import Region, State
+
+BOX, QUAD = 4, 8
+"""Numbers of a box, and of four corners."""
+RECTANGULAR = 0.02
+"""A quadrilateral is a rectangle if its corners are this near to one, over its size."""
+
+
+def corners_of(numbers: Array) -> Array:
+    """Corners (4, 2) of a box (left, top, width, height), or of eight numbers as they are."""
+    if len(numbers) == QUAD:
+        return numbers.reshape(4, 2)
+    x, y, w, h = numbers
+    return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+
+
+def boxes(corners: Array) -> Array:
+    """Upright boxes (n, 4) around corners (n, 4, 2): left, top, width, height."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    return np.hstack([low, high - low])
+
+
+def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
+    """Region and state of corners (4, 2).
+
+    Args:
+        corners: In order around the target, the first edge along its x axis.
+        turned: Keep the rotation of corners that form a rectangle; else the upright box.
+    """
+    edges = np.roll(corners, -1, axis=0) - corners
+    width, height = np.hypot(*edges[0]), np.hypot(*edges[1])
+    square = np.abs(edges[0] + edges[2]).max() + abs(edges[0] @ edges[1]) / max(width, 1e-9)
+    x, y = corners.mean(axis=0).tolist()
+    if turned and square <= RECTANGULAR * max(width, height):
+        theta = float(np.arctan2(edges[0][1], edges[0][0]))
+        return Region(float(width), float(height)), State(x, y, theta)
+    left, top, w, h = boxes(corners[None])[0].tolist()
+    return Region(w, h), State(left + w / 2, top + h / 2)
+
+
+def crosses_itself(corners: Array) -> bool:
+    """Whether two opposite sides of a quadrilateral (4, 2) cross each other."""
+
+    def side(i: int, j: int, k: int) -> float:
+        (ax, ay), (bx, by) = corners[j] - corners[i], corners[k] - corners[i]
+        return float(ax * by - ay * bx)
+
+    def cross(a: int, b: int, c: int, d: int) -> bool:
+        return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+
+    return cross(0, 1, 2, 3) or cross(1, 2, 3, 0)
