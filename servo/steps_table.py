@@ -184,6 +184,8 @@ class StepsTable:
         self._schema = pa.schema(fields)
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
+        # The schema goes out with the first batch: what is killed at once can be read as well.
+        self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
         self._file.flush()
         batches = 1 + rows / rows_at_once
         _reserve(self._file, round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)

@@ -7,14 +7,14 @@ import sys
 import pytest
 from commands import STOPPED, begin, ended, wait_for, workers_of
 
-from servo import catalogue, cli
+from servo import cli, listing
 
 
 def test_a_command_that_does_nothing_about_it(monkeypatch, capfd):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(catalogue, "shipped", interrupted)
+    monkeypatch.setattr(listing, "shipped", interrupted)
     monkeypatch.setattr(sys, "argv", ["servobench", "list"])
     with pytest.raises(SystemExit) as ended:
         cli.main()

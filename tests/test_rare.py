@@ -221,4 +221,6 @@ def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_pat
     monkeypatch.chdir("/")
     with pytest.raises(Mistake) as refused:
         load(str(study))
-    assert str(refused.value).startswith("gone.toml: cannot read this scenario")
+    assert str(refused.value).startswith(
+        "mine.toml: scenario: gone.toml: cannot read this scenario"
+    )

@@ -9,6 +9,8 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import pyarrow as pa
+
 BIN = Path(sys.executable).parent
 PATIENCE = 180.0
 """No step of a test takes longer [s]."""
@@ -112,3 +114,15 @@ def listening(pids):
             if fields[3] == "0A" and f"socket:[{fields[9]}]" in sockets:
                 found.add(fields[1].split(":")[0])
     return found
+
+
+def frames_in(stream):
+    """The frames whose rows a run's stream has by now."""
+    frames = []
+    try:
+        with stream.open("rb") as file:
+            reader = pa.ipc.open_stream(file)
+            while True:
+                frames += reader.read_next_batch()["frame"].to_pylist()
+    except (StopIteration, pa.ArrowInvalid, OSError):
+        return frames
