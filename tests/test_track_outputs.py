@@ -1,58 +1,27 @@
 """What `servobench track` leaves: times, files, and what there is of them after a kill."""
 
-import csv
 import itertools
 import signal
 import subprocess
 import sys
 import time
 
-import cv2
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
+from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
-from servo import cli
 from servo.track import region_of
 from tracking import create
 from tracking.evaluation.sources import Painted, Video
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile, read
 
-REGION = "40,30,30,20"
-FRAMES = 8
-
-
-def image(k, shift=2):
-    """A blue rectangle with a yellow half on textured grey, 2 px further right in each frame."""
-    rng = np.random.default_rng(0)
-    picture = cv2.GaussianBlur(rng.integers(90, 160, (100, 160, 3)).astype(np.uint8), (0, 0), 2)
-    x = 40 + shift * k
-    picture[30:50, x : x + 30] = (200, 60, 30)
-    picture[30:50, x : x + 12] = (40, 220, 230)
-    return picture
-
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "in").mkdir()
-    for k in range(FRAMES):
-        cv2.imwrite(str(tmp_path / "in" / f"{k:03}.png"), image(k))
-    return tmp_path
-
-
-def call(monkeypatch, capfd, *arguments):
-    monkeypatch.setattr("sys.argv", ["servobench", "track", *arguments])
-    with pytest.raises(SystemExit) as left:
-        cli.main()
-    out, err = capfd.readouterr()
-    return left.value.code, out, err
-
-
-def rows_of(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
+    return pictures(tmp_path)
 
 
 def test_the_times_of_a_track_are_what_the_tracker_took(monkeypatch, tmp_path):
