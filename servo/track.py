@@ -20,6 +20,7 @@ from servo.parsing import fill_plugin
 from servo.run_folder import REPORT, prepare
 from servo.signals import exit_code
 from servo.terminal import COMPILING, STOPPED, plain, progress_bar
+from servo.track_folder import TrackFolder
 from servo.versions import versions
 from sim.types import Array
 from tracking.evaluation import atomic
@@ -30,11 +31,7 @@ from tracking.evaluation.quadrilateral import placement
 from tracking.evaluation.sequence import check_truth, source_of, truth_beside
 from tracking.evaluation.sources import Source
 from tracking.evaluation.track import Shot, Track, follow
-from tracking.evaluation.track_file import TrackFile
-from tracking.evaluation.video import Video
 from tracking.types import Region, State, Status
-
-TRACK, VIDEO, RECORDING = "track.csv", "track.mp4", "track.rrd"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,16 +77,18 @@ def run(request: Request) -> int:
     kind = settings["kind"]
     name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
     folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
-    written, seen, code = _write(request, folder, region, truth, itertools.chain([first], shots),
-                                 source)  # fmt: skip
+    files, seen, code = _write(request, folder, region, truth, itertools.chain([first], shots),
+                               source)  # fmt: skip
     console, comparison = Console(quiet=request.quiet), None
     if truth is not None and seen:
         comparison = Comparison.of(Track.of(seen, region), truth)
-    written.append(_report(request, folder, settings, seen, comparison))
+    report = _report(request, folder, settings, seen, comparison)
     _print(console, kind, name, seen, comparison)
     _print_oddities(Console(stderr=True), seen)
-    for path in written:
+    for path in (*files.paths, report):
         plain(console, f"  {path}")
+    if files.refused is not None:
+        raise files.refused
     return code
 
 
@@ -153,17 +152,9 @@ def region_of(text: str) -> tuple[Region, State]:
 def _write(
     request: Request, folder: Path, region: Region, truth: Array | None, shots: Iterator[Shot],
     source: Source,
-) -> tuple[list[Path], list[Shot], int]:  # fmt: skip
-    """Write all shots; the paths, what can be kept of the shots, and the exit code."""
-    rows, paths = TrackFile(folder / TRACK, region), [folder / TRACK]
-    film = Video(folder / VIDEO, source.rate, region) if request.video else None
-    log = None
-    if request.rerun:
-        from servo.recording.track_log import TrackLog  # rerun takes half a second to import
-
-        log = TrackLog(folder / RECORDING, region, source.rate)
-    extras = [extra for extra in (film, log) if extra is not None]
-    paths += [folder / name for name, on in ((VIDEO, film), (RECORDING, log)) if on is not None]
+) -> tuple[TrackFolder, list[Shot], int]:  # fmt: skip
+    """Write all shots; the files, what can be kept of the shots, and the exit code."""
+    files = TrackFolder(folder, region, source.rate, video=request.video, recording=request.rerun)
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
@@ -171,19 +162,16 @@ def _write(
         with progress_bar(Console(quiet=request.quiet)) as bar:
             task = bar.add_task(escape(request.kind), total=count, note=COMPILING)
             for shot in shots:
-                rows.add(shot)
                 true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
-                for extra in extras:
-                    extra.add(shot, true)
+                files.add(shot, true)
                 seen.append(shot.without_picture())
                 bar.update(task, advance=1, note=shot.estimate.status.name)
     except KeyboardInterrupt as cause:
         plain(Console(stderr=True), STOPPED)
         code = exit_code(cause)
     finally:
-        for part in (rows, *extras):
-            part.close()
-    return paths, seen, code
+        files.close()
+    return files, seen, code
 
 
 def _report(

@@ -10,6 +10,8 @@ import rerun.blueprint as rrb
 
 from servo.mistake import Refused
 
+PATIENCE = 20.0
+"""A disk that takes nothing for so long refuses [s]."""
 FULL = 1 << 16
 """A disk with less room than this is full [bytes]."""
 
@@ -33,7 +35,7 @@ class RecordingFile:
             Refused: The disk takes no more; what was written before can be opened.
         """
         try:
-            self.stream.flush()
+            self.stream.flush(timeout_sec=PATIENCE)
         except RuntimeError:
             full = shutil.disk_usage(self.path.parent).free < FULL
             why = "the disk is full" if full else "the disk refuses more"
@@ -48,4 +50,7 @@ class RecordingFile:
         try:
             self.flush()
         finally:
-            self.stream.disconnect()
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Leave the file as it is."""

@@ -8,6 +8,7 @@ import cv2
 import rerun as rr
 import rerun.blueprint as rrb
 
+from servo.recording.file import RecordingFile
 from servo.recording.log import JPEG_QUALITY
 from servo.recording.parts import outline
 from sim.types import Array
@@ -30,14 +31,16 @@ class TrackLog:
             region: The template.
             rate: Pictures a second: after so many, what was logged is written to the file.
         """
-        rr.set_strict_mode(True)
         self._region, self._at_once = region, max(1, round(rate))
-        self._rec = rr.RecordingStream("servobench_track", recording_id=path.parent.name)
-        self._rec.save(path, default_blueprint=_blueprint())
-        self._rec.set_log_time_enabled(False)
+        self._file = RecordingFile("servobench_track", path, _blueprint())
+        self._rec = self._file.stream
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture and its numbers."""
+        """Write a picture and its numbers.
+
+        Raises:
+            Refused: The disk takes no more.
+        """
         rec, estimate = self._rec, shot.estimate
         rec.set_time("frame", sequence=shot.index)
         rec.set_time("sim_time", duration=shot.picture.time)  # as in runs, for `servobench view`
@@ -56,12 +59,19 @@ class TrackLog:
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
         if (shot.index + 1) % self._at_once == 0:
-            rec.flush()
+            self._file.flush()
 
     def close(self) -> None:
-        """Finish the file."""
-        self._rec.flush()
-        self._rec.disconnect()
+        """Finish the file.
+
+        Raises:
+            Refused: The disk takes no more.
+        """
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Leave the file as it is."""
+        self._file.abandon()
 
 
 def _blueprint() -> rrb.Blueprint:

@@ -78,6 +78,10 @@ class Video:
                 self._container.mux(self._stream.encode(None))
             self._container.close()
 
+    def abandon(self) -> None:
+        """Leave the file as it is: it can be played up to here."""
+        self._file.close()
+
     def _write(self, image: Image) -> None:
         stream = self._opened(image.shape[1], image.shape[0])
         if image.shape[1::-1] != self._size:
