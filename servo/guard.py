@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, TextIO
 
-from servo.mistake import Mistake, Refused, refusal
+from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.gl import NoRenderer
 
 MISTAKEN, REFUSED = 2, 1
@@ -36,7 +36,7 @@ def guarded(command: Callable[[], Any]) -> None:
     except Refused as error:
         _end(str(error), REFUSED)
     except OSError as error:
-        _end(refusal(error), REFUSED)
+        _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
         _end("there is not enough memory for this", REFUSED)
 
