@@ -221,3 +221,10 @@ def _studies(folder: Path) -> None:
     for prefix, texts in (("study", STUDIES), ("suite", SUITES)):
         for name, text in texts.items():
             (folder / f"{prefix}_{name}.toml").write_text(text)
+
+
+def spelled(word: str) -> str:
+    """A word of a command line with the characters that it names."""
+    for name, characters in NAMES.items():
+        word = word.replace(name, characters)
+    return word

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 STUDIES: dict[str, str] = {
     "nothing": "",
     "strange": "scenario = 'still'\nsteps = 3\n",
