@@ -117,3 +117,17 @@ def test_a_folder_that_is_gone_is_named(tmp_path):
     )
     sentence = "servobench: the current folder is gone: go to one that exists\n"
     assert (ended.returncode, ended.stderr) == (2, sentence)
+
+
+def test_settings_of_dask_that_are_broken_are_named(tmp_path):
+    (tmp_path / "tls.yaml").write_text("distributed: [\n")
+    ended = subprocess.run(
+        [BIN, "sweep", "particles"], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env=os.environ | {"DASK_CONFIG": str(tmp_path)},
+    )  # fmt: skip
+    begin = (
+        f"servobench: Dask's settings cannot be read: A dask config file at '{tmp_path}/tls.yaml'"
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(begin)
+    assert ended.stderr.count("\n") == 1
