@@ -121,11 +121,10 @@ def track(
 
 @app.command()
 @click.argument(
-    "suite",
-    type=SOURCE,
+    "suite", type=SOURCE,
     help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or a .toml "
     "file.",
-)
+)  # fmt: skip
 @click.option(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
 )
