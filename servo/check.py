@@ -17,6 +17,8 @@ from servo.commands import command, load, print_missed
 from servo.ended import Ended
 from servo.episode import Episode
 from servo.measures import Report, Violation, summarise, violations
+from servo.mistake import Mistake
+from servo.overrides import assignment
 from servo.scenario import Scenario
 from servo.terminal import plain, progress_bar
 from sim import gl
@@ -47,17 +49,19 @@ class Checked:
 
 
 def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seeds: Sequence[int], workers: int, *, quiet: bool
-) -> int:
-    """Run scenarios with bounds and print a table.
+    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, *,
+    quiet: bool,
+) -> int:  # fmt: skip
+    """Run scenarios with bounds, each with so many seeds from the first on, and print a table.
 
     Returns:
         The exit code: 1 where a bound was missed or a run failed, 2 where a run failed by the
         user's mistake.
     """
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
-    check_number(len(chosen) * len(seeds))
-    each = [(name, seed) for name in chosen for seed in seeds]
+    check_number(len(chosen) * count)
+    _check_changes(changes)
+    each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     checks = [
         Check(number, load(name, changes, seed), command(name, changes, seed))
         for number, (name, seed) in enumerate(each)
@@ -72,6 +76,18 @@ def check_scenarios(
     for check, checked in rows:
         print_missed(errors, checked.missed, check.command)
     return max(_tell_failures(errors, checks, ends), any(checked.missed for _, checked in rows))
+
+
+def _check_changes(changes: Sequence[str]) -> None:
+    """Refuse a change that each run would undo.
+
+    Raises:
+        Mistake: It is one of the seed.
+    """
+    for item in changes:
+        key, value = assignment(item)
+        if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
+            raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
 
 
 def perform(check: Check) -> Checked:

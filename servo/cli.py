@@ -11,8 +11,10 @@ from servo.options import (
     COUNT,
     FRAME_RATE,
     FRAMES,
+    MOMENT,
     NATURAL,
     PATH,
+    SOURCE,
     Commands,
     changes_option,
     out_option,
@@ -67,11 +69,13 @@ def check(
     """Test the bounds of scenarios; exit 1 if one is missed."""
     from servo.check import check_scenarios
 
-    sys.exit(check_scenarios(scenarios, changes, range(seed, seed + seeds), workers, quiet=quiet))
+    sys.exit(check_scenarios(scenarios, changes, seed, seeds, workers, quiet=quiet))
 
 
 @app.command()
-@click.argument("source", help="A folder of images (also OTB, VOT), a video, or camera:0.")
+@click.argument(
+    "source", type=SOURCE, help="A folder of images (also OTB, VOT), a video, or camera:0."
+)
 @click.option(
     "--region", metavar="X,Y,W,H[,DEG]",
     help="The target in the first picture: top left corner, size [px], rotation about its centre "
@@ -117,10 +121,10 @@ def track(
 
 @app.command()
 @click.argument(
-    "suite",
+    "suite", type=SOURCE,
     help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or a .toml "
     "file.",
-)
+)  # fmt: skip
 @click.option(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
 )
@@ -212,7 +216,7 @@ def list_(what: str | None) -> None:
 @click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
 @click.option("--png", type=PATH, help="Draw the viewer into this PNG instead; no display needed.")
 @click.option(
-    "--at", type=click.FloatRange(min=0), default=4.0, show_default=True,
+    "--at", type=MOMENT, default=4.0, show_default=True,
     help="Simulated time to show in the PNG [s].",
 )  # fmt: skip
 @click.option(

@@ -7,10 +7,11 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TextIO
 
-from servo.mistake import Mistake, Refused, refusal
-from sim.gl import NoRenderer
+from servo.mistake import MISPLACED, Mistake, Refused, refusal
+from sim.gl import NoRenderer, check_environment
 
 MISTAKEN, REFUSED = 2, 1
 """Exit codes: the user can put it right; the machine did not do it."""
@@ -27,18 +28,31 @@ def guarded(command: Callable[[], Any]) -> None:
     """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    os.environ["MPLBACKEND"] = "agg"  # no plot has a window, whatever the user's notebooks have
+    if os.environ.get("COLUMNS", "").strip("0") == "":
+        os.environ.pop("COLUMNS", None)  # nothing can be printed in no columns
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
     sys.stdout, sys.stderr = Printer.of(sys.stdout), Printer.of(sys.stderr)
     try:
+        check_environment()
         command()
     except (Mistake, NoRenderer) as error:
         _end(str(error), MISTAKEN)
     except Refused as error:
         _end(str(error), REFUSED)
     except OSError as error:
-        _end(refusal(error), REFUSED)
+        if not _has_folder():
+            _end("the current folder is gone: go to one that exists", MISTAKEN)
+        _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
         _end("there is not enough memory for this", REFUSED)
+
+
+def _has_folder() -> bool:
+    try:
+        return bool(Path.cwd())
+    except OSError:
+        return False
 
 
 def _end(sentence: str, code: int) -> None:

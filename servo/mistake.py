@@ -8,6 +8,11 @@ from collections.abc import Iterable
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
 """Errors of a machine that has no more room, or no more open files."""
+MISPLACED = (
+    errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
+    errno.EACCES, errno.EPERM, errno.EROFS,
+)  # fmt: skip
+"""Errors of a path that the user chose: it cannot be what it should be."""
 LONGEST = 2000
 """A sentence that quotes more than can be read keeps its two ends [characters]."""
 
@@ -34,9 +39,9 @@ class Refused(RuntimeError):
         return Refused("; ".join(filter(None, (refusal(error), kept))))
 
 
-def unwritable(place: object, error: OSError) -> Mistake | Refused:
-    """Why a folder cannot be written to: the user's choice of it, or a machine that is full."""
-    sentence = f"{place}: cannot write to this folder: {error.strerror}"
+def unwritable(place: object, error: OSError, what: str = "to this folder") -> Mistake | Refused:
+    """Why something cannot be written: its place is wrong, or the machine is full."""
+    sentence = f"{place}: cannot write {what}: {error.strerror}"
     return Refused(sentence) if error.errno in FULL else Mistake(sentence)
 
 

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 import click
 
 from servo.signals import ending_signals
+from sim.ranges import LONGEST
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-PATH = click.Path(path_type=Path)
 MOST_FRAMES = 1_000_000_000
 
 
@@ -28,9 +28,24 @@ class FiniteRange(click.FloatRange):
         return number
 
 
+class Named(click.Path):
+    """A path, or a word in its place, that names something: "" is not the current folder.
+
+    A script whose variable is unset gives an empty one.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path, or click's usage error."""
+        if not str(value) or "\0" in str(value):
+            self.fail("no file can have this name." if value else "this is empty.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH, SOURCE = Named(path_type=Path), Named(path_type=str)
 FRAME_RATE = FiniteRange(0.01, 10_000.0)
 FRAMES = click.IntRange(1, MOST_FRAMES)
 COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
+MOMENT = FiniteRange(0.0, LONGEST)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
 changes_option = click.option(

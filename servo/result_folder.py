@@ -16,9 +16,11 @@ from filelock import FileLock, Timeout
 
 from servo.mistake import Mistake, Refused, unwritable
 from servo.versions import versions
-from tracking.evaluation import atomic
+from tracking.evaluation import atomic, reading
 
 BEGUN, LOCK = "begun.json", ".lock"
+MOST_BYTES = 1_000_000_000
+"""The table of a study and all its scenarios are smaller."""
 GOES_ON = "the same command goes on from there"
 
 
@@ -35,8 +37,7 @@ def result_folder(folder: Path, command: str) -> Generator[None]:
             or it cannot be written.
         Refused: The disk refused something in the block.
     """
-    with only_writer(folder):
-        found = read_manifest(folder, BEGUN, command)
+    with only_writer(folder, BEGUN, command) as found:
         if found is None:
             _write(folder, {"command": command, "versions": versions()})
         elif found.get("command") != command:
@@ -53,13 +54,26 @@ def result_folder(folder: Path, command: str) -> Generator[None]:
 
 
 @contextmanager
-def only_writer(folder: Path) -> Generator[None]:
+def only_writer(
+    folder: Path, name: str, command: str, own: Collection[str] = ()
+) -> Generator[dict[str, Any] | None]:
     """Make a folder, and keep others from writing into it until the block ends.
 
+    Args:
+        folder: Which. Nothing is written into one that is not the command's.
+        name: Of the file that says whose it is.
+        command: Which command goes on here.
+        own: Folders that may be there, empty, where the first session was killed at once.
+
+    Yields:
+        What the first session wrote about it; None for a folder that is still empty.
+
     Raises:
-        Mistake: Somebody is writing there, or it cannot be written.
+        Mistake: Somebody is writing there, it cannot be written, or holds something else.
     """
     try:
+        if folder.is_dir():
+            _manifest(folder, name, command, own)
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK)
         lock.acquire(blocking=False)
@@ -68,39 +82,32 @@ def only_writer(folder: Path) -> Generator[None]:
     except OSError as error:
         raise unwritable(folder, error) from None
     try:
-        yield
+        yield _manifest(folder, name, command, own)
     finally:
         lock.release()
 
 
-def read_manifest(
-    folder: Path, name: str, command: str, own: Collection[str] = ()
-) -> dict[str, Any] | None:
-    """What a folder's first session wrote about it; None for a folder that is still empty.
-
-    Args:
-        folder: Which.
-        name: Of the file that says it.
-        command: Which command goes on here.
-        own: Folders that may be there, empty, where the first session was killed at once.
+def _manifest(folder: Path, name: str, command: str, own: Collection[str]) -> dict[str, Any] | None:
+    """What a folder's first session wrote about it; arguments as for `only_writer`.
 
     Raises:
         Mistake: The file is damaged, or missing though the folder holds something.
     """
-    try:
-        found = json.loads((folder / name).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        if any(not _of_the_beginning(path, name, own) for path in folder.iterdir()):
+    path = folder / name
+    if not path.exists():
+        if any(not _of_the_beginning(there, name, own) for there in folder.iterdir()):
             raise Mistake(
                 f"{folder}: there is something in this folder, but no {name} of `servobench "
                 f"{command}`; choose another folder with --out"
-            ) from None
+            )
         return None
-    except (OSError, ValueError, RecursionError):
+    try:
+        found = json.loads(reading.text(path, "file", MOST_BYTES))
+    except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
         raise Mistake(
-            f"{folder / name}: this file is damaged, so that nobody knows what the results beside "
+            f"{path}: this file is damaged, so that nobody knows what the results beside "
             "it are; choose another folder with --out"
         )
     return found

@@ -19,6 +19,11 @@ APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
 EGL_PLATFORM_DEVICE = 0x313F
 MOST_DEVICES = 16
 CHOSEN_BY = "MUJOCO_GL"
+OFF = ("off", "disable", "disabled", "false", "0")
+ANY = ("", "on", "enable", "enabled", "true", "1", "glfw")
+NATIVE = {"linux": ("glx", "egl", "osmesa"), "win32": ("wgl",), "darwin": ("cgl",)}
+"""Names of back ends that MuJoCo takes on every system, and on one."""
+OSMESA = ("libOSMesa.so.8", "apt-get install --no-install-recommends libosmesa6 libgl1")
 NO_WINDOW = 16
 """Side of a context's own buffer [px]: everything is rendered into buffers of MuJoCo's."""
 KEPT = threading.local()
@@ -37,13 +42,13 @@ def backend() -> str:
     Raises:
         NoRenderer: A library is missing, or the user switched rendering off.
     """
-    asked = os.environ.get(CHOSEN_BY, "").strip().lower()
-    if asked in {"off", "disable", "disabled", "false", "0"}:
+    asked = _asked()
+    if asked in OFF:
         raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset it.")
     if sys.platform != "linux":
         return "glfw"
     if asked == "osmesa":
-        _require("libOSMesa.so.8", "apt-get install --no-install-recommends libosmesa6 libgl1")
+        _require(*OSMESA)
         return "osmesa"
     egl = _require("libEGL.so.1", APT)
     if _library("libGL.so.1") is None:
@@ -55,6 +60,20 @@ def backend() -> str:
             f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'."
         )
     return "egl"
+
+
+def check_environment() -> None:
+    """Look at what MuJoCo and PyOpenGL read when they are imported, where they would fail.
+
+    Raises:
+        NoRenderer: MUJOCO_GL names a back end that does not exist, or is not on this machine.
+    """
+    asked = _asked()
+    if asked not in (*ANY, *OFF, *NATIVE.get(sys.platform, ())):
+        raise NoRenderer(f"{CHOSEN_BY}={asked}: there is no such back end: unset it, or use egl.")
+    if asked in ("egl", "osmesa"):
+        _require(*OSMESA) if asked == "osmesa" else _require("libEGL.so.1", APT)
+    os.environ.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to its back end
 
 
 def make_current() -> None:
@@ -72,6 +91,10 @@ def make_current() -> None:
         KEPT.context, KEPT.process = module.GLContext(NO_WINDOW, NO_WINDOW), process
     context: Any = KEPT.context
     context.make_current()
+
+
+def _asked() -> str:
+    return os.environ.get(CHOSEN_BY, "").strip().lower()
 
 
 def _library(name: str) -> ctypes.CDLL | None:

@@ -1,6 +1,7 @@
 """Every command ends with a sentence and an exit code, whatever its output is connected to."""
 
 import io
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ BIN = Path(sys.executable).parent / "servobench"
         (NoRenderer("no OpenGL here"), 2, "no OpenGL here"),
         (Refused("the disk is full"), 1, "the disk is full"),
         (OSError(28, "No space left on device", "a/b"), 1, "a/b: No space left on device"),
+        (OSError(36, "File name too long", "a"), 2, "a: File name too long"),
         (OSError(24, "Too many open files"), 1, "Too many open files"),
         (MemoryError(), 1, "there is not enough memory for this"),
         (Mistake("x" * 9999), 2, f"{'x' * (LONGEST // 2)} [...] {'x' * (LONGEST // 2)}"),
@@ -80,3 +82,52 @@ def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path):
     )  # fmt: skip
     assert (ended.returncode, ended.stderr) == (0, b"")
     assert b"gr?n, seed 0" in ended.stdout
+
+
+NO_BACK_END = "MUJOCO_GL=nonsense: there is no such back end: unset it, or use egl."
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "said"),
+    [
+        ({"MUJOCO_GL": "nonsense"}, 2, f"servobench: {NO_BACK_END}\n"),
+        ({"PYOPENGL_PLATFORM": "nonsense", "MPLBACKEND": "nonsense"}, 0, ""),
+    ],
+)
+def test_an_odd_environment_is_a_sentence_or_does_not_matter(tmp_path, change, code, said):
+    ended = subprocess.run(
+        [BIN, *RUN], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env=os.environ | change,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (code, said)
+
+
+def test_no_columns_are_the_usual_ones(tmp_path):
+    ended = subprocess.run(
+        [BIN, "list", "kalman_cv"], cwd=tmp_path, capture_output=True, text=True, check=True,
+        env=os.environ | {"COLUMNS": "0"},
+    )  # fmt: skip
+    assert "estimator.rho" in ended.stdout
+
+
+def test_a_folder_that_is_gone_is_named(tmp_path):
+    words = f"mkdir gone && cd gone && rmdir ../gone && '{BIN}' track . --region 1,1,9,9"
+    ended = subprocess.run(
+        ["bash", "-c", words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    sentence = "servobench: the current folder is gone: go to one that exists\n"
+    assert (ended.returncode, ended.stderr) == (2, sentence)
+
+
+def test_settings_of_dask_that_are_broken_are_named(tmp_path):
+    (tmp_path / "tls.yaml").write_text("distributed: [\n")
+    ended = subprocess.run(
+        [BIN, "sweep", "particles"], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env=os.environ | {"DASK_CONFIG": str(tmp_path)},
+    )  # fmt: skip
+    begin = (
+        f"servobench: Dask's settings cannot be read: A dask config file at '{tmp_path}/tls.yaml'"
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(begin)
+    assert ended.stderr.count("\n") == 1

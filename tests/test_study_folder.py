@@ -12,7 +12,6 @@ import pytest
 
 from servo import cli
 from servo.mistake import Mistake, Refused
-from servo.result_folder import LOCK
 from servo.study import command, store
 from servo.study.parse import load
 from servo.study.perform import perform
@@ -191,7 +190,7 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(small, study_place
     assert "there is something in this folder, but no study.json" in refused(
         small, study_place / "notes"
     )
-    assert sorted(p.name for p in (study_place / "notes").iterdir()) == [LOCK, "thesis.txt"]
+    assert sorted(p.name for p in (study_place / "notes").iterdir()) == ["thesis.txt"]
 
 
 def test_a_sweep_that_was_killed_at_once_goes_on(small, study_place):

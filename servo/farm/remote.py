@@ -45,6 +45,15 @@ def check_address(text: str) -> str:
     )
 
 
+def check_settings(text: str) -> None:
+    """Refuse what needs no connection to be seen as wrong.
+
+    Raises:
+        Mistake: It is no address, or Dask's settings of TLS do not suffice for it.
+    """
+    _security(check_address(text))
+
+
 @contextmanager
 def remote(text: str) -> Generator[Crew]:
     """A client of a scheduler that runs already.

@@ -25,6 +25,8 @@ from tracking.evaluation.jobs import Job
 CLAIMS = (
     *kams.CLAIMS, *kernels.CLAIMS, *servoing.CLAIMS, *texture.CLAIMS, *estimators.CLAIMS,
 )  # fmt: skip
+JOINED = "P0-1"
+"""The claim that real sequences join."""
 FIGURES, SUMMARY = "figures", "papers.json"
 
 
@@ -36,13 +38,16 @@ def run(
     A quick run never fails for its numbers: one seed says little.
 
     Raises:
-        Mistake: There is no such claim.
+        Mistake: There is no such claim, or the sequences join none.
     """
     known = {claim.name: claim for claim in CLAIMS}
     for name in names:
         if name not in known:
             raise Mistake(f"papers: {unknown(name, known, 'claim')}")
     chosen = [known[name] for name in names] if names else list(CLAIMS)
+    if effort.sequences is not None and known[JOINED] not in chosen:
+        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    jobs = {claim.name: _jobs(claim, effort) for claim in chosen}
     folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
     console = Console(quiet=quiet)
     if any(claim in (*servoing.CLAIMS, *estimators.CLAIMS) for claim in chosen):
@@ -51,7 +56,7 @@ def run(
     failed = 0
     with Team(workers) as team, result_folder(folder, "papers"):
         for claim in chosen:
-            done, code = work(_jobs(claim, effort), folder, team, console, claim.name)
+            done, code = work(jobs[claim.name], folder, team, console, claim.name)
             if code:
                 failed = code
                 continue

@@ -71,8 +71,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     Raises:
         Mistake: The viewer cannot start here, has no such panel, or never shows the recording.
     """
-    if not png.absolute().parent.is_dir():
-        raise Mistake(f"{png}: there is no such folder to write to")
+    _check_png(path, png)
     try:
         with _quiet_viewer() as viewer:
             viewer.open(str(path.resolve()))
@@ -93,6 +92,20 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     except (RuntimeError, OSError):
         raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
     atomic.write(png.parent, png.name, drawn)
+
+
+def _check_png(path: Path, png: Path) -> None:
+    """Refuse a picture that has no place.
+
+    Raises:
+        Mistake: Its folder is missing, something else is there, or it is the recording.
+    """
+    if not png.absolute().parent.is_dir():
+        raise Mistake(f"{png}: there is no such folder to write to")
+    if png.exists() and not png.is_file():
+        raise Mistake(f"{png}: this is not a file; --png takes the file to write")
+    if png.exists() and png.samefile(path):
+        raise Mistake(f"{png}: this is the recording itself")
 
 
 def _quiet_viewer() -> ViewerClient:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from servo.mistake import Mistake, Refused
+from servo.mistake import Mistake, unwritable
 from servo.papers.command import SUMMARY
 from servo.report import bench, papers, run, study
 from servo.report.page import Section, render
@@ -28,7 +28,8 @@ def write(folders: Sequence[Path], out: Path | None) -> Path:
     """Write the page; its path.
 
     Raises:
-        Mistake: A folder is missing, unknown or broken, or the page cannot be written.
+        Mistake: A folder is missing, unknown or broken, or the page has no place.
+        Refused: The disk is full.
     """
     text = render([_section(folder) for folder in folders])
     path = out or folders[0] / PAGE
@@ -36,7 +37,7 @@ def write(folders: Sequence[Path], out: Path | None) -> Path:
     try:
         return atomic.write(path.parent, path.name, text)
     except OSError as error:
-        raise Refused(f"{path}: cannot write this page: {error.strerror}") from None
+        raise unwritable(path, error, "this page") from None
 
 
 def _check_out(path: Path, folders: Sequence[Path]) -> None:

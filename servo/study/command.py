@@ -17,7 +17,7 @@ from rich.table import Table
 
 from servo.ended import Lost
 from servo.farm.local import check_workers, local
-from servo.farm.remote import check_address, remote
+from servo.farm.remote import check_settings, remote
 from servo.farm.tasks import carry_out
 from servo.mistake import Mistake, Refused
 from servo.study.parse import load
@@ -76,7 +76,7 @@ def run(request: Request) -> int:
         check_workers(request.workers)
         gl.backend()
     else:
-        check_address(request.scheduler)
+        check_settings(request.scheduler)
     with Store(folder, study, manifest(study, request.command)) as store:
         _print_damaged(store.damaged)
         try:

@@ -12,8 +12,10 @@ import pyarrow.parquet as pq
 from servo.measures import MEANINGS
 from servo.study.perform import Row, version_columns
 from servo.study.plan import Place, Study
+from tracking.evaluation import reading
 
 FLOATS, FLAGS = pa.list_(pa.float32()), pa.list_(pa.bool_())
+MOST_BYTES = 100_000_000
 SERIES = {"time_s": FLOATS, "servo_error_px": FLOATS, "tracking_error_px": FLOATS,
           "on_target": FLAGS, "sheet": pa.binary()}  # fmt: skip
 """Columns of a run's own file that are not in the table of all runs."""
@@ -39,7 +41,7 @@ class RunFiles:
         """The row without what is long; None where the file is not as it was written."""
         try:
             # Read from memory: what is there cannot change meanwhile.
-            raw = pa.BufferReader(path.read_bytes())
+            raw = pa.BufferReader(reading.content(path, "row", MOST_BYTES))
             whole = pq.read_table(raw, page_checksum_verification=True)
         except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
             return None  # a file of zeros after a crash, or flipped bits

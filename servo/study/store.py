@@ -16,7 +16,7 @@ from typing import Any
 import pyarrow as pa
 
 from servo.mistake import Mistake, Refused
-from servo.result_folder import check_versions, only_writer, read_manifest
+from servo.result_folder import check_versions, only_writer
 from servo.study.perform import Row, version_columns
 from servo.study.plan import Run, Study
 from servo.study.run_file import RunFiles
@@ -46,16 +46,15 @@ class Store:
         """Files that are not the run whose name they have; they are run again."""
         self._open = ExitStack()
         with ExitStack() as begun:
-            begun.enter_context(only_writer(folder))
-            self._compare(described)
+            writer = only_writer(folder, MANIFEST, "sweep", own=(RUNS, FAILURES))
+            self._compare(begun.enter_context(writer), described)
             with self._on_disk("the folder"):
                 for part in (RUNS, FAILURES):
                     atomic.folder(folder, part)
             self._done = self._checked()
             self._open = begun.pop_all()
 
-    def _compare(self, described: dict[str, Any]) -> None:
-        before = read_manifest(self.folder, MANIFEST, "sweep", own=(RUNS, FAILURES))
+    def _compare(self, before: dict[str, Any] | None, described: dict[str, Any]) -> None:
         now = json.loads(json.dumps(described))
         if before is None:
             self.write(MANIFEST, json.dumps(described, indent=1) + "\n")

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
+
+from tracking.evaluation.reading import KINDS
 
 ASIDE = ".{}.part"
 """Name of a file while it is written."""
@@ -45,6 +48,7 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
     """
     path = folder(root, str(PurePosixPath(name).parent)) / PurePosixPath(name).name
     aside = path.with_name(ASIDE.format(path.name))
+    _check_replaceable(path)
     try:
         with naming(path), new_file(aside) as file:
             yield file
@@ -55,6 +59,20 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
         aside.unlink(missing_ok=True)
         raise
     _flush_folder(path.parent)
+
+
+def _check_replaceable(path: Path) -> None:
+    """Refuse to put a file in the place of a device, a pipe or a folder.
+
+    Raises:
+        OSError: There is one.
+    """
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
+        raise OSError(errno.EEXIST, KINDS.get(stat.S_IFMT(mode), "it is not a file"), path)
 
 
 @contextmanager

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from tracking.evaluation import atomic
+from tracking.evaluation import atomic, reading
 
 RESULTS = "results"
+MOST_BYTES = 1_000_000_000
 
 
 class Job(Protocol):
@@ -84,11 +85,12 @@ def _read(job: Job, folder: Path) -> dict[str, Any] | None:
     Raises:
         ValueError: The file is no result, or not as it was written.
     """
-    try:
-        kept = json.loads((folder / _name(job)).read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    path = folder / _name(job)
+    if not path.exists():
         return None
-    except (OSError, RecursionError) as error:
+    try:
+        kept = json.loads(reading.text(path, "result", MOST_BYTES))
+    except RecursionError as error:
         raise ValueError(str(error)) from None
     if not isinstance(kept, dict) or kept.keys() != {"job", "result", "sha256"}:
         raise ValueError("this is no result")

@@ -1,0 +1,41 @@
+"""Names for the long lists in sentences: a table of sentences stays short and exact."""
+
+from __future__ import annotations
+
+import re
+
+from hostile import LONG
+
+from servo.catalogue import PLUGINS, shipped, studies
+from servo.listing import FOLDERS
+from servo.measures import MEANINGS
+from servo.papers.command import CLAIMS
+from servo.scenario import KEYS
+from sim.plugins import kinds
+
+
+def _listed() -> dict[str, str]:
+    lists = {
+        "ALL_KINDS": [kind for folder in FOLDERS.values() for kind in kinds(folder)],
+        "SCENARIOS": shipped(),
+        "STUDIES": studies(),
+        "MEASURES": MEANINGS,
+        "CLAIMS": [claim.name for claim in CLAIMS],
+        "SECTIONS": KEYS,
+    }
+    folders = {name: folder for name, (folder, _) in PLUGINS.items()}
+    folders["disturbance"] = "sim.disturbances"
+    lists |= {f"{name.upper()}_KINDS": kinds(folder) for name, folder in folders.items()}
+    return {f"<{name}>": ", ".join(names) for name, names in lists.items()} | {"<LONG>": LONG}
+
+
+LISTED = _listed()
+MACHINE = re.compile(r"this machine has [0-9.]+ GB of memory and \d+ cores, and a worker takes "
+                     r"[0-9.]+ GB: the limit is \d+, the best number \d+")  # fmt: skip
+
+
+def folded(sentence: str) -> str:
+    """A sentence with its long lists, and what differs between machines, named."""
+    for name, words in LISTED.items():
+        sentence = sentence.replace(words, name)
+    return MACHINE.sub("<MACHINE>", sentence)
