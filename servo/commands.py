@@ -21,8 +21,6 @@ from servo.step import Step
 from servo.terminal import COMPILING, WAITING, plain, progress_bar
 from sim import gl
 
-FPS_FRAMES = 60
-
 
 def run_scenario(
     name: str,

@@ -79,3 +79,14 @@ def test_papers_stop_likewise(tmp_path):
     assert code == 1
     assert err.endswith("what is in out is whole; the same command goes on from there\n")
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("extra", ["--video", "--rerun"])
+def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
+    file = {"--video": "track.mp4", "--rerun": "track.rrd"}[extra]
+    code, err = limited(30, f"track seen --tracker frozen --out out -q {extra}", pictures)
+    assert code == 1
+    assert err.startswith(f"servobench: out/{file}: it ends too early: ")
+    assert err.count("\n") == 1
+    assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
+    assert json.loads((pictures / "out" / "report.json").read_text())["frames"] == 90

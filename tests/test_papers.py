@@ -10,6 +10,7 @@ from servo import cli
 from servo.papers import estimators, kams, servoing
 from servo.papers.claim import Effort
 from servo.papers.command import CLAIMS
+from tracking.evaluation.statistics import Interval
 
 NAMES = [
     "P0-1", "P0-2", "P0-3", "P1-1", "P1-2", "P1-3", "P1-4", "P1-5", "P1-6", "P2-1", "P2-2",
@@ -126,3 +127,9 @@ def test_estimators_are_judged_by_their_bounds_rate_by_rate(tmp_path):
     rates = [row[1] for row in kept.table]
     assert rates.count("30 Hz") == rates.count("5 Hz") == 9  # seven estimators, two bounds
     assert cv2.imread(str(kept.figures[0])).std() > 10
+
+
+def test_the_figure_of_estimators_leaves_out_the_one_that_estimates_nothing():
+    found = {name: [Interval(1.0, 0.9, 1.1)] * len(estimators.CASES) for name in ("none", "jump")}
+    legend = estimators._draw(found).axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["jump"]

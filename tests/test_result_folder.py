@@ -131,7 +131,7 @@ def test_a_damaged_beginning_is_refused(monkeypatch, capfd, place, text):
 
 
 def test_one_command_writes_into_a_folder_at_a_time(monkeypatch, capfd, place):
-    with only_writer(place / "out"):
+    with only_writer(place / "out", BEGUN, "bench"):
         assert call(monkeypatch, capfd, *BENCH, "-q") == (
             2, "servobench: out: another command is writing into this folder\n"
         )  # fmt: skip

@@ -164,3 +164,16 @@ def test_an_unknown_format_is_refused():
     assert str(refused.value) == (
         "there is no truth format 'coco'; there is auto, otb, vot, tld, csv"
     )
+
+
+@pytest.mark.parametrize(
+    ("corners", "crosses"),
+    [
+        ([(0, 0), (10, 0), (10, 10), (0, 10)], False),
+        ([(0, 0), (10, 0), (0, 10), (10, 10)], True),  # the second side crosses the fourth
+        ([(0, 0), (10, 10), (10, 0), (0, 10)], True),  # the first side crosses the third
+        ([(0, 0), (10, 2), (3, 3), (2, 10)], False),  # hollow
+    ],
+)
+def test_sides_that_cross_are_seen(corners, crosses):
+    assert quadrilateral.crosses_itself(np.array(corners, float)) is crosses

@@ -107,7 +107,7 @@ def _document(job: Job, result: dict[str, Any]) -> dict[str, Any]:
 
 
 def _digest(described: Any, result: Any) -> str:
-    return hashlib.sha256(json.dumps([described, result], sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([described, result]).encode()).hexdigest()
 
 
 def _name(job: Job) -> str:
