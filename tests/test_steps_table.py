@@ -8,7 +8,10 @@ import pytest
 
 from servo import commands
 from servo.controllers.ibvs import Ibvs
+from servo.episode import Episode
 from servo.mistake import Mistake
+from servo.run_folder import RunFolder, prepare
+from servo.scenario import load
 from servo.step import Step
 
 
@@ -42,3 +45,20 @@ def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
     assert commands.run_scenario("still", changes, 0, tmp_path / "o", quiet=True, rerun=False) == 0
     # Once for the table, and once for each of the plot's two curves.
     assert asked == dict.fromkeys(range(6), 3)
+
+
+def test_two_runs_do_not_write_into_one_folder(tmp_path):
+    with Episode(load("still", ["run.duration=0.2"])) as episode:
+        first = RunFolder(tmp_path, episode, rerun=False)
+        with pytest.raises(Mistake) as refused:
+            RunFolder(tmp_path, episode, rerun=False)
+        assert str(refused.value) == f"{tmp_path}: another run is writing into this folder"
+        first.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["steps.parquet"]
+
+
+def test_runs_that_begin_at_once_get_folders_of_their_own(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert [str(prepare(None, "still-0")) for _ in range(3)] == [
+        "runs/still-0", "runs/still-0-2", "runs/still-0-3"
+    ]  # fmt: skip
