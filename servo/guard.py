@@ -34,6 +34,7 @@ def guarded(command: Callable[[], Any]) -> None:
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
     sys.stdout, sys.stderr = Printer.of(sys.stdout), Printer.of(sys.stderr)
     try:
+        _check_folder()
         check_environment()
         command()
     except (Mistake, NoRenderer) as error:
@@ -41,18 +42,17 @@ def guarded(command: Callable[[], Any]) -> None:
     except Refused as error:
         _end(str(error), REFUSED)
     except OSError as error:
-        if not _has_folder():
-            _end("the current folder is gone: go to one that exists", MISTAKEN)
+        _check_folder()
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
         _end("there is not enough memory for this", REFUSED)
 
 
-def _has_folder() -> bool:
+def _check_folder() -> None:
     try:
-        return bool(Path.cwd())
+        Path.cwd()
     except OSError:
-        return False
+        _end("the current folder is gone: go to one that exists", MISTAKEN)
 
 
 def _end(sentence: str, code: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 from pathlib import Path
 
@@ -37,6 +38,8 @@ class RecordingFile:
         try:
             self.stream.flush(timeout_sec=PATIENCE)
         except RuntimeError:
+            # Rerun would wait for ever for its last bytes when it ends the stream, or deletes it.
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
             full = shutil.disk_usage(self.path.parent).free < FULL
             why = "the disk is full" if full else "the disk refuses more"
             raise Refused(f"{self.path}: the recording ends too early: {why}") from None
@@ -45,12 +48,8 @@ class RecordingFile:
         """Write what is left and the footer.
 
         Raises:
-            Refused: As for `flush`.
+            Refused: As for `flush`; the file then stays as it is, because Rerun would wait for ever
+                for its last bytes.
         """
-        try:
-            self.flush()
-        finally:
-            self.abandon()
-
-    def abandon(self) -> None:
-        """Leave the file as it is."""
+        self.flush()
+        self.stream.disconnect()

@@ -70,8 +70,7 @@ class TrackLog:
         self._file.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is."""
-        self._file.abandon()
+        """Leave the file as it is: nothing more is logged."""
 
 
 def _blueprint() -> rrb.Blueprint:

@@ -101,9 +101,15 @@ class Store:
                     f"a worker has {column.removeprefix('version_')} {row.get(column)}, here is "
                     f"{here}: its numbers would not compare; install the same on every worker"
                 )
-        with self._on_disk(f"run {number}"):
-            atomic.write(self.folder / RUNS, _name(number), self._files.encoded(row))
-        self._done.add(number)
+        path, encoded = self.folder / RUNS / _name(number), self._files.encoded(row)
+        try:
+            with self._on_disk(f"run {number}"):
+                atomic.write(path.parent, path.name, encoded)
+            self._done.add(number)
+        except KeyboardInterrupt:
+            if path.is_file() and path.read_bytes() == encoded:  # it came after the renaming
+                self._done.add(number)
+            raise
         with suppress(OSError):
             self._failure(number).unlink()
 

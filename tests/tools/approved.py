@@ -41,7 +41,8 @@ def difference(found, kept, tolerance, at=""):
             return f"{at}: only in one of the two: {sorted(map(str, found.keys() ^ kept.keys()))}"
         pairs = ((found[k], kept[k], f"{at}/{k}") for k in found)
         return next(filter(None, (difference(f, k, tolerance, a) for f, k, a in pairs)), None)
-    if isinstance(found, float) or isinstance(kept, float):
+    numbers = all(isinstance(value, int | float) for value in (found, kept))
+    if numbers and float in (type(found), type(kept)):
         near = math.isclose(found, kept, rel_tol=tolerance, abs_tol=tolerance / 100)
         alike = near or (math.isnan(found) and math.isnan(kept))
     else:
