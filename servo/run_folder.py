@@ -110,11 +110,11 @@ class RunFolder:
         Raises:
             Refused: The table cannot be written; the rows are in the stream.
         """
-        if self._log:
+        if self._log and self.refused is None:
             try:
                 self._log.close()
             except Refused as error:
-                self.refused = self.refused or error
+                self.refused = error
         try:
             self._table.close()
         except OSError as error:

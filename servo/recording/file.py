@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 
 from servo.mistake import Refused
 
-PATIENCE = 20.0
+PATIENCE = 10.0
 """A disk that takes nothing for so long refuses [s]."""
 FULL = 1 << 16
 """A disk with less room than this is full [bytes]."""
@@ -38,8 +38,9 @@ class RecordingFile:
         try:
             self.stream.flush(timeout_sec=PATIENCE)
         except RuntimeError:
-            # Rerun would wait for ever for its last bytes when it ends the stream, or deletes it.
+            # Deleting the stream, and Rerun's own end, would wait for ever for the last bytes.
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
+            rr.unregister_shutdown()
             full = shutil.disk_usage(self.path.parent).free < FULL
             why = "the disk is full" if full else "the disk refuses more"
             raise Refused(f"{self.path}: the recording ends too early: {why}") from None
