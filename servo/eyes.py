@@ -99,6 +99,6 @@ class Eyes:
         return features.plane_of(T_camera_target, self._height)
 
     def _told(self, plane: Plane) -> Plane:
-        """What the matrix is told of a plane."""
+        """The plane that the interaction matrix is computed with."""
         f = self._config.depth_factor
         return plane if f == 1.0 else Plane(plane.A / f, plane.B / f, plane.C / f)

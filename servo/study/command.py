@@ -111,7 +111,7 @@ def manifest(study: Study, command: str) -> dict[str, Any]:
 
 
 def _work(study: Study, store: Store, request: Request, console: Console) -> list[tuple[Path, str]]:
-    """Run what is missing; where failures are told, and the last line of each."""
+    """Run what is missing; the file of each failed run, with the last line of its error."""
     done = store.done()
     failed: list[tuple[Path, str]] = []
     if len(done) == study.size:
