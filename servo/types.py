@@ -1,19 +1,17 @@
-"""The values of servoing: moments, plane, features, command, and what estimators and controllers
-are.
-"""
+"""The values of servoing: what is seen, features, commands; what estimators and controllers are."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sim.types import Array, Posture
+from sim.types import Array, Camera, Posture
 
-FEATURES = ("xn", "yn", "an", "theta")
-"""Names of the four features, in order."""
 DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Names of the six parts of a camera twist, in order."""
 
@@ -47,10 +45,73 @@ class Plane:
         """(A, B, C): the normal, over its distance from the camera."""
         return np.array([self.A, self.B, self.C])
 
-    @staticmethod
-    def parallel(depth: float) -> Plane:
-        """A plane parallel to the image at a depth [m]."""
-        return Plane(0.0, 0.0, 1.0 / depth)
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """The target as it is seen."""
+
+    moments: Moments
+    plane: Plane
+    """Where it lies, as far as is known."""
+    angle_known: bool = True
+    """Whether the angle is measured; a tracker that does not follow it only assumes it."""
+    size_known: bool = True
+    """Whether the size is measured."""
+
+
+class FeatureSet(Protocol):
+    """What is servoed: k named functions of the sight, and their interaction matrix."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features, in order."""
+        ...
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units, such as "m", "rad", or "1" for a plain number."""
+        ...
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation (k,) of each feature from frame to frame, over `scales`: estimators
+        weigh the features by it.
+        """
+        ...
+
+    @property
+    def feed_forward(self) -> tuple[str, ...]:
+        """Features whose target motion a law compensates where the user names no others."""
+        ...
+
+    @property
+    def sole_dof(self) -> Mapping[str, str]:
+        """Degrees of freedom that one feature alone controls, by its name: such a part of the
+        twist is zero while the feature is not known.
+        """
+        ...
+
+    def values(self, sight: Sight) -> Array:
+        """The features (k,)."""
+        ...
+
+    def matrix(self, sight: Sight) -> Array:
+        """The interaction matrix (k, 6): ds/dt = L v for a target that stands still."""
+        ...
+
+    def error(self, values: Array, goal: Array) -> Array:
+        """The error (k,): values minus goal, angles wrapped."""
+        ...
+
+    def known(self, sight: Sight) -> NDArray[np.bool_]:
+        """Which features (k,) are measured; the others are left as they are."""
+        ...
+
+    def scales(self, goal: Array) -> Array:
+        """What estimators divide the features by (k,), at a goal (k,); 1 for angles. Their
+        constants then hold for any target and depth.
+        """
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,58 +119,59 @@ class OwnMotion:
     """The part of de/dt that the camera's own motion causes."""
 
     past: Array
-    """Mean over the time since the last frame, from the measured twist (4,)."""
+    """Mean over the time since the last frame, from the measured twist (k,)."""
     coming: Array
-    """In the frame intervals before the command asked for now acts, the next one first (n, 4)."""
-
-    @staticmethod
-    def of(past: Array) -> OwnMotion:
-        """Where commands act at once."""
-        return OwnMotion(past, np.zeros((0, 4)))
+    """In the frame intervals before the command asked for now acts, the next one first (n, k)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
-    """What an estimator says after a frame, in its unit; in a `Command`, in the task's scaling."""
+class Prediction:
+    """What an estimator returns for a frame."""
 
     error: Array
-    """The error (4,) to act on: as it was seen, or as it will be when the command acts."""
+    """The error (k,) to act on: as it was seen, or as it will be when the command acts."""
     motion: Array
-    """Estimated de/dt of the target's own motion (4,) [1/s]."""
+    """Estimated de/dt of the target's own motion (k,) [1/s]."""
     innovation: Array
-    """Measured minus expected (4,), of what the estimator filters; nan if nothing was measured."""
+    """Measured minus expected (k,), of what the estimator filters; nan if nothing was measured."""
     nis: Array
-    """Innovation squared over its variance (4,), 1 on average where the filter fits; or nan."""
+    """Innovation squared over its variance (k,), 1 on average where the filter fits; or nan."""
 
-    def times(self, unit: Array) -> Outlook:
-        """The same in other units (4,) of the features."""
-        return Outlook(self.error * unit, self.motion * unit, self.innovation * unit, self.nis)
+    def times(self, scales: Array) -> Prediction:
+        """The same in other units: multiplied by scales (k,)."""
+        return Prediction(
+            self.error * scales, self.motion * scales, self.innovation * scales, self.nis
+        )
 
     @staticmethod
-    def plain(error: Array, motion: Array) -> Outlook:
+    def unmeasured(error: Array, motion: Array) -> Prediction:
         """Without innovations."""
-        return Outlook(error, motion, np.full(4, np.nan), np.full(4, np.nan))
+        none = np.full(len(error), np.nan)
+        return Prediction(error, motion, none, none)
 
 
 class Estimator(Protocol):
     """Estimates the part of de/dt that the target's own motion causes.
 
-    It sees xn, yn and an divided by the goal's an: its constants then hold for any scaling, target
-    and depth.
+    All features are divided by `FeatureSet.scales`.
     """
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
-        """The outlook after a frame.
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        ...
+
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
+        """The prediction after a frame.
 
         Args:
-            error: Feature error e_k (4,).
+            error: Feature error e_k (k,).
             own: What the camera's own motion does to it.
             dt: Time since the last frame [s].
         """
         ...
 
-    def skip(self, own: OwnMotion, dt: float) -> Outlook:
-        """The outlook after a frame in which the target was not seen.
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
+        """The prediction after a frame in which the target was not seen.
 
         Its error is zero where the estimator predicts none: nothing is servoed then.
         """
@@ -126,41 +188,33 @@ class Mode(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """What a controller says about one frame. Features are in the task's scaling."""
+class Trace:
+    """How a law came to its twist, for the log."""
 
-    twist: Array
-    """Camera twist (6,) in the camera frame [m/s, rad/s]."""
     features: Array
-    """s (4,): xn, yn, an, theta; as last seen where the target was not."""
+    """s (k,); as last seen where the target was not."""
     error: Array
-    """Feature error e = s - s* (4,)."""
-    outlook: Outlook
-    """What the estimator says."""
-    target_motion_measured: Array
-    """de/dt of the target's own motion as measured over the last frame interval; nan where it was
-    not.
-    """
-    saturated: bool
-    """Whether a limit of speed or acceleration made the twist another one."""
-    mode: Mode = Mode.SERVOING
-    """What the controller is doing."""
-
-    @property
-    def target_motion(self) -> Array:
-        """Estimated de/dt of the target's own motion (4,), all features, fed forward or not."""
-        return self.outlook.motion
+    """Feature error e = s - s* (k,)."""
+    prediction: Prediction
+    """What the estimator returned."""
+    scales: Array
+    """What the estimator's features were divided by (k,)."""
+    own: Array
+    """de/dt (k,) that the camera's own motion caused since the last frame, over `scales`."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
-    """The target as it is seen."""
+class Command:
+    """What a controller asks for after one frame."""
 
-    moments: Moments
-    plane: Plane
-    """Where it lies, as far as is known."""
-    known: tuple[bool, bool, bool, bool] = (True, True, True, True)
-    """Which of the features are seen at all; the others are left as they are."""
+    twist: Array
+    """Camera twist (6,) in the camera frame [m/s, rad/s]."""
+    saturated: bool = False
+    """Whether a limit of speed or acceleration changed the twist."""
+    mode: Mode = Mode.SERVOING
+    """What the controller is doing."""
+    trace: Trace | None = None
+    """How it came to this; None for a controller without features."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,19 +223,27 @@ class Task:
 
     goal: Sight
     """How the target shall be seen."""
-    scale: float
-    """K of the features an = K / sqrt(a): see features.py."""
+    features: FeatureSet
+    """What is servoed."""
     estimator: Estimator
-    """Where the target's own motion comes from."""
+    """Where the target's own motion comes from; it has been started."""
+    camera: Camera
+    """Intrinsics and image size."""
+    outline: Array
+    """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
     latency: int = 0
     """Frames until a command acts."""
 
 
 class Controller(Protocol):
-    """Turns features into camera twists."""
+    """Turns what is seen into camera twists."""
 
     def start(self, task: Task) -> None:
-        """Begin a task."""
+        """Begin a task.
+
+        Raises:
+            ValueError: A setting does not fit the features.
+        """
         ...
 
     def aim(self, goal: Sight) -> None:

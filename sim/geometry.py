@@ -67,6 +67,11 @@ def log_se3(pose: Pose) -> Array:
     return np.concatenate([t - across / 2 + share * (skew(w) @ across), w])
 
 
+def half_turn(angle: float) -> float:
+    """An angle [rad] wrapped to (-pi/2, pi/2], for shapes whose front and back look alike."""
+    return np.pi / 2 - (np.pi / 2 - angle) % np.pi
+
+
 def tilt(rotation: Array) -> float:
     """Angle between the optical axis of a camera and straight down [rad]."""
     axis = rotation[:, 2]

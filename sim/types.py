@@ -94,12 +94,6 @@ class Posture:
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
 
-    @staticmethod
-    def of_twist(twist: Array) -> Posture:
-        """Of a robot that tells nothing but its camera's twist (6,), and that it looks down."""
-        level = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-        return Posture(level, twist, np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
-
     @property
     def down(self) -> Array:
         """The direction straight down (3,), in the camera frame."""

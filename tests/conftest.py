@@ -80,12 +80,12 @@ def ran(tmp_path_factory):
     """The folder of a real run of half a second that misses one of two bounds; copy it to change
     it.
     """
-    from servo import commands
+    from servo.cli import run_command
 
     folder = tmp_path_factory.mktemp("run") / "out"
     changes = ["run.duration=0.5", "expect={}", "expect.tilt_peak_deg=1.0",
                "expect.servo_rms_px=0.5", "tracker.kind=mean_shift"]  # fmt: skip
-    assert commands.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
+    assert run_command.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
     return folder
 
 
@@ -133,14 +133,15 @@ def study_place(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
-    from servo.study import command, store
+    from servo.cli import sweep_command
+    from servo.study import store
     from servo.study.parse import load
     from servo.study.perform import perform
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)
     study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, command.manifest(study, "me")) as kept:
+    with store.Store(there / "out", study, sweep_command.manifest(study, "me")) as kept:
         for run in study.runs():
             kept.add(perform(run))
     return there / "out"

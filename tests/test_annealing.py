@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tracking.hot import sampling
+from tracking.hot import particle_loops
 from tracking.search.annealing import Annealing, Schedule, anneal, exponent
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
@@ -14,8 +14,8 @@ RNG = np.random.default_rng(0)
 @pytest.mark.parametrize("survival", [0.2, 0.5, 0.9])
 def test_the_exponent_lets_the_asked_share_survive(survival):
     w = -RNG.gamma(2.0, 3.0, 200)
-    weights = sampling.normalised(exponent(w, survival) * w)
-    assert sampling.effective_size(weights) == pytest.approx(survival * 200, rel=1e-3)
+    weights = particle_loops.normalised(exponent(w, survival) * w)
+    assert particle_loops.effective_size(weights) == pytest.approx(survival * 200, rel=1e-3)
 
 
 def test_equal_likelihoods_cannot_be_sharpened():

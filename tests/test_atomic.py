@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from tracking.evaluation import atomic
+from tracking.files import atomic
 
 
 def test_a_file_is_written_with_the_folders_on_its_way(tmp_path):

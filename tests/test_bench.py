@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from servo import cli
-from servo.batch import Team
-from tracking.evaluation import summary
-from tracking.evaluation.bench import SequenceJob
-from tracking.evaluation.jobs import RESULTS
-from tracking.evaluation.measures import MEASURES
+from servo.batch.jobs import RESULTS
+from servo.batch.workers import Team
+from servo.bench import ranking
+from servo.bench.sequence_jobs import SequenceJob
+from servo.cli import main
+from tracking.evaluation.track_measures import MEASURES
 
 SUITE = """
 [[sequences]]
@@ -41,7 +41,7 @@ def place(tmp_path, monkeypatch):
 def call(monkeypatch, capfd, *arguments):
     monkeypatch.setattr("sys.argv", ["servobench", "bench", *arguments])
     with pytest.raises(SystemExit) as left:
-        cli.main()
+        main.main()
     out, err = capfd.readouterr()
     return left.value.code, out, err
 
@@ -219,7 +219,7 @@ def result(tracker, seed, frames, auc):
 def test_trackers_are_ranked_and_tested_against_the_best():
     results = [result("a", s, 10, 0.4) for s in range(9)]
     results += [result("b", s, 30 if s < 8 else 5, 0.6) for s in range(9)]
-    best, other = summary.rows_of(results)
+    best, other = ranking.rows_of(results)
     assert (best.tracker, best.against_best) == ("b", None)
     assert (other.against_best.wins, other.against_best.losses) == (1, 8)
     assert other.against_best.z == pytest.approx(2.0)

@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
-from servo import cli, commands
-from sim import plugins
+from servo.cli import main, run_command
+from sim import kinds
 
-TRACKERS = ", ".join(plugins.kinds("tracking.trackers"))
+TRACKERS = ", ".join(kinds.names("tracking.trackers"))
 QUICK = ["--set", "run.duration=0.2", "--set", "expect={}", "--quiet", "--no-rerun"]
 
 
@@ -18,7 +18,7 @@ def call(monkeypatch, capfd, *arguments):
     """Exit code, stdout and stderr of a command."""
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     out, err = capfd.readouterr()
     return ended.value.code or 0, out, err
 
@@ -171,7 +171,7 @@ def test_ctrl_c_keeps_what_was_written_and_says_so(monkeypatch, capfd, elsewhere
                 raise KeyboardInterrupt
             yield step
 
-    monkeypatch.setattr(commands, "_with_progress", interrupted)
+    monkeypatch.setattr(run_command, "_with_progress", interrupted)
     code, _, err = call(monkeypatch, capfd, "run", "still", "--no-rerun", "--out", "out")
     assert code == 130
     assert err == "servobench: stopped; what was written is complete up to here.\n"
@@ -182,7 +182,7 @@ def test_ctrl_c_keeps_what_was_written_and_says_so(monkeypatch, capfd, elsewhere
 
 def test_help_works_without_heavy_imports():
     code = (
-        "import sys, servo.cli\n"
+        "import sys, servo.cli.main\n"
         "heavy = {'mujoco', 'rerun', 'numba', 'matplotlib', 'cv2', 'scipy', 'pyarrow'}\n"
         "heavy &= set(sys.modules)\n"
         "sys.exit(f'imported: {heavy}' if heavy else 0)"

@@ -4,13 +4,13 @@ import csv
 
 import pytest
 
-from servo import cli
-from servo.loop_bench import LoopJob
+from servo.bench.loop_jobs import LoopJob
+from servo.cli import main
 from servo.papers.claim import contender
-from sim import plugins
+from sim import kinds
 from tracking import create
 
-TRACKERS = [kind for kind in plugins.kinds("tracking.trackers") if kind != "frozen"]
+TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind != "frozen"]
 SHORT = ("run.duration=4.0", "measure.after=3.0")
 MOST_PX = 4.0
 """The camera ends this near the target; OpenCV's whole-pixel boxes are the worst, at 2.9."""
@@ -43,9 +43,9 @@ def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd
     monkeypatch.chdir(tmp_path)
     arguments = ["bench", "closed_loop", "--trackers", "mk_ssd,frozen", "--seeds", "1"]
     monkeypatch.setattr("sys.argv", ["servobench", *arguments, "--workers", "1", "--out", "out"])
-    monkeypatch.setattr("servo.loop_bench.SCENARIOS", ("still",))
+    monkeypatch.setattr("servo.bench.loop_jobs.SCENARIOS", ("still",))
     with pytest.raises(SystemExit) as left:
-        cli.main()
+        main.main()
     assert left.value.code == 0
     out = capfd.readouterr().out
     assert "mk_ssd" in out
@@ -57,13 +57,13 @@ def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd
 
 
 def test_presets_are_the_papers_settings():
-    for kind in plugins.kinds("tracking.trackers"):
-        for name, settings in plugins.presets("tracking.trackers", kind).items():
-            config = plugins.config_of("tracking.trackers", kind)(**settings)
+    for kind in kinds.names("tracking.trackers"):
+        for name, settings in kinds.presets("tracking.trackers", kind).items():
+            config = kinds.config_of("tracking.trackers", kind)(**settings)
             assert name == "paper"
             assert getattr(config, "contrast", 0.0) == 0.0
             assert not getattr(config, "discriminate", False)
-    papers = {k: plugins.preset("tracking.trackers", k, "paper") for k in TRACKERS if "cv_" not in k
+    papers = {k: kinds.preset("tracking.trackers", k, "paper") for k in TRACKERS if "cv_" not in k
               and k != "camshift"}  # fmt: skip
     assert len(papers) == 12
     assert papers["kams"]["schedule"] == "fixed"

@@ -13,7 +13,7 @@ import numba, numba.core.caching as caching
 for name in ("InTreeCacheLocator", "UserWideCacheLocator"):
     getattr(caching, name).from_function = classmethod(lambda *_: None)
 import numpy as np
-from tracking.hot.sampling import normalised
+from tracking.hot.particle_loops import normalised
 print(normalised(np.zeros(4)).tolist(), numba.config.CACHE_DIR)
 """
 

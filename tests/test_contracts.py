@@ -3,27 +3,28 @@
 import cv2
 import numpy as np
 import pytest
+from servoing import begun, facing, own, posture_of, task
 
-from servo.catalogue import LISTS, PLUGINS
-from servo.types import OwnMotion, Sight, Task
-from sim import plugins
-from sim.types import Effect, Frame, Pose, Posture
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.types import Sight
+from sim import kinds
+from sim.types import Effect, Frame, Pose
 from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
-EVERY = [(folder, kind) for folder in FOLDERS for kind in plugins.kinds(folder)]
-TRACKERS = plugins.kinds("tracking.trackers")
+EVERY = [(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
+TRACKERS = kinds.names("tracking.trackers")
 WITH_COVARIANCE = {"annealed", "condensation", "hybrid", "kams", "kernel_pf", "mk_pf", "pf_ssd",
                    "texture_pf"}  # fmt: skip
 """Trackers with particles; the others have no covariance."""
-ESTIMATORS = plugins.kinds("servo.estimators")
-CONTROLLERS = plugins.kinds("servo.controllers")
+ESTIMATORS = kinds.names("servo.estimators")
+CONTROLLERS = kinds.names("servo.controllers")
 FIRST = State(80.0, 60.0, 0.3, 1.0)
-STILL = Posture.of_twist(np.zeros(6))
+STILL = posture_of(np.zeros(6))
 
 
 def build(folder, kind, seed=0):
-    return plugins.config_of(folder, kind)().build(np.random.default_rng(seed))
+    return kinds.config_of(folder, kind)().build(np.random.default_rng(seed))
 
 
 def frames(count=6, gone_after=None):
@@ -48,8 +49,8 @@ def track(kind, seed=0, **options):
 
 @pytest.mark.parametrize(("folder", "kind"), EVERY)
 def test_every_kind_documents_itself_and_its_settings(folder, kind):
-    assert plugins.summary(folder, kind).endswith((".", ")"))
-    docs = plugins.field_docs(plugins.config_of(folder, kind))
+    assert kinds.summary(folder, kind).endswith((".", ")"))
+    docs = kinds.field_docs(kinds.config_of(folder, kind))
     assert all(docs.values()), docs
 
 
@@ -147,18 +148,18 @@ def test_trackers_refuse_an_empty_region(kind):
 
 @pytest.mark.parametrize("kind", ESTIMATORS)
 def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
-    estimator, rng = build("servo.estimators", kind), np.random.default_rng(1)
-    rest, speed = OwnMotion.of(np.zeros(4)), np.array([0.1, -0.1, 0.05, 0.2])
+    estimator, rng = begun(build("servo.estimators", kind)), np.random.default_rng(1)
+    rest, speed = own(np.zeros(4)), np.array([0.1, -0.1, 0.05, 0.2])
     first = estimator.update(np.zeros(4), rest, 0.1)
     assert first.motion.tolist() == [0.0] * 4
     for k in range(1, 60):
         estimator.update(0.1 * k * speed + rng.normal(0, 1e-5, 4), rest, 0.1)
     known = np.zeros(4) if kind == "none" else speed
     for _ in range(5):
-        outlook = estimator.skip(rest, 0.1)
-        np.testing.assert_allclose(outlook.motion, known, atol=0.01)
-        assert np.all(np.isfinite(outlook.error))
-        assert np.all(np.isnan(outlook.innovation))
+        predicted = estimator.skip(rest, 0.1)
+        np.testing.assert_allclose(predicted.motion, known, atol=0.01)
+        assert np.all(np.isfinite(predicted.error))
+        assert np.all(np.isnan(predicted.innovation))
     after = estimator.update(0.1 * 65 * speed, rest, 0.1)
     np.testing.assert_allclose(after.motion, known, atol=0.01)
     assert np.all(np.isfinite(after.error))
@@ -166,45 +167,45 @@ def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
 
 @pytest.mark.parametrize("kind", ESTIMATORS)
 def test_estimators_that_have_seen_nothing_foretell_nothing(kind):
-    outlook = build("servo.estimators", kind).skip(OwnMotion.of(np.full(4, 0.3)), 0.1)
-    assert outlook.motion.tolist() == [0.0] * 4
-    assert outlook.error.tolist() == [0.0] * 4
-    assert np.all(np.isnan(outlook.innovation))
-    assert np.all(np.isnan(outlook.nis))
+    predicted = begun(build("servo.estimators", kind)).skip(own(np.full(4, 0.3)), 0.1)
+    assert predicted.motion.tolist() == [0.0] * 4
+    assert predicted.error.tolist() == [0.0] * 4
+    assert np.all(np.isnan(predicted.innovation))
+    assert np.all(np.isnan(predicted.nis))
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_controllers_give_finite_twists_seen_or_unseen(kind):
-    from servo import features, moments
+    from servo.sight import shape_moments
 
-    m = moments.of_polygon(
+    m = shape_moments.of_polygon(
         np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]]) + 0.02
     )
-    sight = Sight(m, features.facing_plane(m, 0.14))
+    sight = Sight(m, facing(m))
     controller = build("servo.controllers", kind)
-    controller.start(Task(sight, 0.14, build("servo.estimators", "none")))
+    controller.start(task(sight, build("servo.estimators", "none")))
     for seen in (None, sight, None, sight):
         command = controller.command(seen, STILL, 0.1)
         assert command.twist.shape == (6,)
         assert np.all(np.isfinite(command.twist))
-        assert np.all(np.isfinite(command.error))
+        assert command.trace is None or np.all(np.isfinite(command.trace.error))
 
 
-@pytest.mark.parametrize("kind", plugins.kinds("sim.motions"))
+@pytest.mark.parametrize("kind", kinds.names("sim.motions"))
 def test_motions_repeat_from_the_same_generator(kind):
     a, b = (build("sim.motions", kind, 4).at(1.7) for _ in range(2))
     assert isinstance(a, Pose)
     np.testing.assert_array_equal(a.translation, b.translation)
 
 
-@pytest.mark.parametrize("kind", plugins.kinds("sim.disturbances"))
+@pytest.mark.parametrize("kind", kinds.names("sim.disturbances"))
 def test_disturbances_do_nothing_before_time_zero(kind):
     assert build("sim.disturbances", kind).at(-1.0) == Effect()
 
 
 def test_an_unknown_kind_lists_what_there_is():
-    with pytest.raises(plugins.UnknownKind) as refused:
-        plugins.config_of("servo.estimators", "magic")
+    with pytest.raises(kinds.UnknownKind) as refused:
+        kinds.config_of("servo.estimators", "magic")
     assert str(refused.value) == (
         "there is no kind 'magic'; there is difference, error_kalman, imm, jump, "
         "kalman_ca, kalman_cv, none"

@@ -7,17 +7,17 @@ import sys
 import pytest
 from commands import STOPPED, begin, ended, wait_for, workers_of
 
-from servo import cli, listing
+from servo.cli import list_command, main
 
 
 def test_a_command_that_does_nothing_about_it(monkeypatch, capfd):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(listing, "shipped", interrupted)
+    monkeypatch.setattr(list_command, "shipped", interrupted)
     monkeypatch.setattr(sys, "argv", ["servobench", "list"])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     assert (ended.value.code, *capfd.readouterr()) == (130, "", f"{STOPPED}\n")
 
 

@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from servo import cli, suites
-from servo import scenario as s
-from servo.catalogue import LISTS, PLUGINS
+from servo.bench import suites
+from servo.bench.sequence_jobs import Contender
+from servo.cli import main
 from servo.mistake import Mistake
-from sim import plugins
-from tracking.evaluation.bench import Contender
+from servo.scenario import load as s
+from servo.scenario.catalogue import LISTS, PLUGINS
+from sim import kinds
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), suites.GENERATORS]
 NO_KINDS = (
@@ -41,17 +42,17 @@ def trap(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_name_that_is_no_file_of_the_folder_is_refused_and_nothing_imported(folder, trap):
-    plugins.kinds(folder)  # imports the folder itself
+    kinds.names(folder)  # imports the folder itself
     before = set(sys.modules)
     for name in NO_KINDS:
-        with pytest.raises(plugins.UnknownKind, match="there is no kind"):
-            plugins.config_of(folder, name)
-        with pytest.raises(plugins.UnknownKind, match="there is no kind"):
-            plugins.preset(folder, name, "paper")
-        with pytest.raises(plugins.UnknownKind, match="there is no kind"):
-            plugins.summary(folder, name)
-        with pytest.raises(plugins.UnknownKind, match="there is no kind"):
-            plugins.presets(folder, name)
+        with pytest.raises(kinds.UnknownKind, match="there is no kind"):
+            kinds.config_of(folder, name)
+        with pytest.raises(kinds.UnknownKind, match="there is no kind"):
+            kinds.preset(folder, name, "paper")
+        with pytest.raises(kinds.UnknownKind, match="there is no kind"):
+            kinds.summary(folder, name)
+        with pytest.raises(kinds.UnknownKind, match="there is no kind"):
+            kinds.presets(folder, name)
     assert set(sys.modules) == before
 
 
@@ -97,7 +98,7 @@ def call(monkeypatch, capfd, *arguments):
     """Exit code and stderr of a command."""
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     return ended.value.code or 0, capfd.readouterr().err
 
 

@@ -4,29 +4,28 @@ import itertools
 
 import numpy as np
 import pytest
+from servoing import ROOT_AREA, facing, posture_of, task
 
-from servo import features, moments
-from servo import scenario as s
 from servo.controllers._inverse import Inverse
 from servo.controllers.ibvs import Config
 from servo.estimators import kalman_cv
-from servo.interaction import interaction
+from servo.features._interaction import interaction
 from servo.mistake import Mistake
-from servo.types import DOF, FEATURES, Mode, Sight, Task
-from sim.types import Posture
+from servo.scenario import load as s
+from servo.sight import shape_moments
+from servo.types import DOF, Mode, Sight
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)
-ROOT_AREA = float(np.sqrt(0.02))
-STILL = Posture.of_twist(np.zeros(6))
-KNOWN = [(True, True, size, angle) for size in (True, False) for angle in (True, False)]
-"""What trackers follow: the place always, size and angle or not."""
+STILL = posture_of(np.zeros(6))
+KNOWN = list(itertools.product((True, False), repeat=2))
+"""What trackers follow besides the place: angle and size, or not."""
 SUBSETS = [names for n in range(1, 7) for names in itertools.combinations(DOF, n)]
 
 
-def sight(x=0.0, y=0.0, theta=0.0, depth=1.0, known=(True,) * 4):
-    m = moments.of_polygon(Region(0.2, 0.1).corners(State(x, y, theta, 1 / depth)))
-    return Sight(m, features.facing_plane(m, ROOT_AREA), known)
+def sight(x=0.0, y=0.0, theta=0.0, depth=1.0, known=(True, True)):
+    m = shape_moments.of_polygon(Region(0.2, 0.1).corners(State(x, y, theta, 1 / depth)))
+    return Sight(m, facing(m), *known)
 
 
 @pytest.mark.parametrize("known", KNOWN, ids=str)
@@ -34,10 +33,10 @@ def test_any_part_of_the_twist_moves_alone_or_with_others(known):
     assert len(SUBSETS) == 63
     for dof in SUBSETS:
         controller = Config(dof=dof).build(RNG)
-        controller.start(Task(sight(), ROOT_AREA, kalman_cv.Config().build(RNG), 1))
+        controller.start(task(sight(), kalman_cv.Config().build(RNG), latency=1))
         for x in (0.05, 0.04, 0.03):
             command = controller.command(sight(x, -0.03, 0.2, 1.1, known), STILL, 1 / 30)
-        held = {"vz": known[FEATURES.index("an")], "wz": known[FEATURES.index("theta")]}
+        held = {"vz": known[1], "wz": known[0]}
         free = [name in dof and held.get(name, True) for name in DOF]
         assert np.isfinite(command.twist).all()
         np.testing.assert_array_equal(command.twist[~np.array(free)], 0.0)

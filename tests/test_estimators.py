@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
+from servoing import METRIC, begun, own
 
 from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
-from servo.estimators._kalman import NOISE, between
+from servo.estimators._kalman import between
 from servo.estimators.difference import Difference
 from servo.estimators.jump import Cusum
+from servo.features.moments import NOISE
 from servo.types import OwnMotion
 
 RNG = np.random.default_rng(0)
@@ -13,30 +15,30 @@ RNG = np.random.default_rng(0)
 def measurements(count=60):
     """Errors and own motions whose plain difference is a known series."""
     z = np.cumsum(RNG.normal(0, 0.02, (count, 4)), axis=0)
-    own = RNG.normal(0, 0.1, (count, 4))
-    errors = np.cumsum((z + own) / 30, axis=0)
-    return z, own, errors
+    given = RNG.normal(0, 0.1, (count, 4))
+    errors = np.cumsum((z + given) / 30, axis=0)
+    return z, given, errors
 
 
 def test_difference_is_what_the_cameras_motion_does_not_explain():
-    z, own, errors = measurements()
-    estimator = difference.Config().build(RNG)
-    assert estimator.update(errors[0], OwnMotion.of(own[0]), 1 / 30).motion.tolist() == [0, 0, 0, 0]
+    z, given, errors = measurements()
+    estimator = begun(difference.Config().build(RNG))
+    assert estimator.update(errors[0], own(given[0]), 1 / 30).motion.tolist() == [0, 0, 0, 0]
     for k in range(1, 10):
         np.testing.assert_allclose(
-            estimator.update(errors[k], OwnMotion.of(own[k]), 1 / 30).motion, z[k], atol=1e-12
+            estimator.update(errors[k], own(given[k]), 1 / 30).motion, z[k], atol=1e-12
         )
 
 
 def test_difference_of_angles_passes_the_wrap():
-    estimator = Difference()
+    estimator = Difference(METRIC)
     estimator.measure(np.array([0, 0, 0, np.pi / 2 - 0.01]), np.zeros(4), 0.1)
     after = estimator.measure(np.array([0, 0, 0, -np.pi / 2 + 0.01]), np.zeros(4), 0.1)
     assert after[3] == pytest.approx(0.2)
 
 
 def test_no_difference_spans_a_gap():
-    estimator = Difference()
+    estimator = Difference(METRIC)
     estimator.measure(np.zeros(4), np.zeros(4), 0.1)
     estimator.measure(np.full(4, 0.01), np.zeros(4), 0.1)
     estimator.forget()
@@ -48,21 +50,21 @@ def test_no_difference_spans_a_gap():
 
 
 def test_kalman_agrees_with_the_textbook_written_out():
-    z, own, errors = measurements()
+    z, given, errors = measurements()
     rho, sQ, sR = 0.5, 2e-4, 1e-3
-    estimator = kalman_cv.Config(rho=rho, state_variance=sQ, measure_variance=sR).build(RNG)
-    estimator.update(errors[0], OwnMotion.of(own[0]), 1 / 30)
+    estimator = begun(kalman_cv.Config(rho=rho, state_variance=sQ, measure_variance=sR).build(RNG))
+    estimator.update(errors[0], own(given[0]), 1 / 30)
     F, H, Q = np.array([[1, 1], [0, rho]]), np.array([[1.0, 0.0]]), np.diag([0, sQ])
     x, P = np.stack([z[1], np.zeros(4)]), np.diag([sR, sQ / (1 - rho**2)])
     np.testing.assert_allclose(
-        estimator.update(errors[1], OwnMotion.of(own[1]), 1 / 30).motion, z[1], atol=1e-12
+        estimator.update(errors[1], own(given[1]), 1 / 30).motion, z[1], atol=1e-12
     )
     for k in range(2, 60):
         x, P = F @ x, F @ P @ F.T + Q
         K = P @ H.T / (H @ P @ H.T + sR)
         x, P = x + K @ (z[k] - H @ x), (np.eye(2) - K @ H) @ P
         np.testing.assert_allclose(
-            estimator.update(errors[k], OwnMotion.of(own[k]), 1 / 30).motion, x[0], atol=1e-10
+            estimator.update(errors[k], own(given[k]), 1 / 30).motion, x[0], atol=1e-10
         )
 
 
@@ -76,21 +78,25 @@ def test_kalman_is_smoother_than_the_difference_and_follows_a_constant():
     rng = np.random.default_rng(1)
     noisy = 0.1 + rng.normal(0, 0.05, 400)
     errors = np.cumsum(noisy) / 30
-    estimator = kalman_cv.Config().build(rng)
-    found = [
-        estimator.update(np.full(4, e), OwnMotion.of(np.zeros(4)), 1 / 30).motion[0] for e in errors
-    ][50:]
+    estimator = begun(kalman_cv.Config().build(rng))
+    found = [estimator.update(np.full(4, e), own(np.zeros(4)), 1 / 30).motion[0] for e in errors][
+        50:
+    ]
     assert np.mean(found) == pytest.approx(0.1, abs=0.01)
     assert np.std(found) < 0.6 * 0.05
 
 
 def test_kalman_with_acceleration_agrees_with_the_textbook_written_out():
-    z, own, errors = measurements()
+    z, given, errors = measurements()
     rho, sQ, sA, sR, T = 0.4, 2e-4, 3e-4, 1e-3, 1 / 30
-    estimator = kalman_ca.Config(
-        rho=rho, state_variance=sQ, acceleration_variance=sA, measure_variance=sR
-    ).build(RNG)
-    estimator.update(errors[0], OwnMotion.of(own[0]), T)
+    estimator = begun(
+        begun(
+            kalman_ca.Config(
+                rho=rho, state_variance=sQ, acceleration_variance=sA, measure_variance=sR
+            ).build(RNG)
+        )
+    )
+    estimator.update(errors[0], own(given[0]), T)
     s = sQ / (1 - rho**2)
     F = np.array([[1, 1, T], [0, rho, 0], [0, 0, 1]])
     H, Q = np.array([[1.0, 0.0, 0.0]]), np.diag([0, sQ, sA])
@@ -99,24 +105,24 @@ def test_kalman_with_acceleration_agrees_with_the_textbook_written_out():
     )
     x = np.vstack([z[1], np.zeros((2, 4))])
     np.testing.assert_allclose(
-        estimator.update(errors[1], OwnMotion.of(own[1]), T).motion, z[1], atol=1e-12
+        estimator.update(errors[1], own(given[1]), T).motion, z[1], atol=1e-12
     )
     for k in range(2, 40):
         x, P = F @ x, F @ P @ F.T + Q
         K = P @ H.T / (H @ P @ H.T + sR)
         x, P = x + K @ (z[k] - H @ x), (np.eye(3) - K @ H) @ P
         np.testing.assert_allclose(
-            estimator.update(errors[k], OwnMotion.of(own[k]), T).motion, x[0], atol=1e-8
+            estimator.update(errors[k], own(given[k]), T).motion, x[0], atol=1e-8
         )
 
 
 def follow(estimator, speeds, dt=1 / 30, seed=0):
-    """Outlooks for a target whose speed per frame is given, measured with the usual noise."""
+    """Predictions for a target whose speed per frame is given, measured with the usual noise."""
     rng, error, found = np.random.default_rng(seed), np.zeros(4), []
     for speed in speeds:
         error = error + dt * speed
         seen = error + rng.normal(0, NOISE)
-        found.append(estimator.update(seen, OwnMotion.of(np.zeros(4)), dt))
+        found.append(estimator.update(seen, own(np.zeros(4)), dt))
     return found
 
 
@@ -125,7 +131,8 @@ STEP = np.repeat([0.1, -0.1], 60)
 
 def test_after_a_jump_cusum_begins_anew_and_the_plain_filter_lags():
     plain, watchful = (
-        [o.motion[0] for o in follow(kind.Config().build(RNG), STEP)] for kind in (kalman_cv, jump)
+        [o.motion[0] for o in follow(begun(kind.Config().build(RNG)), STEP)]
+        for kind in (kalman_cv, jump)
     )
     assert abs(watchful[61] + 0.1) < 0.02
     assert abs(plain[61] + 0.1) > 0.08
@@ -135,55 +142,55 @@ def test_after_a_jump_cusum_begins_anew_and_the_plain_filter_lags():
 def test_cusum_sums_what_passes_the_drift_in_either_direction():
     test = Cusum(drift=1.0, threshold=4.0)
     up = np.array([3.0, -3.0, 1.0, 0.0])
-    assert test.rings(up).tolist() == [False] * 4  # 2
-    assert test.rings(up).tolist() == [False] * 4  # 4
-    assert test.rings(up).tolist() == [True, True, False, False]  # 6
-    assert test.rings(up).tolist() == [False] * 4  # anew
+    assert test.jumped(up).tolist() == [False] * 4  # 2
+    assert test.jumped(up).tolist() == [False] * 4  # 4
+    assert test.jumped(up).tolist() == [True, True, False, False]  # 6
+    assert test.jumped(up).tolist() == [False] * 4  # anew
 
 
 @pytest.mark.parametrize("kind", [error_kalman, imm])
 def test_filters_on_the_error_smooth_follow_and_predict_over_the_delay(kind):
     dt = 1 / 30
-    outlooks = follow(kind.Config().build(RNG), np.full(120, 0.1))
-    motions = np.array([o.motion[0] for o in outlooks[60:]])
+    predictions = follow(begun(kind.Config().build(RNG)), np.full(120, 0.1))
+    motions = np.array([o.motion[0] for o in predictions[60:]])
     assert motions.mean() == pytest.approx(0.1, abs=2e-3)
     assert motions.std() < 0.4 * np.sqrt(2) * NOISE[0] / dt  # of the plain difference
-    late, rest, steady = kind.Config().build(RNG), np.zeros(4), np.full(4, 0.1)
+    late, rest, steady = begun(kind.Config().build(RNG)), np.zeros(4), np.full(4, 0.1)
     coming = np.array([[-0.2] * 4, [0.3] * 4])
     for k in range(60):
-        outlook = late.update(dt * k * steady, OwnMotion(rest, coming), dt)
+        predicted = late.update(dt * k * steady, OwnMotion(rest, coming), dt)
     # Two intervals with the commands under way, and the target's own motion.
     expected = dt * (59 * 0.1 + (0.1 - 0.2) + (0.1 + 0.3))
-    np.testing.assert_allclose(outlook.error, expected, atol=1e-4)
+    np.testing.assert_allclose(predicted.error, expected, atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", [error_kalman, imm])
 def test_filters_on_the_error_know_what_the_camera_did(kind):
-    estimator, dt = kind.Config().build(RNG), 1 / 30
+    estimator, dt = begun(kind.Config().build(RNG)), 1 / 30
     rng, error = np.random.default_rng(0), np.zeros(4)
     for _ in range(100):
-        own = rng.normal(0, 0.2, 4)
-        error = error + dt * (own + 0.1)
-        outlook = estimator.update(error, OwnMotion.of(own), dt)
-    np.testing.assert_allclose(outlook.motion, 0.1, atol=1e-3)
+        caused = rng.normal(0, 0.2, 4)
+        error = error + dt * (caused + 0.1)
+        predicted = estimator.update(error, own(caused), dt)
+    np.testing.assert_allclose(predicted.motion, 0.1, atol=1e-3)
 
 
 @pytest.mark.parametrize("kind", [error_kalman, imm])
 def test_filters_on_the_error_pass_the_wrap_and_coast(kind):
-    estimator, dt, rest = kind.Config().build(RNG), 1 / 30, OwnMotion.of(np.zeros(4))
+    estimator, dt, rest = begun(kind.Config().build(RNG)), 1 / 30, own(np.zeros(4))
     for k in range(60):
         angle = 1.4 + 0.5 * dt * k
         wrapped = angle - np.pi if angle > np.pi / 2 else angle
-        outlook = estimator.update(np.array([0, 0, 0, wrapped]), rest, dt)
-    assert outlook.motion[3] == pytest.approx(0.5, abs=0.01)
+        predicted = estimator.update(np.array([0, 0, 0, wrapped]), rest, dt)
+    assert predicted.motion[3] == pytest.approx(0.5, abs=0.01)
     for _ in range(15):
         blind = estimator.skip(rest, dt)
-    assert blind.error[3] - outlook.error[3] == pytest.approx(15 * dt * 0.5, abs=0.01)
+    assert blind.error[3] - predicted.error[3] == pytest.approx(15 * dt * 0.5, abs=0.01)
 
 
 def test_the_mixture_is_as_smooth_as_the_smooth_model_and_as_fast_as_the_other():
     smooth, mixed = (
-        [o.motion[0] for o in follow(kind.Config(acceleration=1e-3).build(RNG), STEP)]
+        [o.motion[0] for o in follow(begun(kind.Config(acceleration=1e-3).build(RNG)), STEP)]
         for kind in (error_kalman, imm)
     )
     assert np.std(mixed[40:59]) < 3 * np.std(smooth[40:59])
@@ -193,9 +200,9 @@ def test_the_mixture_is_as_smooth_as_the_smooth_model_and_as_fast_as_the_other()
 
 @pytest.mark.parametrize("kind", [kalman_cv, kalman_ca, jump, error_kalman, imm])
 def test_innovations_over_their_variance_are_about_one_for_the_noise_they_expect(kind):
-    outlooks = follow(kind.Config().build(RNG), np.full(600, 0.05))
-    nis = np.array([o.nis for o in outlooks[100:]])
+    predictions = follow(begun(kind.Config().build(RNG)), np.full(600, 0.05))
+    nis = np.array([o.nis for o in predictions[100:]])
     # Differences in a row share a frame: their noise is not white, and counts for somewhat more.
     assert np.all((nis.mean(axis=0) > 0.5) & (nis.mean(axis=0) < 2.0))
-    innovations = np.array([o.innovation for o in outlooks[100:]])
+    innovations = np.array([o.innovation for o in predictions[100:]])
     assert np.all(np.abs(innovations.mean(axis=0)) < 0.2 * innovations.std(axis=0))

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from servo.episode import Episode
-from servo.events import Event, events
-from servo.scenario import load
+from servo.loop.episode import Episode
+from servo.loop.events import Event, events
+from servo.scenario.load import load
 from servo.types import Mode
 from tracking.types import Status
 

@@ -14,13 +14,14 @@ from annotated_types import Ge, Gt, Le, Lt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servo import scenario as s
-from servo.catalogue import LISTS, PLUGINS
-from servo.episode import Episode
-from servo.measures import summarise
+from servo.loop.episode import Episode
+from servo.loop.run_measures import summarise
 from servo.mistake import Mistake
-from servo.overrides import put
-from sim import plugins
+from servo.scenario import load as s
+from servo.scenario import toml
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.override import put
+from sim import kinds
 from sim.ranges import LONGEST
 
 SHORT = """
@@ -78,9 +79,9 @@ def settings_of(config, begin=""):
 
 def base(place, kind):
     """A short scenario with a kind in its place, in which its settings matter."""
-    table = s.tables.decode(SHORT, "short")
+    table = toml.decode(SHORT, "short")
     if place in LISTS:
-        names = {f.name for f in dataclasses.fields(plugins.config_of(LISTS[place], kind))}
+        names = {f.name for f in dataclasses.fields(kinds.config_of(LISTS[place], kind))}
         table[place] = [{"kind": kind} | {k: v for k, v in EARLY.items() if k in names}]
     elif place in PLUGINS:
         table[place] = {"kind": kind} | (EVERYTHING if kind == "ibvs" else {})
@@ -89,9 +90,9 @@ def base(place, kind):
 
 KINDS = [(place, None, config) for place, config in s.SECTIONS.items()]
 KINDS += [
-    (place, kind, plugins.config_of(folder, kind))
+    (place, kind, kinds.config_of(folder, kind))
     for place, folder in [*((p, f) for p, (f, _) in PLUGINS.items()), *LISTS.items()]
-    for kind in plugins.kinds(folder)
+    for kind in kinds.names(folder)
 ]
 
 
@@ -135,8 +136,9 @@ def run_short(place, kind, changes):
         assert any(reason in refused for reason in REFUSED), refused
         return
     for step in steps:
-        outlook, state = step.command.outlook, dataclasses.astuple(step.estimate.state)
-        for values in (step.command.twist, step.command.error, outlook.error, outlook.motion,
+        predicted, state = step.prediction, dataclasses.astuple(step.estimate.state)
+        numbers = (step.error, predicted.error, predicted.motion) if step.command.trace else ()
+        for values in (step.command.twist, *numbers,
                        step.bodies, step.joints, step.rates, step.twist_measured, state,
                        step.estimate.distance, step.target_motion_true):  # fmt: skip
             assert np.isfinite(values).all()

@@ -1,19 +1,18 @@
-"""What a controller is told of the target's plane, and a tracker of the camera's motion."""
+"""What a controller knows of the target's plane, and a tracker of the camera's motion."""
 
 import numpy as np
 import pytest
+from servoing import CAMERA, OUTLINE, plane_of
 
-from servo import features
-from servo.eyes import Eyes
-from servo.plane_fit import PlaneFit
-from servo.settings import FeaturesConfig
+from servo.sight import shape_moments
+from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
+from servo.sight.plane_fit import PlaneFit
+from servo.sight.planes import plane_of_size
 from sim import placement
 from sim.geometry import exp_se3, exp_so3
-from sim.types import Camera, Pose, Posture
+from sim.types import Pose, Posture
 from tracking.types import Estimate, Region, State, Status
 
-CAMERA = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)
-OUTLINE = np.array([[-0.1, 0.05, 0.0], [0.1, 0.05, 0.0], [0.1, -0.05, 0.0], [-0.1, -0.05, 0.0]])
 REGION = Region(58.0, 29.0)
 TARGET = Pose.planar(0.03, -0.02, 0.4)
 
@@ -36,31 +35,31 @@ def estimate_of(truth, status=Status.LOCKED):
     return Estimate(state, np.zeros((4, 4)), 0.0, status)
 
 
-def sight(eyes, camera, target=TARGET):
+def sight(seeing, camera, target=TARGET):
     truth = placement.truth(CAMERA, OUTLINE, camera, target)
-    return eyes.see(estimate_of(truth), truth, posture(camera))
+    return seeing.see(estimate_of(truth), posture(camera))
 
 
-def eyes(**config):
-    return Eyes(FeaturesConfig(**config), CAMERA, REGION, OUTLINE)
+def to_sight(**config):
+    return EstimateToSight(SightConfig(**config), CAMERA, REGION, OUTLINE)
 
 
 def test_a_level_camera_sees_the_same_plane_by_every_way():
     for plane in ("parallel", "known", "estimated"):
         for depth in ("size", "known"):
-            seen = sight(eyes(plane=plane, depth=depth), camera_at(height=0.8))
+            seen = sight(to_sight(plane=plane, depth=depth), camera_at(height=0.8))
             np.testing.assert_allclose(seen.plane.vector, [0, 0, 1 / 0.8], atol=1e-6)
 
 
 def test_a_tilted_camera_knows_the_normal_or_not():
     camera = camera_at(tilt=0.3)
-    true = features.plane_of(camera.inverse() @ TARGET, 0.0)
-    known = sight(eyes(plane="known", depth="known"), camera).plane
+    true = plane_of(camera.inverse() @ TARGET, 0.0)
+    known = sight(to_sight(plane="known", depth="known"), camera).plane
     np.testing.assert_allclose(known.vector, true.vector, atol=1e-12)
     # From size: the target is small, so the depth of its middle is that of all of it, nearly.
-    sized = sight(eyes(plane="known", depth="size"), camera).plane
+    sized = sight(to_sight(plane="known", depth="size"), camera).plane
     np.testing.assert_allclose(sized.vector, true.vector, rtol=0.02, atol=1e-3)
-    facing = sight(eyes(plane="parallel", depth="known"), camera)
+    facing = sight(to_sight(plane="parallel", depth="known"), camera)
     ray = np.array([facing.moments.xg, facing.moments.yg, 1.0])
     assert facing.plane.A == facing.plane.B == 0.0
     assert pytest.approx(float(true.vector @ ray), rel=1e-9) == facing.plane.C
@@ -68,9 +67,9 @@ def test_a_tilted_camera_knows_the_normal_or_not():
 
 def test_depth_from_size_is_exact_for_a_small_target_on_any_plane():
     normal, root_area = np.array([0.3, -0.2, 1.0]), 0.002
-    m0 = features.moments_of(CAMERA.to_pixels(np.array([[0.1, 0.05]])).repeat(4, 0) + [
+    m0 = shape_moments.of_corners(CAMERA.to_pixels(np.array([[0.1, 0.05]])).repeat(4, 0) + [
         [0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]], CAMERA)  # fmt: skip
-    found = features.plane_of_size(m0, root_area, normal).vector
+    found = plane_of_size(m0, root_area, normal).vector
     np.testing.assert_allclose(found / np.linalg.norm(found), normal / np.linalg.norm(normal))
     corners = np.array([[0.1, 0.05, 1], [0.1 + 0.1 / 290, 0.05, 1], [0.1, 0.05 + 0.1 / 290, 1]])
     points = corners / (corners @ found)[:, None]
@@ -79,22 +78,22 @@ def test_depth_from_size_is_exact_for_a_small_target_on_any_plane():
 
 
 def test_a_wrong_depth_is_told_wrong_by_its_factor():
-    right, wrong = (sight(eyes(depth_factor=f), camera_at()).plane for f in (1.0, 1.5))
+    right, wrong = (sight(to_sight(depth_factor=f), camera_at()).plane for f in (1.0, 1.5))
     assert pytest.approx(1.5) == right.C / wrong.C
-    m = sight(eyes(), camera_at()).moments
-    assert pytest.approx(right.C / 0.7) == eyes(depth_factor=0.7).goal(m).plane.C
+    goal = to_sight(depth_factor=0.7).goal(State(160.0, 120.0), REGION)
+    assert pytest.approx(1 / 0.7) == goal.plane.C
 
 
 def test_what_is_not_locked_is_not_seen():
     truth = placement.truth(CAMERA, OUTLINE, camera_at(), TARGET)
     for status in (Status.UNSURE, Status.LOST):
-        assert eyes().see(estimate_of(truth, status), truth, posture(camera_at())) is None
+        assert to_sight().see(estimate_of(truth, status), posture(camera_at())) is None
 
 
 def test_the_plane_is_found_from_where_the_target_drives():
     """A camera that begins tilted believes the plane faces it; a drive in two directions tells."""
-    seeing, camera = eyes(plane="estimated", depth="known"), camera_at(tilt=0.15)
-    true = features.plane_of(camera.inverse() @ TARGET, 0.0).vector
+    seeing, camera = to_sight(plane="estimated", depth="known"), camera_at(tilt=0.15)
+    true = plane_of(camera.inverse() @ TARGET, 0.0).vector
 
     def off(target):
         found = sight(seeing, camera, target).plane.vector
@@ -123,7 +122,7 @@ def test_without_motion_the_prior_stays():
     "twist", [[0.3, 0, 0, 0, 0, 0], [0, -0.2, 0.3, 0, 0, 0], [0.1, 0.1, 0.1, 0, 0, 0.8]]
 )
 def test_ego_is_where_the_camera_has_moved_a_target_that_stood(twist):
-    seeing, camera, dt = eyes(), camera_at(), 0.1
+    seeing, camera, dt = to_sight(), camera_at(), 0.1
     sight(seeing, camera)
     before = placement.truth(CAMERA, OUTLINE, camera, TARGET)
     after = placement.truth(CAMERA, OUTLINE, camera @ exp_se3(np.array(twist) * dt), TARGET)

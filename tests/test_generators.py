@@ -3,24 +3,24 @@
 import numpy as np
 import pytest
 
-from sim import plugins
-from tracking.evaluation.contact_sheet import FOUND, TILE, TRUE, sheet
-from tracking.evaluation.generators.clutter import LEVELS, RADIUS
-from tracking.evaluation.sources import Painted
+from sim import kinds
+from tracking.evaluation.drawing.contact_sheet import FOUND, TILE, TRUE, sheet
+from tracking.evaluation.sequences.generators.clutter import LEVELS, RADIUS
+from tracking.evaluation.sequences.sources import Painted
 from tracking.types import State
 
-FOLDER = "tracking.evaluation.generators"
+FOLDER = "tracking.evaluation.sequences.generators"
 
 
 def build(kind, seed=0, **settings):
-    return plugins.config_of(FOLDER, kind)(**settings).build(np.random.default_rng(seed))
+    return kinds.config_of(FOLDER, kind)(**settings).build(np.random.default_rng(seed))
 
 
 def picture(sequence, index):
     return sequence.source.paint(index)
 
 
-@pytest.mark.parametrize("kind", plugins.kinds(FOLDER))
+@pytest.mark.parametrize("kind", kinds.names(FOLDER))
 def test_the_same_seed_paints_the_same_pictures(kind):
     once, again, other = build(kind, 3), build(kind, 3), build(kind, 4)
     np.testing.assert_array_equal(once.truth, again.truth)
@@ -28,7 +28,7 @@ def test_the_same_seed_paints_the_same_pictures(kind):
     assert not np.array_equal(picture(once, 7), picture(other, 7))
 
 
-@pytest.mark.parametrize("kind", plugins.kinds(FOLDER))
+@pytest.mark.parametrize("kind", kinds.names(FOLDER))
 def test_the_truth_is_where_the_target_is_painted(kind):
     """The pixels that differ between two pictures lie in the targets' two places."""
     still = {"noise": 0.0} if kind != "clutter" else {}

@@ -70,8 +70,8 @@ def test_rendering_that_was_switched_off_says_so(monkeypatch):
 
 
 def first_picture(*changes):
-    from servo.episode import Episode
-    from servo.scenario import load
+    from servo.loop.episode import Episode
+    from servo.scenario.load import load
 
     with Episode(load("still", list(changes))) as episode:
         return episode.world.look().image.copy()
@@ -86,8 +86,8 @@ def test_the_first_picture_does_not_depend_on_what_was_rendered_before():
 
 
 def test_worlds_that_are_open_at_the_same_time_draw_their_own_pictures():
-    from servo.episode import Episode
-    from servo.scenario import load
+    from servo.loop.episode import Episode
+    from servo.scenario.load import load
 
     alone = [first_picture("start.x=30"), first_picture("camera.width=200", "camera.height=100")]
     with Episode(load("still", ["start.x=30"])) as a:
@@ -123,7 +123,7 @@ def test_libraries_write_nothing_before_the_sentence(tmp_path, case):
     arguments, variables, sentence = QUIET[case]
     unset = ("MUJOCO_GL", "MPLCONFIGDIR")
     environment = {k: v for k, v in os.environ.items() if k not in unset} | variables
-    code = "from servo.cli import main; main()"
+    code = "from servo.cli.main import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments], env=environment, capture_output=True, cwd=tmp_path
     )

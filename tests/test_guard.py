@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from servo.guard import Printer, guarded
+from servo.cli.guard import Printer, guarded
 from servo.mistake import LONGEST, Mistake, Refused
 from sim.gl import NoRenderer
 

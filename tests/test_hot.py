@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import annealing, colour, sampled
+from tracking.hot import colour_labels, exponents, point_histograms
 
 RNG = np.random.default_rng(5)
 
@@ -50,7 +50,7 @@ def sampled_case():
 def test_coefficients_agree_with_numpy():
     case = sampled_case()
     np.testing.assert_allclose(
-        sampled.coefficients(*case), coefficient_twin(*case), rtol=0, atol=1e-13
+        point_histograms.coefficients(*case), coefficient_twin(*case), rtol=0, atol=1e-13
     )
 
 
@@ -58,12 +58,12 @@ def test_squared_distances_agree_with_numpy():
     rho = RNG.uniform(0.8, 1.1, (20, 9))
     expected = np.maximum(1 - rho.mean(axis=1), 0)
     assert 0 < (expected == 0).sum() < 20
-    np.testing.assert_allclose(sampled.squared_distances(rho), expected, atol=1e-14)
+    np.testing.assert_allclose(point_histograms.squared_distances(rho), expected, atol=1e-14)
 
 
 def test_histograms_agree_with_numpy():
     window, states, points, parts, weights, root = sampled_case()
-    found = sampled.histograms(window, states[0], points, parts, weights, *root.shape)
+    found = point_histograms.histograms(window, states[0], points, parts, weights, *root.shape)
     labels, left, top = window
     x, y, theta, log_scale = states[0]
     c, s = np.exp(log_scale) * np.cos(theta), np.exp(log_scale) * np.sin(theta)
@@ -86,12 +86,12 @@ def test_the_exponent_agrees_with_numpy():
         weights = np.exp(middle * (w - w.max()))
         weights /= weights.sum()
         low, high = (middle, high) if 1 / np.sum(weights**2) > target else (low, middle)
-    assert annealing.exponent(w, target, 100.0, 30) == pytest.approx(low, rel=1e-9)
+    assert exponents.exponent(w, target, 100.0, 30) == pytest.approx(low, rel=1e-9)
 
 
 def test_mean_shift_reports_the_coefficients_of_where_it_ends():
     window, states, points, _, weights, root = sampled_case()
-    ends, rho, _ = sampled.mean_shift(window, states, points, weights, root[:1], 15, 0.1)
+    ends, rho, _ = point_histograms.mean_shift(window, states, points, weights, root[:1], 15, 0.1)
     parts = np.zeros(len(points), np.int64)
     again = coefficient_twin(window, ends, points, parts, weights, root[:1])[:, 0]
     before = coefficient_twin(window, states, points, parts, weights, root[:1])[:, 0]
@@ -104,15 +104,15 @@ def test_colour_labels_agree_with_numpy(bits):
     image = RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8)
     red, green, blue = np.moveaxis(image[3:17, 4:29].astype(int) >> (8 - bits), -1, 0)
     expected = (red << 2 * bits) | (green << bits) | blue
-    np.testing.assert_array_equal(colour.labels(image, 4, 3, 29, 17, bits), expected)
-    assert colour.labels(image, 9, 9, 9, 5, bits).shape == (0, 0)
+    np.testing.assert_array_equal(colour_labels.labels(image, 4, 3, 29, 17, bits), expected)
+    assert colour_labels.labels(image, 9, 9, 9, 5, bits).shape == (0, 0)
 
 
 def test_evened_colours_agree_and_hardly_depend_on_the_light():
     image = RNG.integers(0, 256, (20, 30, 3)).astype(np.uint8)
     whole = image.max(axis=2, keepdims=True).astype(int) + 8
-    np.testing.assert_array_equal(colour.evened(image, 8), 255 * image.astype(int) // whole)
+    np.testing.assert_array_equal(colour_labels.evened(image, 8), 255 * image.astype(int) // whole)
     bright = np.array([[[200, 120, 40]]], np.uint8)
     dim = (bright * 0.7).astype(np.uint8)
-    change = colour.evened(dim, 8).astype(int) - colour.evened(bright, 8)
+    change = colour_labels.evened(dim, 8).astype(int) - colour_labels.evened(bright, 8)
     assert np.abs(change).max() <= 5  # of 60 without

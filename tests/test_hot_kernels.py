@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracking.hot import kernels as hot
-from tracking.hot import newton
+from tracking.hot import descent
+from tracking.hot import kernel_histograms as hot
 
 RNG = np.random.default_rng(5)
 
@@ -89,7 +89,7 @@ def test_normal_equations_agree_with_numpy():
     dq[0, 2] = 0.0
     e = (np.sqrt(q + floor) - root).ravel()
     J = (dq / (2 * np.sqrt(q + floor))[:, :, None]).reshape(-1, 4)
-    cost, gradient, curvature = newton.ssd_normal_equations(sums, totals, root, floor)
+    cost, gradient, curvature = descent.ssd_normal_equations(sums, totals, root, floor)
     assert cost == pytest.approx(e @ e / 3, rel=1e-13)
     np.testing.assert_allclose(gradient, J.T @ e / 3, rtol=1e-12)
     np.testing.assert_allclose(curvature, J.T @ J / 3, rtol=1e-12)
@@ -102,22 +102,22 @@ def test_a_damped_step_agrees_with_numpy():
     scaled = H * np.outer(units, units)
     scaled[np.diag_indices(4)] += 0.3 * np.trace(scaled) / 4
     expected = -units * np.linalg.solve(scaled, units * g)
-    np.testing.assert_allclose(newton.damped_step(g, H, 0.3, units), expected, rtol=1e-12)
+    np.testing.assert_allclose(descent.damped_step(g, H, 0.3, units), expected, rtol=1e-12)
 
 
 def descend_twin(image, x, kernels, roots, units, most, tolerance, hopeless):
-    cost, g, H = newton.linearise(image, x, kernels, roots)
-    damping, evaluations = newton.FIRST_DAMPING, 1
-    while cost <= hopeless and evaluations < most and damping < newton.MOST_DAMPING:
-        step = newton.damped_step(g, H, damping, units)
+    cost, g, H = descent.linearise(image, x, kernels, roots)
+    damping, evaluations = descent.FIRST_DAMPING, 1
+    while cost <= hopeless and evaluations < most and damping < descent.MOST_DAMPING:
+        step = descent.damped_step(g, H, damping, units)
         if np.abs(step / units).max() < tolerance:
             return x + step, cost, evaluations
-        there = newton.linearise(image, x + step, kernels, roots)
+        there = descent.linearise(image, x + step, kernels, roots)
         evaluations += 1
         if there[0] < cost:
-            x, damping, (cost, g, H) = x + step, damping * newton.LESS, there
+            x, damping, (cost, g, H) = x + step, damping * descent.LESS, there
         else:
-            damping *= newton.MORE
+            damping *= descent.MORE
     return x, cost, evaluations
 
 
@@ -130,11 +130,11 @@ def test_a_descent_agrees_with_python(smooth_image, most, tolerance, hopeless):
     *parts, levels = SHAPE
     true, units = np.array([60.0, 45.0, 0.2, 0.0]), np.array([1.0, 1.0, 0.05, 0.05])
     kernels = (*parts, levels, 2000)
-    sums, totals = newton.histograms(smooth_image, true, kernels)
-    roots = np.sqrt(sums[:, :, 0] / totals[:, :1] + newton.FLOOR)
+    sums, totals = descent.histograms(smooth_image, true, kernels)
+    roots = np.sqrt(sums[:, :, 0] / totals[:, :1] + descent.FLOOR)
     start = true + [3.0, -2.0, 0.1, 0.05]
     asked = smooth_image, start, kernels, roots, units, most, tolerance, hopeless
-    found, expected = newton.descend(*asked), descend_twin(*asked)
+    found, expected = descent.descend(*asked), descend_twin(*asked)
     np.testing.assert_allclose(found[0], expected[0], rtol=1e-12)
     assert found[1] == pytest.approx(expected[1], rel=1e-12)
     assert found[2] == expected[2]

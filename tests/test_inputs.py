@@ -12,7 +12,7 @@ import hostile
 import pytest
 from wordings import LISTED, folded
 
-from servo import cli
+from servo.cli import main
 
 LISTS = sorted((Path(__file__).parent / "inputs").glob("*.toml"))
 CASES = {
@@ -52,7 +52,7 @@ def test_a_wrong_input_ends_in_one_sentence_and_writes_nothing(monkeypatch, capf
     monkeypatch.setattr(sys, "argv", ["servobench", *words])
     before = state(place)
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     out, err = capfd.readouterr()
     said = err.splitlines()
     if not said[-1].startswith(USAGE):
@@ -66,5 +66,5 @@ def test_a_wrong_input_ends_in_one_sentence_and_writes_nothing(monkeypatch, capf
 def test_the_list_has_inputs_of_every_command():
     lines = [line for line, _ in CASES.values()]
     assert len(lines) >= 700
-    assert {line.split()[0] for line in lines} >= set(cli.app.commands)
+    assert {line.split()[0] for line in lines} >= set(main.app.commands)
     assert all(words not in sentence for _, sentence in CASES.values() for words in LISTED.values())

@@ -1,22 +1,23 @@
-"""The parts of the control law by themselves: null space, secondary tasks, limits, absence."""
+"""The parts of the control law by themselves: null space, secondary tasks, limits, loss."""
 
 import numpy as np
 import pytest
+from servoing import facing, posture_of
 
-from servo import features, moments
-from servo.controllers._absence import Absence
 from servo.controllers._inverse import Inverse
 from servo.controllers._limits import Limits
 from servo.controllers._secondary import FAR, twist_of
-from servo.interaction import interaction
+from servo.controllers._target_loss import TargetLoss
+from servo.features._interaction import interaction
+from servo.sight import shape_moments
 from servo.types import Mode
 from sim.geometry import exp_so3
 from sim.types import Pose, Posture
 
 DT = 1 / 30
 RECTANGLE = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])
-M = moments.of_polygon(RECTANGLE)
-L = interaction(M, features.facing_plane(M, float(np.sqrt(0.02))), 1.0)
+M = shape_moments.of_polygon(RECTANGLE)
+L = interaction(M, facing(M), 1.0)
 EVERY = np.ones(6, bool)
 FREE = Inverse.of(L, np.ones(4, bool), EVERY, np.ones(6)).free
 
@@ -29,7 +30,7 @@ def tilted(by):
 
 def with_joints(places):
     """A robot whose joints are the camera's own axes, each from -1 to 1."""
-    rest, one = Posture.of_twist(np.zeros(6)), np.ones(6)
+    rest, one = posture_of(np.zeros(6)), np.ones(6)
     return Posture(rest.T_base_camera, rest.twist, np.array(places), -one, one, np.eye(6))
 
 
@@ -94,20 +95,20 @@ def test_a_turn_alone_may_be_what_is_too_quick():
 
 
 def test_it_coasts_holds_and_searches_in_this_order_and_forgets_when_it_sees():
-    absence = Absence(coast=0.1, hold=0.1, speed=0.05)
-    modes = [absence.wait(DT) for _ in range(12)]
+    loss = TargetLoss(coast=0.1, hold=0.1, speed=0.05)
+    modes = [loss.wait(DT) for _ in range(12)]
     assert modes == [Mode.COASTING] * 3 + [Mode.HOLDING] * 3 + [Mode.SEARCHING] * 6
-    assert np.linalg.norm(absence.search(DT)) == pytest.approx(0.05)
-    assert absence.seen() is Mode.SERVOING
-    assert absence.wait(DT) is Mode.COASTING
-    never = Absence(coast=0.1, hold=None, speed=0.05)
+    assert np.linalg.norm(loss.search(DT)) == pytest.approx(0.05)
+    assert loss.seen() is Mode.SERVOING
+    assert loss.wait(DT) is Mode.COASTING
+    never = TargetLoss(coast=0.1, hold=None, speed=0.05)
     assert [never.wait(DT) for _ in range(300)][-1] is Mode.HOLDING
 
 
 def test_the_search_is_a_spiral_that_ends():
-    absence, place, places = Absence(coast=0.0, hold=0.0, speed=0.5), np.zeros(2), []
-    while absence.wait(DT) is Mode.SEARCHING:
-        place = place + DT * absence.search(DT)[:2]
+    loss, place, places = TargetLoss(coast=0.0, hold=0.0, speed=0.5), np.zeros(2), []
+    while loss.wait(DT) is Mode.SEARCHING:
+        place = place + DT * loss.search(DT)[:2]
         places.append(place)
     assert np.linalg.norm(places, axis=1).max() == pytest.approx(0.6, abs=0.03)
     # Windings 0.12 m apart: the way is pi r^2 / 0.12 long.

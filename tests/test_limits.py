@@ -7,16 +7,17 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
 
-from servo import batch, cli
-from servo import scenario as s
-from servo.catalogue import LISTS, PLUGINS
+from servo.batch import workers
+from servo.bench.suites import GENERATORS
+from servo.cli import main
 from servo.mistake import Mistake
-from servo.suites import GENERATORS
-from sim import plugins
+from servo.scenario import load as s
+from servo.scenario.catalogue import LISTS, PLUGINS
+from sim import kinds
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 CONFIGS = [*s.SECTIONS.values()]
-CONFIGS += [plugins.config_of(folder, kind) for folder in FOLDERS for kind in plugins.kinds(folder)]
+CONFIGS += [kinds.config_of(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
 
 
 def numbers(config):
@@ -132,7 +133,7 @@ def test_an_hour_at_100_frames_a_second_is_allowed():
 def call(monkeypatch, capfd, *arguments):
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     return ended.value.code, capfd.readouterr().err
 
 
@@ -146,15 +147,15 @@ def call(monkeypatch, capfd, *arguments):
         ),
         (
             ["check", "line", "--seeds", "1000000000000"],
-            f"these are 1,000,000,000,000 runs; the limit is {batch.MOST_RUNS:,}",
+            f"these are 1,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
         (
             ["bench", "clutter", "--trackers", "kams", "--seeds", "1000000000000"],
-            f"these are 4,000,000,000,000 runs; the limit is {batch.MOST_RUNS:,}",
+            f"these are 4,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
         (
             ["bench", "closed_loop", "--trackers", "kams", "--seeds", "1000000000000"],
-            f"these are 2,000,000,000,000 runs; the limit is {batch.MOST_RUNS:,}",
+            f"these are 2,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
     ],
 )

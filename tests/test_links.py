@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from servo import cli
+from servo.cli import main
 
 STUDY = """# mine
 # A car that stands.
@@ -23,7 +23,7 @@ def sweep(monkeypatch, capfd):
     words = ["servobench", "sweep", "mine.toml", "--out", "out", "--workers", "1"]
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     return ended.value.code or 0, capfd.readouterr().err
 
 
@@ -36,7 +36,7 @@ def finished(tmp_path_factory):
         (there / "mine.toml").write_text(STUDY)
         patch.setattr(sys, "argv", ["servobench", "sweep", "mine.toml", "--out", "out", "-q"])
         with pytest.raises(SystemExit):
-            cli.main()
+            main.main()
     return there
 
 

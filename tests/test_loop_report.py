@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo import loop_bench, suites
-from servo.loop_bench import LoopJob
-from tracking.evaluation.jobs import RESULTS
+from servo.batch.jobs import RESULTS
+from servo.bench import loop_jobs, suites
+from servo.bench.loop_jobs import LoopJob
+from servo.cli import bench_loop_command
 
 WORDS = "mk_ssd,kams:paper"
 
@@ -17,7 +18,7 @@ WORDS = "mk_ssd,kams:paper"
 def results():
     rng, found = np.random.default_rng(5), []
     for i, contender in enumerate(suites.contenders(WORDS)):
-        for scenario in loop_bench.SCENARIOS:
+        for scenario in loop_jobs.SCENARIOS:
             for seed in range(3):
                 rms, lost = float(rng.uniform(1, 3) * (1 + i)), i == 1 and seed == 2
                 values = {"servo_rms_px": rms, "servo_peak_px": 3 * rms,
@@ -33,9 +34,9 @@ def results():
 @pytest.fixture
 def folder(tmp_path):
     """Results and bench.json, as the command leaves them."""
-    loop_bench._write(results(), tmp_path)
+    loop_jobs.write(results(), tmp_path)
     for contender in suites.contenders(WORDS):
-        for name in loop_bench.SCENARIOS:
+        for name in loop_jobs.SCENARIOS:
             for seed in range(3):
                 path = tmp_path / RESULTS / contender.label / f"{name}-{seed}.json"
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,7 +47,7 @@ def folder(tmp_path):
 
 def test_the_table_is_printed_so(approved):
     console = Console(width=110, record=True, file=io.StringIO())
-    loop_bench._print(console, results())
+    bench_loop_command._print(console, results())
     approved("loop/printed", console.export_text().splitlines())
 
 

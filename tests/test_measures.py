@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.episode import Episode
-from servo.measures import MEANINGS, Outcome, summarise, violations
-from servo.scenario import load
-from servo.settings import MeasureConfig
+from servo.loop.episode import Episode
+from servo.loop.run_measures import MEANINGS, Outcome, summarise, violations
+from servo.scenario.load import load
+from servo.scenario.sections import MeasureConfig
 from sim.geometry import exp_so3
 from tracking.types import Status
 

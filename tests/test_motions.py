@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from sim import plugins
+from sim import kinds
 from sim.motions import circle, line, reversal, sine, spin, stop_and_go, wander
 
-KINDS = plugins.kinds("sim.motions")
+KINDS = kinds.names("sim.motions")
 
 RNG = np.random.default_rng(0)
 
 
 def build(kind, seed=0):
-    return plugins.config_of("sim.motions", kind)().build(np.random.default_rng(seed))
+    return kinds.config_of("sim.motions", kind)().build(np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo import eyes, features, interaction
 from servo.controllers import ibvs
-from servo.episode import run
-from servo.measures import summarise, violations
-from servo.scenario import load
+from servo.features import _interaction, moments
+from servo.loop.episode import run
+from servo.loop.run_measures import summarise, violations
+from servo.scenario.load import load
+from servo.sight import estimate_to_sight
 from sim.robot import Robot
 from sim.world import World
 
@@ -22,8 +23,8 @@ def missed(name):
 
 @pytest.mark.parametrize("row", ["row_xn", "row_yn", "row_an", "row_theta"])
 def test_a_row_with_the_wrong_sign(monkeypatch, row):
-    right = getattr(interaction, row)
-    monkeypatch.setattr(interaction, row, lambda *shape: [-part for part in right(*shape)])
+    right = getattr(_interaction, row)
+    monkeypatch.setattr(_interaction, row, lambda *shape: [-part for part in right(*shape)])
     assert missed("still")
 
 
@@ -70,22 +71,24 @@ def test_the_wrong_features_fed_forward(monkeypatch):
 @pytest.mark.parametrize("factor", [290.0, 1 / 290.0])
 def test_an_in_pixels(monkeypatch, factor):
     """SERVO's trap: with the area in px^2, an is off by the focal length."""
-    right = features.of_moments
-    monkeypatch.setattr(features, "of_moments", lambda m, K: right(m, K) * [1, 1, factor, 1])
+    right = moments.of_moments
+    monkeypatch.setattr(moments, "of_moments", lambda m, K: right(m, K) * [1, 1, factor, 1])
     assert missed("still")
 
 
 def test_theta_measured_with_y_up(monkeypatch):
-    right = features.of_moments
-    monkeypatch.setattr(features, "of_moments", lambda m, K: right(m, K) * [1, 1, 1, -1])
+    right = moments.of_moments
+    monkeypatch.setattr(moments, "of_moments", lambda m, K: right(m, K) * [1, 1, 1, -1])
     assert missed("still")
 
 
 def test_a_depth_that_is_three_times_too_large(monkeypatch):
     """The translations' gain is off by beta = 3; compensation is stable below 2 only."""
-    right = eyes.Eyes._told
+    right = estimate_to_sight.EstimateToSight._scaled
     monkeypatch.setattr(
-        eyes.Eyes, "_told", lambda self, plane: right(self, type(plane)(*(plane.vector / 3)))
+        estimate_to_sight.EstimateToSight,
+        "_scaled",
+        lambda self, plane: right(self, type(plane)(*(plane.vector / 3))),
     )
     assert missed("still")
 

@@ -2,8 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.hot import kernels as hot
-from tracking.hot.newton import FLOOR
+from tracking.hot import kernel_histograms as hot
+from tracking.hot.descent import FLOOR
 from tracking.search.newton import UNITS, KernelModel
 from tracking.types import Region, State
 

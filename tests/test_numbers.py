@@ -8,31 +8,32 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import cv2
 import numpy as np
 import pytest
+from servoing import begun
 
-from servo.catalogue import LISTS, PLUGINS, shipped
-from servo.scenario import load
+from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.load import load
 from servo.types import OwnMotion
-from sim import plugins
+from sim import kinds
 from sim.types import Frame
 from tracking.types import Region, State
 
-GENERATORS = "tracking.evaluation.generators"
+GENERATORS = "tracking.evaluation.sequences.generators"
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 TRACKERS = "tracking.trackers"
-PRESETS = [(kind, name) for kind in plugins.kinds(TRACKERS)
-           for name in ("", *plugins.presets(TRACKERS, kind))]  # fmt: skip
+PRESETS = [(kind, name) for kind in kinds.names(TRACKERS)
+           for name in ("", *kinds.presets(TRACKERS, kind))]  # fmt: skip
 ROUNDING = 1e-4
 """Other processors round otherwise: a track may differ by this share."""
 
 
 def build(folder, kind, seed=0, **settings):
-    return plugins.config_of(folder, kind)(**settings).build(np.random.default_rng(seed))
+    return kinds.config_of(folder, kind)(**settings).build(np.random.default_rng(seed))
 
 
 def test_the_settings_of_every_kind_begin_with_these_values(approved):
-    found = {folder: {kind: plugins.config_of(folder, kind)() for kind in plugins.kinds(folder)}
+    found = {folder: {kind: kinds.config_of(folder, kind)() for kind in kinds.names(folder)}
              for folder in FOLDERS}  # fmt: skip
-    presets = {kind: plugins.presets(TRACKERS, kind) for kind in plugins.kinds(TRACKERS)}
+    presets = {kind: kinds.presets(TRACKERS, kind) for kind in kinds.names(TRACKERS)}
     approved("settings", {"kinds": found, "presets": presets})
 
 
@@ -45,7 +46,7 @@ def test_every_shipped_scenario_means_this(approved):
 
 def test_every_motion_goes_this_way(approved):
     found = {}
-    for kind in plugins.kinds("sim.motions"):
+    for kind in kinds.names("sim.motions"):
         poses = [build("sim.motions", kind).at(t) for t in (0.0, 0.7, 1.9, 3.3, 6.1, 11.0)]
         found[kind] = [[*p.translation[:2], *p.rotation[:2, 0]] for p in poses]
     approved("motions", found)
@@ -53,18 +54,18 @@ def test_every_motion_goes_this_way(approved):
 
 def test_every_disturbance_has_these_effects(approved):
     times = (0.3, 1.2, 2.1, 2.9, 3.1, 3.4, 4.6, 5.2, 6.3, 9.0)
-    kinds = plugins.kinds("sim.disturbances")
+    every = kinds.names("sim.disturbances")
     approved("disturbances", {
-        kind: [build("sim.disturbances", kind).at(t) for t in times] for kind in kinds
+        kind: [build("sim.disturbances", kind).at(t) for t in times] for kind in every
     })  # fmt: skip
 
 
 def test_every_estimator_gives_these_estimates(approved):
     """A target that drives, brakes and is hidden for four frames, with noise; at two rates."""
     found = {}
-    for kind in plugins.kinds("servo.estimators"):
+    for kind in kinds.names("servo.estimators"):
         for rate in (30, 5):
-            estimator, rng = build("servo.estimators", kind), np.random.default_rng(2)
+            estimator, rng = begun(build("servo.estimators", kind)), np.random.default_rng(2)
             error, rows = np.zeros(4), []
             for k in range(30):
                 own = OwnMotion(rng.normal(0, 0.05, 4), rng.normal(0, 0.05, (k % 3, 4)))
@@ -82,7 +83,7 @@ def test_every_estimator_gives_these_estimates(approved):
 
 def test_every_generator_paints_these_sequences(approved):
     found = {}
-    for kind in plugins.kinds(GENERATORS):
+    for kind in kinds.names(GENERATORS):
         sequence = build(GENERATORS, kind, 2)
         pictures = [sequence.source.paint(k) for k in (0, 17, 80)]
         found[kind] = {
@@ -129,14 +130,14 @@ def track(kind, settings):
 
 @pytest.mark.parametrize(("kind", "preset"), PRESETS, ids=["-".join(p).strip("-") for p in PRESETS])
 def test_every_tracker_goes_this_way(approved, kind, preset):
-    settings = plugins.presets(TRACKERS, kind)[preset] if preset else {}
+    settings = kinds.presets(TRACKERS, kind)[preset] if preset else {}
     approved(f"tracks/{kind}{'-' * bool(preset)}{preset}", track(kind, settings), ROUNDING)
 
 
-@pytest.mark.parametrize("kind", plugins.kinds(TRACKERS))
+@pytest.mark.parametrize("kind", kinds.names(TRACKERS))
 def test_every_choice_of_a_tracker_goes_this_way(approved, kind):
     """Each word that a setting may have, and each switch the other way round."""
-    config, others = plugins.config_of(TRACKERS, kind), {}
+    config, others = kinds.config_of(TRACKERS, kind), {}
     for name, hint in get_type_hints(config).items():
         before = getattr(config(), name)
         if get_origin(hint) is Literal:

@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 from commands import frames_in
 
-from servo import commands
-from servo.scenario import load, parse
-from servo.steps_table import STREAM, quantities
+from servo.cli import run_command
+from servo.output.steps_table import STREAM, quantities
+from servo.scenario.load import load, parse
 
 SHORT = ["run.duration=2.0", "disturbances.0.start=1.0", "goal.angle_deg=30.0"]
 
@@ -25,7 +25,7 @@ SHORT = ["run.duration=2.0", "disturbances.0.start=1.0", "goal.angle_deg=30.0"]
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "out"
     changes = [*SHORT, "expect={}"]
-    assert commands.run_scenario("occlusion", changes, 1, path, quiet=True, rerun=True) == 0
+    assert run_command.run_scenario("occlusion", changes, 1, path, quiet=True, rerun=True) == 0
     return path
 
 
@@ -184,7 +184,7 @@ def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_killed_run_keeps_its_recording_and_its_rows_to_the_last_second(tmp_path):
     out = tmp_path / "out"
-    code = "import sys; from servo.cli import main; sys.exit(main())"
+    code = "import sys; from servo.cli.main import main; sys.exit(main())"
     arguments = ["run", "reversal", "--quiet", "--out", str(out), "--set", "run.duration=600"]
     process = subprocess.Popen([sys.executable, "-c", code, *arguments])
     stream, deadline = out / STREAM, time.monotonic() + 120

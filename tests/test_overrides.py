@@ -2,8 +2,8 @@
 
 import pytest
 
-from servo import scenario as s
 from servo.mistake import Mistake
+from servo.scenario import load as s
 
 
 def mistake(name, changes):

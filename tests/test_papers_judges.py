@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo import scenario as scenarios
-from servo.episode import run
-from servo.measures import summarise
-from servo.papers import kernels, texture
+from servo.bench.sequence_jobs import Generated, track_path
+from servo.loop.episode import run
+from servo.loop.run_measures import summarise
+from servo.papers import kernel_paper, texture_paper
 from servo.papers.claim import Effort
-from servo.papers.command import CLAIMS
+from servo.papers.claims import CLAIMS
 from servo.papers.loop_series import LoopSeries
-from tracking.evaluation import figures as saving
-from tracking.evaluation.bench import Generated, track_path
-from tracking.evaluation.sources import Picture
+from servo.scenario import load as scenarios
+from tracking.evaluation.drawing import figures as saving
+from tracking.evaluation.sequences.sources import Picture
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.types import Estimate, State, Status
@@ -113,7 +113,7 @@ def test_a_claim_is_judged_from_its_results(name, held, approved, figures, tmp_p
 
 def test_three_claims_more_from_their_own_numbers(approved, figures, tmp_path):
     rng = np.random.default_rng(1)
-    offsets = [np.abs(kernels.OFFSETS_DEG) / 60, np.abs(kernels.OFFSETS_PX) / 50]
+    offsets = [np.abs(kernel_paper.OFFSETS_DEG) / 60, np.abs(kernel_paper.OFFSETS_PX) / 50]
     ways = {"one": (0.3, 0.1), "nine": (1.0, 0.02)}
     distances = [{who: [(a * o + b * k).tolist() for o in offsets] for who, (a, b) in ways.items()}
                  for k in range(3)]  # fmt: skip
@@ -143,8 +143,8 @@ def write_track(folder, label, name, sequence, off):
 
 
 def test_the_trackers_over_time(approved, figures, monkeypatch, tmp_path):
-    entry = Generated("similarity", replace(kernels.SIMILARITY.config, frames=12))
-    monkeypatch.setattr(kernels, "SIMILARITY", entry)
+    entry = Generated("similarity", replace(kernel_paper.SIMILARITY.config, frames=12))
+    monkeypatch.setattr(kernel_paper, "SIMILARITY", entry)
     claim = BY_NAME["P1-1"]
     worse = {"pf_ssd-paper": 0.3}
     found = results(claim, worse)
@@ -157,12 +157,12 @@ def test_the_trackers_over_time(approved, figures, monkeypatch, tmp_path):
 
 
 def test_the_likeness_over_time(approved, figures, monkeypatch, tmp_path):
-    entry = Generated("texture", replace(texture.ENTRY.config, frames=12))
-    monkeypatch.setattr(texture, "ENTRY", entry)
+    entry = Generated("texture", replace(texture_paper.ENTRY.config, frames=12))
+    monkeypatch.setattr(texture_paper, "ENTRY", entry)
     sequence = entry.build(0)
-    for label, off in ((texture.FILTER, 0.5), (texture.SHIFT, 9.0)):
+    for label, off in ((texture_paper.FILTER, 0.5), (texture_paper.SHIFT, 9.0)):
         write_track(tmp_path, label, "texture", sequence, off)
-    found = [{"tracker": t, "seed": 0} for t in (texture.FILTER, texture.SHIFT)]
+    found = [{"tracker": t, "seed": 0} for t in (texture_paper.FILTER, texture_paper.SHIFT)]
     verdict = BY_NAME["P2-2"].judge(found, tmp_path / "figures")
     assert verdict.holds
     approved("papers/P2-2", [verdict.measured, *figures], 1e-4)

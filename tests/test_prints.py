@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo import check, commands, doctor
-from servo.measures import MEANINGS, Measure, Outcome, Report, violations
-from servo.recording import parts, track_log
-from servo.scenario import load
-from servo.step import Seconds
-from tracking.evaluation import contact_sheet
-from tracking.evaluation.sources import Painted, Picture
+from servo.cli import check_command, doctor_command, run_command
+from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations
+from servo.loop.step import Seconds
+from servo.output.recording import parts, track_log
+from servo.scenario.load import load
+from tracking.evaluation.drawing import contact_sheet
+from tracking.evaluation.sequences.sources import Painted, Picture
 
 LOOP = SimpleNamespace(render=2.5, step=6.0, ratio=2.4)
 
@@ -21,7 +21,7 @@ LOOP = SimpleNamespace(render=2.5, step=6.0, ratio=2.4)
 @pytest.fixture
 def console(monkeypatch):
     found = Console(width=120, record=True, file=io.StringIO())
-    monkeypatch.setattr(doctor, "Console", lambda: found)
+    monkeypatch.setattr(doctor_command, "Console", lambda: found)
     return found
 
 
@@ -30,9 +30,9 @@ def lines(console):
 
 
 def test_the_doctor_says_this(console, monkeypatch, approved):
-    monkeypatch.setattr(doctor.gl, "backend", lambda: "egl")
-    monkeypatch.setattr(doctor.platform, "python_version", lambda: "3.x")
-    monkeypatch.setattr(doctor, "versions", lambda: {"mujoco": "4.x"})
+    monkeypatch.setattr(doctor_command.gl, "backend", lambda: "egl")
+    monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
+    monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
     world = SimpleNamespace(describe_renderer=lambda: "a renderer")
     episode = SimpleNamespace(world=world, frames=10)
 
@@ -57,15 +57,17 @@ def test_the_doctor_says_this(console, monkeypatch, approved):
         def close(self):
             self.path.write_bytes(bytes(73_000))
 
-    monkeypatch.setattr(doctor, "Episode", Opened)
-    monkeypatch.setattr(doctor, "RunFolder", Folder)
+    monkeypatch.setattr(doctor_command, "Episode", Opened)
+    monkeypatch.setattr(doctor_command, "RunFolder", Folder)
     times = SimpleNamespace(render=2.0, step=9.0)
-    monkeypatch.setattr(doctor.speed, "times_of", lambda episode, output=None: times)
-    monkeypatch.setattr(doctor.speed, "loop_times", lambda: LOOP)
-    monkeypatch.setattr(doctor.speed, "law_ms", lambda: 0.1234)
-    monkeypatch.setattr(doctor.speed, "film", lambda length: length)
-    monkeypatch.setattr(doctor.speed, "tracker_ms", lambda kind, film: len(kind) * film / 100)
-    assert doctor.examine(bench=True) == 0
+    monkeypatch.setattr(doctor_command.speed, "times_of", lambda episode, output=None: times)
+    monkeypatch.setattr(doctor_command.speed, "loop_times", lambda: LOOP)
+    monkeypatch.setattr(doctor_command.speed, "law_ms", lambda: 0.1234)
+    monkeypatch.setattr(doctor_command.speed, "film", lambda length: length)
+    monkeypatch.setattr(
+        doctor_command.speed, "tracker_ms", lambda kind, film: len(kind) * film / 100
+    )
+    assert doctor_command.examine(bench=True) == 0
     approved("prints/doctor", lines(console))
 
 
@@ -76,11 +78,11 @@ def report():
 
 def test_the_report_of_a_run_is_printed_so(console, approved):
     scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
-    commands._print_report(console, scenario, report())
+    run_command._print_report(console, scenario, report())
     missed = violations(report(), {"servo_rms_px": 0.1, "outcome": "TIMED_OUT", "lost_pct": 90.0})
-    commands.print_missed(console, missed, commands.command("reversal", ["a=b c"], 4))
-    console.print(check._table([
-        (check.Check(n, scenario, ""), check.Checked(report(), misses, seconds))
+    run_command.print_missed(console, missed, run_command.command("reversal", ["a=b c"], 4))
+    console.print(check_command._table([
+        (check_command.Check(n, scenario, ""), check_command.Checked(report(), misses, seconds))
         for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
     ]))  # fmt: skip
     approved("prints/run", lines(console))
@@ -89,7 +91,7 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
 def test_the_stages_of_a_step_are_told_as_medians():
     steps = [SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t)))) for t in
              ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])]  # fmt: skip
-    assert commands._stage_line(steps, [0.002, 0.001, 0.5]) == (
+    assert run_command._stage_line(steps, [0.002, 0.001, 0.5]) == (
         "A step took 20.0 ms: render 2.00  track 4.00  control 6.00  physics 8.00; writing it took "
         "2.0 ms (medians)"
     )

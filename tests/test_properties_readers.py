@@ -8,15 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servo import suites
+from servo.bench import suites
+from servo.cli.track_command import region_of
 from servo.mistake import Mistake
-from servo.recording import view
-from servo.track import region_of
+from servo.output.recording import view
 from sim.types import Frame
-from tracking.evaluation import quadrilateral, sources, track_file, truth
-from tracking.evaluation.picture_file import read_image
-from tracking.evaluation.sequence import read_all, source_of
-from tracking.evaluation.video_file import GIVEN_UP
+from tracking.evaluation import track_file
+from tracking.evaluation.sequences import quadrilateral, sources, truth
+from tracking.evaluation.sequences.picture_file import read_image
+from tracking.evaluation.sequences.sequence import read_all, source_of
+from tracking.evaluation.sequences.video_file import GIVEN_UP
 from tracking.types import FARTHEST, check_region
 
 NOISE = np.random.default_rng(2).integers(0, 256, (9, 7, 3), np.uint8)

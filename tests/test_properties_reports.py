@@ -9,9 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from servo import cli
+from servo.cli import main
+from servo.cli.report_command import write
 from servo.mistake import Mistake
-from servo.report.command import write
 
 ODD = (None, 3, -1.5, "x", [], {}, [[]], [None], {"a": None}, True, 1e308, "\ufffd", ["x"])
 AT_THE_TOP, BELOW, EACH = 10, 12, 3
@@ -38,7 +38,7 @@ def made(tmp_path_factory, finished_study):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(sys, "argv", ["servobench", *words, "--out", str(there / kind), "-q"])
                 with pytest.raises(SystemExit):
-                    cli.main()
+                    main.main()
         return there / kind
 
     return make

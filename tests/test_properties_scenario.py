@@ -12,15 +12,15 @@ from annotated_types import Ge, Gt, Le, Lt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servo import scenario as s
-from servo.catalogue import LISTS, PLUGINS, shipped
 from servo.mistake import LONGEST, Mistake
-from servo.tables import DEEPEST, LARGEST
-from sim import plugins
+from servo.scenario import load as s
+from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.toml import DEEPEST, LARGEST
+from sim import kinds
 
 BASE = tomllib.loads((resources.files("scenes") / "occlusion.toml").read_text(encoding="utf-8"))
-KINDS = {key: plugins.kinds(folder) for key, (folder, _) in PLUGINS.items()}
-KINDS |= {key: plugins.kinds(folder) for key, folder in LISTS.items()}
+KINDS = {key: kinds.names(folder) for key, (folder, _) in PLUGINS.items()}
+KINDS |= {key: kinds.names(folder) for key, folder in LISTS.items()}
 SCALARS = st.one_of(
     st.booleans(), st.integers(), st.integers(-3, 40), st.integers(1, 9000).map(lambda n: 10**n),
     st.floats(), st.floats(0.1, 2.0), st.text(), st.dates(), st.times(), st.datetimes(),
@@ -41,7 +41,7 @@ def settings_of(key):
     if key in s.SECTIONS:
         return [f.name for f in dataclasses.fields(s.SECTIONS[key])]
     folder = {**LISTS, **{k: f for k, (f, _) in PLUGINS.items()}}.get(key)
-    configs = [plugins.config_of(folder, kind) for kind in KINDS[key]] if folder else []
+    configs = [kinds.config_of(folder, kind) for kind in KINDS[key]] if folder else []
     return sorted({f.name for c in configs for f in dataclasses.fields(c)} | {"kind", "preset"})
 
 

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim import plugins
+from sim import kinds
 from sim.types import Frame
 from tracking import create
 from tracking.types import Region, State, Status
 
-KINDS = plugins.kinds("tracking.trackers")
+KINDS = kinds.names("tracking.trackers")
 EXAMPLES = 20
 UHD = (3840, 2160)
 ANY = st.floats(allow_nan=True, allow_infinity=True)

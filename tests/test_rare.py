@@ -8,20 +8,20 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo import loop_bench
-from servo.eyes import Eyes
+from servo.cli import bench_loop_command, sweep_command
+from servo.cli.options import Commands
+from servo.cli.sweep_command import Request
 from servo.mistake import Mistake, unknown
-from servo.options import Commands
-from servo.report import bench_again, papers, run, study_data
-from servo.settings import FeaturesConfig
-from servo.study import command, run_file
-from servo.study.command import Request
-from sim import gl, plugins
+from servo.report import bench_again, papers_section, run_section, study_data
+from servo.scenario.sections import FeaturesConfig
+from servo.sight.estimate_to_sight import Eyes
+from servo.study import run_file
+from sim import gl, kinds
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
-from tracking.appearance.texture import TextureBins
-from tracking.evaluation.sequence import source_of
-from tracking.evaluation.sources import Live
+from tracking.appearance.local_patterns import TextureBins
+from tracking.evaluation.sequences.sequence import source_of
+from tracking.evaluation.sequences.sources import Live
 from tracking.types import Region, State
 
 
@@ -81,7 +81,7 @@ def test_a_camera_is_a_source():
 
 def test_a_study_without_runs_has_no_tables():
     nothing = SimpleNamespace(done=list)
-    assert command._sum_up(None, nothing, Console()) == 0
+    assert sweep_command._sum_up(None, nothing, Console()) == 0
 
 
 @pytest.fixture
@@ -99,15 +99,15 @@ def broken(monkeypatch, tmp_path):
         def __exit__(self, *_):
             pass
 
-    monkeypatch.setattr(command, "local", lambda workers: Cluster())
-    monkeypatch.setattr(command, "carry_out", lambda client, runs, perform: [
+    monkeypatch.setattr(sweep_command, "local", lambda workers: Cluster())
+    monkeypatch.setattr(sweep_command, "carry_out", lambda client, runs, perform: [
         (task, SimpleNamespace(error="Trace\n  oh\nValueError: no\n", value=None)) for task in runs
     ])  # fmt: skip
     return Request("mine.toml", (), None, 1, None, tmp_path / "out", True)
 
 
 def test_failed_runs_are_told_with_their_last_line(broken, capfd):
-    assert command.run(broken) == 1
+    assert sweep_command.run(broken) == 1
     lines = capfd.readouterr().err.splitlines()
     found = [broken.out / "failures" / f"{n:06}.json" for n in range(2)]
     assert lines == [f"servobench: {path}: ValueError: no" for path in found]
@@ -126,11 +126,11 @@ def test_a_column_has_the_type_of_its_values(values, kind):
 
 def test_what_is_not_there_leaves_its_place_empty(tmp_path):
     assert study_data._array(pa.chunked_array([[None]], pa.list_(pa.float32()))).tolist() == []
-    assert loop_bench._cell([{"measures": {"a": None}}], "a") == ""
-    assert loop_bench._mean([{"measures": {"a": None}}], "a") == np.inf
-    assert run._tone(SimpleNamespace(expect={}, missed=[])).value == "plain"
-    assert run._tone(SimpleNamespace(expect={"a": 1.0}, missed=["a"])).value == "bad"
-    assert run._tone(SimpleNamespace(expect={"a": 1.0}, missed=[])).value == "good"
+    assert bench_loop_command._cell([{"measures": {"a": None}}], "a") == ""
+    assert bench_loop_command._mean([{"measures": {"a": None}}], "a") == np.inf
+    assert run_section._tone(SimpleNamespace(expect={}, missed=[])).value == "plain"
+    assert run_section._tone(SimpleNamespace(expect={"a": 1.0}, missed=["a"])).value == "bad"
+    assert run_section._tone(SimpleNamespace(expect={"a": 1.0}, missed=[])).value == "good"
 
 
 def test_the_commands_are_listed_as_they_stand():
@@ -142,7 +142,7 @@ def test_the_commands_are_listed_as_they_stand():
 
 @pytest.mark.parametrize("name", ["clutter", "similarity", "texture"])
 def test_a_suite_is_known_by_its_sequences(name):
-    from servo import suites
+    from servo.bench import suites
 
     described = [entry.describe() for entry in suites.suite(name)[0]]
     assert bench_again._suite(described) == name
@@ -153,14 +153,15 @@ def test_a_suite_is_known_by_its_sequences(name):
 
 def test_papers_on_sequences_of_ones_own_name_their_folder(make_papers, monkeypatch, tmp_path):
     folder = make_papers(tmp_path / "papers")
-    monkeypatch.setattr(papers, "_recorded", lambda folder: ["my sequences"])
-    again = papers.section(folder).blocks[-1]
+    monkeypatch.setattr(papers_section, "_recorded", lambda folder: ["my sequences"])
+    again = papers_section.section(folder).blocks[-1]
     line = "servobench papers P0-1 P2-2 --quick --sequences 'my sequences'"
     assert list(again.code) == [line]
 
 
 def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
-    from servo.batch import Team, work
+    from servo.batch.workers import Team
+    from servo.cli.job_progress import work
 
     class Job:
         key = "wrong/0"
@@ -180,7 +181,7 @@ def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
 
 
 def test_too_many_runs_of_one_command_are_refused():
-    from servo.batch import MOST_RUNS, check_number
+    from servo.batch.workers import MOST_RUNS, check_number
 
     check_number(MOST_RUNS)
     with pytest.raises(Mistake) as refused:
@@ -190,20 +191,22 @@ def test_too_many_runs_of_one_command_are_refused():
 
 @pytest.mark.parametrize(("suite", "asked", "labels"), [
     ("listed", None, ["nothing"]), ("listed", "kams,sok", ["kams", "sok"]),
-    ("plain", "sok", ["sok"]), ("plain", None, plugins.kinds("tracking.trackers")),
+    ("plain", "sok", ["sok"]), ("plain", None, kinds.names("tracking.trackers")),
 ])  # fmt: skip
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     suite, asked, labels, monkeypatch, tmp_path
 ):
-    from servo import bench
+    from servo.cli import bench_command
 
     text = '[[sequences]]\nkind = "clutter"\n'
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
     (tmp_path / "s.toml").write_text(text)
     benched = []
-    monkeypatch.setattr(bench, "work", lambda jobs, *_: benched.extend(jobs) or ([], 0))
-    assert bench.run(str(tmp_path / "s.toml"), asked, 2, 1, tmp_path / "out", quiet=True) == 0
+    monkeypatch.setattr(bench_command, "work", lambda jobs, *_: benched.extend(jobs) or ([], 0))
+    assert (
+        bench_command.run(str(tmp_path / "s.toml"), asked, 2, 1, tmp_path / "out", quiet=True) == 0
+    )
     assert [job.contender.label for job in benched] == [w for w in labels for _ in range(2)]
     assert [job.seed for job in benched] == [0, 1] * len(labels)
 

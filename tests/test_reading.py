@@ -6,16 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from servo import tables
 from servo.mistake import Mistake
-from servo.recording import view
+from servo.output.recording import view
 from servo.report import files
-from tracking.evaluation import reading, track_file, truth
+from servo.scenario import toml
+from tracking.evaluation import track_file
+from tracking.evaluation.sequences import truth
+from tracking.files import reading
 
 READERS = {
     "truth": truth.read,
     "track": track_file.read,
-    "suite": lambda path: tables.read(path, "suite"),
+    "suite": lambda path: toml.read(path, "suite"),
     "recording": view.check,
     "file": files.content,
 }

@@ -11,9 +11,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo import cli
-from servo.report import study
-from servo.report.command import write
+from servo.cli import main
+from servo.cli.report_command import write
+from servo.report import study_section
 
 EVIL = "<script>alert(1)</script>"
 AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
@@ -71,7 +71,7 @@ def text_of(folder, tmp_path):
 
 
 def test_a_study_tells_what_held_and_what_did_not(tmp_path):
-    section = study.section(make_study(tmp_path / "study"))
+    section = study_section.section(make_study(tmp_path / "study"))
     facts = {
         fact.label: (getattr(fact.value, "text", fact.value), fact.note) for fact in section.facts
     }
@@ -141,7 +141,7 @@ def test_a_study_without_runs_still_has_a_page(tmp_path):
 
 def test_what_is_too_much_is_cut_and_said(tmp_path):
     folder = make_study(tmp_path / "study", seeds=7, finished=False)
-    pictures = next(b for b in study.section(folder).blocks if b.title == "Contact sheets")
+    pictures = next(b for b in study_section.section(folder).blocks if b.title == "Contact sheets")
     assert len(pictures.pictures) == 24
     assert "At most 24 are shown." in pictures.text
 
@@ -189,7 +189,7 @@ def test_the_command_prints_the_path_it_wrote(make_papers, monkeypatch, capfd, t
     folder = make_papers(tmp_path / "papers")
     monkeypatch.setattr(sys, "argv", ["servobench", "report", str(folder)])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     assert ended.value.code in (0, None)
     assert capfd.readouterr() == (f"{folder / 'report.html'}\n", "")
     assert (folder / "report.html").read_text().startswith("<!DOCTYPE html>")

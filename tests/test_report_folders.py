@@ -12,12 +12,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from servo import scenario as scenarios
+from servo.cli.report_command import write
 from servo.mistake import Mistake
 from servo.report import again
-from servo.report.command import write
 from servo.report.study_data import Series
 from servo.report.study_time import band, survival
+from servo.scenario import load as scenarios
 
 EVIL = "<script>alert(1)</script>"
 
@@ -66,7 +66,7 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
 
 
 def test_the_pictures_of_a_recording_come_with_the_rectangles_of_the_table(ran):
-    from servo.recording.pictures import pictures
+    from servo.output.recording.pictures import pictures
 
     found = pictures(ran / "run.rrd", 4)
     table = pq.read_table(ran / "steps.parquet").to_pylist()
@@ -87,7 +87,7 @@ def test_a_run_without_a_recording_says_so(ran, tmp_path):
 
 
 def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
-    from servo.recording import pictures
+    from servo.output.recording import pictures
 
     monkeypatch.setattr(pictures, "pictures", lambda path, count: [])
     blocks = {block["title"]: block for block in section(ran)["blocks"]}

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from servo import cli
-from servo.result_folder import BEGUN, only_writer, result_folder
-from servo.versions import SOURCE, source_digest
+from servo.cli import main
+from servo.output.result_folder import BEGUN, only_writer, result_folder
+from servo.output.versions import SOURCE, source_digest
 
 BENCH = ("bench", "suite.toml", "--seeds", "2", "--workers", "1", "--out", "out")
 SUITE = """
@@ -25,7 +25,7 @@ kind = "frozen"
 def call(monkeypatch, capfd, *arguments):
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     return ended.value.code or 0, capfd.readouterr().err
 
 
@@ -37,7 +37,7 @@ def finished(tmp_path_factory):
         patch.chdir(there)
         patch.setattr(sys, "argv", ["servobench", *BENCH, "-q"])
         with pytest.raises(SystemExit):
-            cli.main()
+            main.main()
     return there
 
 
@@ -148,7 +148,7 @@ def test_an_exception_in_the_block_lets_others_write(tmp_path):
 def test_the_digest_changes_with_the_source_and_not_with_the_readmes_pictures(
     monkeypatch, tmp_path
 ):
-    from servo import versions
+    from servo.output import versions
 
     for name in ("one.py", "pictures/seen.png"):
         (tmp_path / name).parent.mkdir(exist_ok=True)

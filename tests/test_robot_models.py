@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from servo.episode import Episode
+from servo.loop.episode import Episode
 from servo.mistake import Mistake
-from servo.scenario import load
+from servo.scenario.load import load
 from sim.robot import Design, Drives, Robot
 from sim.robots import gantry
 

@@ -13,13 +13,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from servo import plots
-from servo.episode import Episode
-from servo.events import events
-from servo.measures import Outcome, summarise, violations
-from servo.run_folder import RunFolder
-from servo.scenario import load
-from servo.steps_table import TIMED
+from servo.loop.episode import Episode
+from servo.loop.events import events
+from servo.loop.run_measures import Outcome, summarise, violations
+from servo.output import plots
+from servo.output.run_folder import RunFolder
+from servo.output.steps_table import TIMED
+from servo.scenario.load import load
 from tracking.types import Estimate, State, Status
 
 ROUNDING = 1e-4

@@ -4,8 +4,8 @@ import pytest
 from tracking.appearance.bins import Labelled, Window
 from tracking.appearance.colour import ColourBins
 from tracking.appearance.layout import disc, grid, histograms, ring
+from tracking.appearance.model import cell_model, disc_model
 from tracking.appearance.reference import Learning
-from tracking.appearance.sampled import cell_model, disc_model
 from tracking.types import Region, State
 
 REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import sampling
+from tracking.hot import particle_loops
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
@@ -9,23 +9,25 @@ RNG = np.random.default_rng(8)
 
 
 def test_weights_of_huge_negative_logs_still_sum_to_one():
-    weights = sampling.normalised(np.array([-1e4, -1e4 + np.log(3.0)]))
+    weights = particle_loops.normalised(np.array([-1e4, -1e4 + np.log(3.0)]))
     np.testing.assert_allclose(weights, [0.25, 0.75])
 
 
 def test_effective_size_of_equal_and_of_single_weights():
-    assert sampling.effective_size(np.full(8, 1 / 8)) == pytest.approx(8.0)
-    assert sampling.effective_size(np.array([1.0, 0.0, 0.0])) == 1.0
+    assert particle_loops.effective_size(np.full(8, 1 / 8)) == pytest.approx(8.0)
+    assert particle_loops.effective_size(np.array([1.0, 0.0, 0.0])) == 1.0
 
 
 def test_mean_and_covariance_are_the_weighted_ones():
     samples, weights = RNG.normal(size=(50, 3)), RNG.dirichlet(np.ones(50))
     np.testing.assert_allclose(
-        sampling.covariance(samples, weights),
+        particle_loops.covariance(samples, weights),
         np.cov(samples.T, aweights=weights, ddof=0),
         atol=1e-12,
     )
-    np.testing.assert_allclose(sampling.mean(samples, weights), np.average(samples, 0, weights))
+    np.testing.assert_allclose(
+        particle_loops.mean(samples, weights), np.average(samples, 0, weights)
+    )
 
 
 def test_moving_and_packing_samples_agree_with_numpy():
@@ -33,11 +35,11 @@ def test_moving_and_packing_samples_agree_with_numpy():
     change, spread = np.array([3.0, -2.0, 0.1, 0.2]), np.array([1.0, 2.0, 0.3, 0.4])
     expected = samples + change + spread * draws
     expected[:, 3] = expected[:, 3].clip(-0.5, 0.5)
-    moved = sampling.moved(samples, change, spread, draws, 0.5)
+    moved = particle_loops.moved(samples, change, spread, draws, 0.5)
     np.testing.assert_allclose(moved, expected, rtol=1e-14)
     weights = RNG.dirichlet(np.ones(30))
     packed = np.column_stack([samples[:, :3], np.exp(samples[:, 3]), weights])
-    np.testing.assert_allclose(sampling.cloud(samples, weights), packed, rtol=1e-14)
+    np.testing.assert_allclose(particle_loops.cloud(samples, weights), packed, rtol=1e-14)
 
 
 def test_systematic_resampling_agrees_with_numpy_whatever_the_weights_sum_to():
@@ -45,14 +47,14 @@ def test_systematic_resampling_agrees_with_numpy_whatever_the_weights_sum_to():
         weights = RNG.dirichlet(np.full(40, 0.3)) * RNG.uniform(0.1, 7)
         positions = (first + np.arange(40)) / 40 * weights.sum()
         expected = np.minimum(np.searchsorted(weights.cumsum(), positions, side="right"), 39)
-        np.testing.assert_array_equal(sampling.systematic(weights, first), expected)
+        np.testing.assert_array_equal(particle_loops.systematic(weights, first), expected)
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_systematic_resampling_draws_floor_or_ceil_of_the_expected_number(seed):
     rng = np.random.default_rng(seed)
     weights = rng.dirichlet(np.full(40, 0.3))
-    counts = np.bincount(sampling.systematic(weights, rng.random()), minlength=40)
+    counts = np.bincount(particle_loops.systematic(weights, rng.random()), minlength=40)
     assert counts.sum() == 40
     assert np.all(counts >= np.floor(40 * weights - 1e-9))
     assert np.all(counts <= np.ceil(40 * weights + 1e-9))
@@ -61,7 +63,10 @@ def test_systematic_resampling_draws_floor_or_ceil_of_the_expected_number(seed):
 def test_systematic_resampling_is_unbiased():
     weights = np.array([0.05, 0.15, 0.3, 0.5])
     drawn = np.mean(
-        [np.bincount(sampling.systematic(weights, RNG.random()), minlength=4) for _ in range(4000)],
+        [
+            np.bincount(particle_loops.systematic(weights, RNG.random()), minlength=4)
+            for _ in range(4000)
+        ],
         axis=0,
     )
     # Each count has a standard deviation below 0.5, so its mean one below 0.008: four of them.

@@ -1,10 +1,10 @@
 import pytest
 
-from servo import catalogue
-from servo import scenario as s
-from servo.measures import check_expect
+from servo.loop.run_measures import check_expect
 from servo.mistake import Mistake
-from sim import plugins
+from servo.scenario import catalogue
+from servo.scenario import load as s
+from sim import kinds
 from tracking.trackers import pf_ssd
 
 
@@ -20,7 +20,7 @@ def written(tmp_path, text):
     return str(path)
 
 
-TRACKERS = ", ".join(plugins.kinds("tracking.trackers"))
+TRACKERS = ", ".join(kinds.names("tracking.trackers"))
 
 BAD = {
     "unknown table": ("[camra]\n", "mine.toml: there is no key 'camra'; did you mean 'camera'?"),

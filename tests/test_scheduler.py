@@ -14,12 +14,12 @@ import dask.config
 import pytest
 from commands import BIN, PATIENCE
 
-from servo import batch, cli
-from servo.ended import Lost
-from servo.farm import crew
-from servo.farm import local as processes
-from servo.farm.remote import check_address, remote
-from servo.farm.tasks import carry_out
+from servo.batch import cluster, workers
+from servo.batch import local_cluster as processes
+from servo.batch.ended import Lost
+from servo.batch.remote_cluster import check_address, remote
+from servo.batch.tasks import carry_out
+from servo.cli import job_progress, main
 from servo.mistake import Mistake, Refused
 
 STUDY = """# mine
@@ -44,7 +44,7 @@ def place(tmp_path, monkeypatch):
 def call(monkeypatch, capfd, *arguments):
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     return ended.value.code, capfd.readouterr().err
 
 
@@ -99,7 +99,7 @@ def hangs_up(peer, kept):
     ],
 )
 def test_what_is_no_scheduler_is_given_up_at_the_deadline(monkeypatch, capfd, place, serve, reason):
-    monkeypatch.setattr(crew, "PATIENCE", 2.0)
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     kept = []
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -165,7 +165,7 @@ def test_a_cluster_whose_workers_are_gone_is_given_up_and_one_without_any(
     with remote(address) as found:
         ends = carry_out(found, range(5), abs)
         assert next(ends)[1].value in range(5)
-        monkeypatch.setattr(crew, "PATIENCE", 2.0)
+        monkeypatch.setattr(cluster, "PATIENCE", 2.0)
         started[1].kill()
         with pytest.raises(Lost) as lost:
             for _ in ends:
@@ -232,10 +232,10 @@ def test_names_of_jobs_are_compared_in_linear_time(tmp_path, monkeypatch):
     from rich.console import Console
 
     jobs = [Named(Counting(f"job-{i}")) for i in range(3000)]
-    monkeypatch.setattr(batch.Team, "results", lambda *_: iter(()))
-    batch.work(jobs, tmp_path, batch.Team(1), Console(quiet=True), "")
+    monkeypatch.setattr(workers.Team, "results", lambda *_: iter(()))
+    job_progress.work(jobs, tmp_path, workers.Team(1), Console(quiet=True), "")
     assert COMPARED["=="] < 10 * len(jobs)
     jobs.append(Named(Counting("job-7")))
     with pytest.raises(Mistake) as double:
-        batch.work(jobs, tmp_path, batch.Team(1), Console(quiet=True), "")
+        job_progress.work(jobs, tmp_path, workers.Team(1), Console(quiet=True), "")
     assert str(double.value) == ("two runs are called 'job-7'; give the trackers different labels")

@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from servo import suites
+from servo.bench import suites
 from servo.mistake import Mistake
-from tracking.evaluation import sources
-from tracking.evaluation.picture_file import rgb
-from tracking.evaluation.sequence import read_all, read_folder, source_of
-from tracking.evaluation.sources import Folder, Video
+from tracking.evaluation.sequences import sources
+from tracking.evaluation.sequences.picture_file import rgb
+from tracking.evaluation.sequences.sequence import read_all, read_folder, source_of
+from tracking.evaluation.sequences.sources import Folder, Video
 from tracking.types import Region
 
 RED = np.full((40, 60, 3), (10, 20, 200), np.uint8)  # BGR

@@ -2,9 +2,9 @@
 
 import pytest
 
-from servo import doctor, speed
-from servo.episode import Episode
-from servo.scenario import load
+from servo.cli import doctor_command, speed
+from servo.loop.episode import Episode
+from servo.scenario.load import load
 
 
 @pytest.mark.parametrize(("length", "width"), [(30.0, 320), (60.0, 640), (120.0, 320)])
@@ -27,8 +27,8 @@ def test_the_step_is_more_than_its_rendering_and_everything_was_recorded():
 
 
 def test_the_doctors_table_has_loop_law_recording_and_trackers(monkeypatch, capfd):
-    monkeypatch.setattr(doctor, "TIMED", ("camshift", "mean_shift"))
-    assert doctor.examine(bench=True) == 0
+    monkeypatch.setattr(doctor_command, "TIMED", ("camshift", "mean_shift"))
+    assert doctor_command.examine(bench=True) == 0
     out = capfd.readouterr().out
     for row in ("OpenGL back end", "render ", "step of the loop", "step with a recording",
                 "features, control law", "camshift, car of 60 x 30 px", "kB a frame"):  # fmt: skip

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo import commands
+from servo.cli import run_command
 from servo.controllers.ibvs import Ibvs
-from servo.episode import Episode
+from servo.loop.episode import Episode
+from servo.loop.step import Step
 from servo.mistake import Mistake
-from servo.run_folder import RunFolder, prepare
-from servo.scenario import load
-from servo.step import Step
+from servo.output.run_folder import RunFolder, prepare
+from servo.scenario.load import load
 
 
 @pytest.mark.parametrize("count", [3, 8])
@@ -24,7 +24,7 @@ def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tm
 
     monkeypatch.setattr(Ibvs, "command", other)
     with pytest.raises(Mistake) as refused:
-        commands.run_scenario("still", [], 0, tmp_path / "out", quiet=True, rerun=False)
+        run_command.run_scenario("still", [], 0, tmp_path / "out", quiet=True, rerun=False)
     assert str(refused.value) == (
         "the table of steps has 4 columns for 'feature' (feature_xn, feature_yn, feature_an, "
         f"feature_theta_rad), but there are {count} values: a controller with other features "
@@ -42,7 +42,9 @@ def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
 
     monkeypatch.setattr(Step, "target_motion_true", property(counted))
     changes = ["run.duration=0.2", "tracker.kind=frozen", "expect={}"]
-    assert commands.run_scenario("still", changes, 0, tmp_path / "o", quiet=True, rerun=False) == 0
+    assert (
+        run_command.run_scenario("still", changes, 0, tmp_path / "o", quiet=True, rerun=False) == 0
+    )
     # Once for the table, and once for each of the plot's two curves.
     assert asked == dict.fromkeys(range(6), 3)
 

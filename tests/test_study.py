@@ -8,12 +8,13 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from servo import scenario
-from servo.study import command, results, store
+from servo.cli import sweep_command
+from servo.scenario import load as scenarios
+from servo.study import results, store
 from servo.study.axes import Draw
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
-from sim import plugins
+from sim import kinds
 
 SMALL = """# mine
 # Two trackers on a car that stands.
@@ -82,16 +83,16 @@ def test_the_command_of_a_run_makes_its_very_scenario(small):
     for run in small.runs():
         words = run.command(small.changes).split()
         sets = [words[i + 1].strip("'") for i, word in enumerate(words) if word == "--set"]
-        alone = scenario.load("still", sets, run.seed)
+        alone = scenarios.load("still", sets, run.seed)
         assert alone.settings() == run.parsed().settings()
 
 
 def test_every_shipped_study_parses_and_all_trackers_are_in_the_one_of_all():
     everything = load("trackers")
-    kinds = plugins.kinds("tracking.trackers")
-    assert everything.size == len(kinds) * len(everything.bases) * 20
-    assert {r.settings["tracker.kind"] for r in everything.runs()} == set(kinds)
-    assert len(everything.bases) == len(scenario.shipped())
+    every = kinds.names("tracking.trackers")
+    assert everything.size == len(every) * len(everything.bases) * 20
+    assert {r.settings["tracker.kind"] for r in everything.runs()} == set(every)
+    assert len(everything.bases) == len(scenarios.shipped())
     for name in ("particles", "noise", "latency_gain", "depth_error"):
         assert load(name).title.endswith(("?", "."))
 
@@ -103,13 +104,13 @@ def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
     study = load(str(path))
     assert (study.size, study.seeds) == (6, (3, 5))
     assert {r.parsed().run.latency for r in study.runs()} == {1, 2, 3}
-    assert scenario.load(str(path)).run.latency == 1
+    assert scenarios.load(str(path)).run.latency == 1
 
 
 @pytest.fixture
 def kept(small, tmp_path):
     """The store of the small study with four runs in it."""
-    with store.Store(tmp_path / "out", small, command.manifest(small, "me")) as there:
+    with store.Store(tmp_path / "out", small, sweep_command.manifest(small, "me")) as there:
         for run in list(small.runs())[:4]:
             there.add(perform(run))
         yield there
@@ -188,5 +189,5 @@ def test_a_bound_is_for_every_cell():
 def test_in_a_narrow_terminal_names_give_way_and_no_digit_is_left_out(small, capsys):
     (cell,) = results.cells_of(small, rows(*(("frozen", 0, s, True, 1.237) for s in range(10))))
     long = {"estimator.kind": "kalman_cv", "features.depth_factor": 0.354, "scenario": "reversal"}
-    command._print_cells(Console(width=64), [replace(cell, settings=long)])
+    sweep_command._print_cells(Console(width=64), [replace(cell, settings=long)])
     assert "10 1.00 1.00-1.00 1.24" in capsys.readouterr().out

@@ -10,13 +10,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo import cli
+from servo.cli import main, sweep_command
 from servo.mistake import Mistake, Refused
-from servo.study import command, store
+from servo.output.versions import SOURCE
+from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.run_file import RunFiles
-from servo.versions import SOURCE
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def folder(finished_study, study_place):
 
 
 def opened(study, folder, **changed):
-    return store.Store(folder, study, command.manifest(study, "me") | changed)
+    return store.Store(folder, study, sweep_command.manifest(study, "me") | changed)
 
 
 def refused(study, folder, **changed):
@@ -114,7 +114,7 @@ def test_a_whole_folder_is_complete(small, folder):
 def call(monkeypatch, capfd, *arguments):
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     out, err = capfd.readouterr()
     return ended.value.code or 0, out, err
 
@@ -163,7 +163,7 @@ def test_another_study_other_versions_and_other_code_are_refused(small, folder):
         f"{folder}: another study is kept here (its seeds differs); choose another folder with "
         "--out"
     )
-    versions = command.manifest(small, "me")["versions"]
+    versions = sweep_command.manifest(small, "me")["versions"]
     assert refused(small, folder, versions=versions | {"mujoco": "9.9"}) == (
         f"{folder}: this was begun with mujoco {versions['mujoco']}, here is 9.9: "
         "its numbers would not compare; choose another folder with --out"

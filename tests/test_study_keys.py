@@ -2,9 +2,9 @@
 
 import pytest
 
-from servo.catalogue import shipped
 from servo.mistake import Mistake
-from servo.scenario import path_of
+from servo.scenario.catalogue import shipped
+from servo.scenario.load import path_of
 from servo.study.parse import load
 
 STILL = "scenario = 'still'\n"

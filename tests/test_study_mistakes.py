@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servo import cli
+from servo.cli import main
 from servo.mistake import Mistake
 from servo.study.parse import load
 
@@ -96,11 +96,11 @@ def test_an_unknown_study_is_one_sentence():
 
 def test_a_missing_scheduler_is_one_sentence(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("servo.farm.crew.PATIENCE", 0.5)
+    monkeypatch.setattr("servo.batch.cluster.PATIENCE", 0.5)
     words = ["servobench", "sweep", "particles", "--scheduler", "tcp://127.0.0.1:1", "-q"]
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     assert ended.value.code == 2
     said = capfd.readouterr().err
     assert said.startswith(

@@ -8,22 +8,22 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo import bench, listing
-from servo.catalogue import shipped, studies
-from servo.cli import app
-from servo.measures import MEANINGS
-from servo.study import command, progress
+from servo.bench import ranking
+from servo.cli import bench_command, list_command, sweep_command, sweep_progress
+from servo.cli.main import app
+from servo.loop.run_measures import MEANINGS
+from servo.scenario.catalogue import shipped, studies
 from servo.study.parse import load
-from sim import plugins
-from tracking.evaluation import curves, summary
-from tracking.evaluation.measures import MEASURES, OVERLAPS, PIXELS
+from sim import kinds
+from tracking.evaluation.drawing import curves
+from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
 
 
 @pytest.fixture
 def printed(monkeypatch):
     """A console that keeps lines of up to 140 characters; `listing` prints into it, too."""
     console = Console(width=140, record=True, file=io.StringIO())
-    monkeypatch.setattr(listing, "Console", lambda: console)
+    monkeypatch.setattr(list_command, "Console", lambda: console)
     return console
 
 
@@ -51,14 +51,14 @@ def results(families, seeds=8):
     return found
 
 
-@pytest.mark.parametrize("count", [1, 3, bench.WIDE + 1])
+@pytest.mark.parametrize("count", [1, 3, bench_command.WIDE + 1])
 def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
     found = results([f"family{i}" for i in range(count)])
-    rows = summary.rows_of(found)
-    bench.print_rows(printed, rows)
+    rows = ranking.rows_of(found)
+    bench_command.print_rows(printed, rows)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
-        files = summary.write(found, rows, tmp_path)
+        files = ranking.write(found, rows, tmp_path)
         texts = {path.name: path.read_text().splitlines() for path in files[:2]}
         approved("tables/bench-files", texts)
         document = json.loads(files[2].read_text())
@@ -109,7 +109,7 @@ def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, tmp_pa
     )
     study = load(str(file))
     kept = Kept(study, tmp_path)
-    assert command._sum_up(study, kept, printed) == 1
+    assert sweep_command._sum_up(study, kept, printed) == 1
     told = {
         "printed": [line.replace(str(tmp_path), "DIR") for line in lines(printed)],
         "missed": capfd.readouterr().err.splitlines(),
@@ -123,7 +123,7 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
     found = {}
     for name in studies():
         study = load(name)
-        table = command.manifest(study, "again") | {"versions": "", "scenarios": ""}
+        table = sweep_command.manifest(study, "again") | {"versions": "", "scenarios": ""}
         runs = [[r.number, r.scenario, r.seed, r.settings, r.pictured] for r in study.runs()]
         found[name] = table | {"first": runs[0], "last": runs[-1]}
     approved("tables/studies", found)
@@ -131,8 +131,8 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
 
 def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
     clock = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
-    board = progress.Board(printed, "mine", total=20, before=4, workers=3)
+    monkeypatch.setattr(sweep_progress.time, "monotonic", lambda: clock[0])
+    board = sweep_progress.Board(printed, "mine", total=20, before=4, workers=3)
     printed.print(board._drawn())
     for failed in (False, False, True, False):
         board.ended(failed=failed)
@@ -150,10 +150,10 @@ def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
 
 
 def test_the_list_has_every_scenario_study_and_kind(printed):
-    listing.show_all()
+    list_command.show_all()
     listed = [tuple(line.split()[:2]) for line in lines(printed) if not line.startswith(" ")]
-    kinds = [(section, kind) for section, folder in listing.FOLDERS.items()
-             for kind in plugins.kinds(folder)]  # fmt: skip
+    kinds = [(section, kind) for section, folder in list_command.FOLDERS.items()
+             for kind in kinds.names(folder)]  # fmt: skip
     assert (
         listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + kinds
     )
@@ -161,7 +161,7 @@ def test_the_list_has_every_scenario_study_and_kind(printed):
 
 @pytest.mark.parametrize("kind", ["kams", "ibvs", "clutter"])
 def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
-    listing.show_kind(kind)
+    list_command.show_kind(kind)
     approved(f"tables/settings-{kind}", lines(printed))
 
 
@@ -169,7 +169,7 @@ def test_the_options_of_every_command_begin_so(approved):
     found = {
         name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
                         p.required, *(getattr(p.type, bound, None) for bound in ("min", "max"))]
-               for p in command.params}
+               for p in sweep_command.params}
         for name, command in app.commands.items()
     }  # fmt: skip
     approved("tables/options", found)

@@ -5,11 +5,11 @@ import sys
 import numpy as np
 import pytest
 
-from servo import check, cli
-from servo.ended import Ended, Lost
-from servo.farm.local import local
-from servo.farm.remote import remote
-from servo.farm.tasks import carry_out
+from servo.batch.ended import Ended, Lost
+from servo.batch.local_cluster import local
+from servo.batch.remote_cluster import remote
+from servo.batch.tasks import carry_out
+from servo.cli import check_command, main
 from servo.study.perform import TIMED
 
 QUICK = (
@@ -22,7 +22,7 @@ def call(monkeypatch, capfd, *arguments):
     """Exit code, stdout and stderr of a command."""
     monkeypatch.setattr(sys, "argv", ["servobench", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main.main()
     out, err = capfd.readouterr()
     return ended.value.code, out, err
 
@@ -45,28 +45,28 @@ def test_the_table_and_the_missed_bounds_are_the_same_on_one_worker_and_on_two(m
 
 
 def test_measures_are_bit_for_bit_the_same_in_another_process():
-    from servo.batch import Team
-    from servo.commands import load
+    from servo.batch.workers import Team
+    from servo.cli.run_command import load
 
-    checks = [check.Check(n, load("still", QUICK[1:6:2], n), "") for n in range(2)]
+    checks = [check_command.Check(n, load("still", QUICK[1:6:2], n), "") for n in range(2)]
     found = []
     for workers in (1, 2):
         with Team(workers) as team:
-            ends = {done.number: end for done, end in team.ends(checks, check.perform)}
+            ends = {done.number: end for done, end in team.ends(checks, check_command.perform)}
         reports = [ends[n].value.report.measures for n in range(2)]
         found.append([[m.value for m in measures if m.name not in TIMED] for measures in reports])
     np.testing.assert_array_equal(found[0], found[1])
 
 
 def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
-    real = check.perform
+    real = check_command.perform
 
     def perform(one):
         if one.scenario.name == "still":
             raise OSError("no luck")
         return real(one)
 
-    monkeypatch.setattr(check, "perform", perform)
+    monkeypatch.setattr(check_command, "perform", perform)
     words = ("check", "still", "line", *QUICK[:-2], "--set", "expect={}", "--workers", "1")
     code, out, err = call(monkeypatch, capfd, *words)
     again = (

@@ -3,7 +3,7 @@ import pytest
 
 from tracking.appearance.bins import Window
 from tracking.appearance.colour import ColourBins
-from tracking.appearance.texture import TextureBins, ones_of, texture_or_colour
+from tracking.appearance.local_patterns import TextureBins, ones_of, texture_or_colour
 from tracking.types import Region, State
 
 EVERYWHERE = Window(0, 0, 40, 30)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
-from servo.recording.view import recording_in
-from servo.track import region_of
+from servo.cli.track_command import region_of
+from servo.output.recording.view import recording_in
 from tracking.evaluation.track_file import HEADER, read
 
 

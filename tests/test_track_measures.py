@@ -1,8 +1,13 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.measures import MEASURES, Comparison, frames_until_loss, measure_all
 from tracking.evaluation.track import Track
+from tracking.evaluation.track_measures import (
+    MEASURES,
+    Comparison,
+    frames_until_loss,
+    measure_all,
+)
 from tracking.types import Region, State
 
 REGION = Region(40.0, 20.0)

@@ -11,9 +11,9 @@ import pytest
 from rerun.chunk import RrdReader
 from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
-from servo.track import region_of
+from servo.cli.track_command import region_of
 from tracking import create
-from tracking.evaluation.sources import Painted, Video
+from tracking.evaluation.sequences.sources import Painted, Video
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile, read
 
@@ -70,7 +70,7 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
     for k in range(FRAMES, 3000):
         (folder / "in" / f"{k:04}.png").hardlink_to(folder / "in" / "007.png")
     out = folder / "out"
-    code = "import sys; from servo.cli import main; sys.exit(main())"
+    code = "import sys; from servo.cli.main import main; sys.exit(main())"
     arguments = ["track", "in", "--region", REGION, "--out", str(out), "-q", "--video", "--rerun"]
     process = subprocess.Popen([sys.executable, "-c", code, *arguments])
     deadline = time.monotonic() + 120
@@ -95,7 +95,7 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
 def test_few_open_files_are_enough(folder):
     code = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (30, 30))\n"
-        "from servo.cli import main; sys.exit(main())"
+        "from servo.cli.main import main; sys.exit(main())"
     )
     arguments = ["track", "in", "--region", REGION, "--out", "out", "-q", "--video"]
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True)

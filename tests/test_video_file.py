@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.evaluation import picture_file
-from tracking.evaluation.sequence import source_of
-from tracking.evaluation.sources import Video
-from tracking.evaluation.video_file import GIVEN_UP
+from tracking.evaluation.sequences import picture_file
+from tracking.evaluation.sequences.sequence import source_of
+from tracking.evaluation.sequences.sources import Video
+from tracking.evaluation.sequences.video_file import GIVEN_UP
 
 FRAMES = 20
 WIDTH, HEIGHT = 64, 48

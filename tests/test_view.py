@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from servo.mistake import Mistake
-from servo.recording import view
+from servo.output.recording import view
 
 
 @dataclass

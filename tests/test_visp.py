@@ -4,20 +4,20 @@ delay.
 
 import numpy as np
 import pytest
+from servoing import parallel, plane_of, posture_of, task
 
-from servo import features, moments
 from servo.controllers.ibvs import Config
 from servo.estimators import difference, kalman_ca, kalman_cv, none
-from servo.types import DOF, Plane, Sight, Task
+from servo.sight import shape_moments
+from servo.types import DOF, Sight
 from sim.geometry import exp_se3
-from sim.types import Pose, Posture
+from sim.types import Pose
 
 RECTANGLE = np.array([[-0.1, -0.05, 0], [0.1, -0.05, 0], [0.1, 0.05, 0], [-0.1, 0.05, 0]])
-ROOT_AREA = float(np.sqrt(0.02))
 
 
 def goal():
-    return Sight(moments.of_polygon(RECTANGLE[:, :2]), Plane.parallel(1.0))
+    return Sight(shape_moments.of_polygon(RECTANGLE[:, :2]), parallel(1.0))
 
 
 def estimator_of(run):
@@ -49,7 +49,7 @@ def test_closed_loop(visp_run):
         fastest_turn=1e9,
     )
     controller = config.build(np.random.default_rng())
-    controller.start(Task(goal(), ROOT_AREA, estimator_of(run)))
+    controller.start(task(goal(), estimator_of(run)))
     twist, dt = np.zeros(6), 1 / run["hz"]
     first = np.array(run["wMc_3x4"][0]).reshape(3, 4)
     camera = Pose(first[:, :3], first[:, 3])
@@ -59,12 +59,13 @@ def test_closed_loop(visp_run):
         np.testing.assert_allclose(camera.translation, expected[:, 3], rtol=0, atol=1e-8)
         T_camera_target = camera.inverse() @ Pose.planar(x, y, theta)
         points = T_camera_target.apply(RECTANGLE)
-        m = moments.of_polygon(points[:, :2] / points[:, 2:])
-        seen = Sight(m, features.plane_of(T_camera_target, 0.0))
-        command = controller.command(seen, Posture.of_twist(twist), dt)
+        m = shape_moments.of_polygon(points[:, :2] / points[:, 2:])
+        seen = Sight(m, plane_of(T_camera_target, 0.0))
+        command = controller.command(seen, posture_of(twist), dt)
         where = f"step {k} of {run['scenario']}, {run['comp']}"
-        np.testing.assert_allclose(command.error, run["e"][k], rtol=0, atol=1e-8, err_msg=where)
+        trace = command.trace
+        np.testing.assert_allclose(trace.error, run["e"][k], rtol=0, atol=1e-8, err_msg=where)
         np.testing.assert_allclose(command.twist, run["v"][k], rtol=0, atol=1e-8, err_msg=where)
-        np.testing.assert_allclose(command.target_motion, run["dedt_hat"][k], rtol=0, atol=1e-8)
+        np.testing.assert_allclose(trace.prediction.motion, run["dedt_hat"][k], rtol=0, atol=1e-8)
         twist = command.twist
         camera = camera @ exp_se3(twist * dt)

@@ -31,7 +31,7 @@ def installed(wheel, tmp_path_factory):
 
 
 def call(installed, place, *arguments):
-    code = "from servo.cli import main; main()"
+    code = "from servo.cli.main import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *arguments], cwd=place, capture_output=True, text=True,
         check=False, env=os.environ | {"PYTHONPATH": str(installed)},

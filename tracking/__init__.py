@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sim import plugins
+from sim import kinds
 
 if TYPE_CHECKING:
     from tracking.types import Tracker
@@ -32,6 +32,6 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
-    begin = {} if preset is None else plugins.preset(FOLDER, kind, preset)
-    config = plugins.config_of(FOLDER, kind)(**begin | settings)
+    begin = {} if preset is None else kinds.preset(FOLDER, kind, preset)
+    config = kinds.config_of(FOLDER, kind)(**begin | settings)
     return config.build(np.random.default_rng(seed))

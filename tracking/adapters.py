@@ -9,9 +9,9 @@ import numpy as np
 
 from sim.types import Frame, Image
 from tracking import create
-from tracking.evaluation.picture_file import read_image, rgb
-from tracking.evaluation.quadrilateral import boxes, corners_of, placement
-from tracking.evaluation.sources import RATE
+from tracking.evaluation.sequences.picture_file import read_image, rgb
+from tracking.evaluation.sequences.quadrilateral import boxes, corners_of, placement
+from tracking.evaluation.sequences.sources import RATE
 from tracking.types import Estimate, Region, State, Status
 
 Rect = tuple[float, float, float, float]

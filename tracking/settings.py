@@ -10,8 +10,8 @@ from annotated_types import Ge, Le
 
 from sim.types import Array, Image
 from tracking.appearance.colour import ColourBins
+from tracking.appearance.model import SampledModel, disc_model
 from tracking.appearance.reference import Learning
-from tracking.appearance.sampled import SampledModel, disc_model
 from tracking.lock import LockConfig
 from tracking.types import Region, State
 

@@ -19,19 +19,16 @@ from typing import Annotated, Literal, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo import features
-from servo.controllers._absence import Absence
 from servo.controllers._inverse import Inverse
 from servo.controllers._limits import Limits
 from servo.controllers._secondary import Secondary, twist_of
-from servo.estimators.difference import Difference
-from servo.interaction import interaction
-from servo.types import DOF, FEATURES, Command, Mode, Outlook, OwnMotion, Sight, Task
+from servo.controllers._target_loss import TargetLoss
+from servo.mistake import unknown
+from servo.types import DOF, Command, FeatureSet, Mode, OwnMotion, Prediction, Sight, Task, Trace
 from sim.ranges import Time
 from sim.types import Array, Posture
 
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
-Feature = Literal["xn", "yn", "an", "theta"]
 Weight = Annotated[float, Ge(0), Le(1e6)]
 Gain = Annotated[float, Ge(1e-6), Le(1000)]
 Limit = Annotated[float, Ge(1e-6), Le(100)]
@@ -64,8 +61,9 @@ class Config:
     "avoid_limits" (of the joints), "centre" (joints to the middles of their ranges)."""
     secondary_gain: Gain = 1.0
     """Gain of the secondary tasks [1/s]."""
-    feed_forward: tuple[Feature, ...] = ("xn", "yn")
-    """Features whose target motion is compensated; those that do not move only add noise."""
+    feed_forward: tuple[str, ...] | None = None
+    """Features whose target motion is compensated; those that do not move only add noise. By
+    default those that the feature set names: xn and yn of "moments"."""
     matrix: Literal["current", "desired", "mean"] = "current"
     """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
     coast: Time = 1.0
@@ -88,7 +86,7 @@ class Config:
 
     def __post_init__(self) -> None:
         for name in ("dof", "secondary", "feed_forward"):
-            given = getattr(self, name)
+            given = getattr(self, name) or ()
             twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
             if twice is not None:
                 raise ValueError(f"{name} has '{twice}' twice")
@@ -117,6 +115,16 @@ def adaptive_gain(config: Config, ahead: Array) -> float:
     return span * float(np.exp(-config.gain_slope * x / abs(span))) + config.gain_far
 
 
+def _fed_forward(config: Config, features: FeatureSet) -> Array:
+    """1 for the features (k,) whose target motion is compensated, 0 for the others."""
+    names, chosen = features.names, config.feed_forward
+    for name in chosen or ():
+        if name not in names:
+            raise ValueError(f"feed_forward: {unknown(name, names, 'feature')}")
+    fed = features.feed_forward if chosen is None else chosen
+    return np.array([float(name in fed) for name in names])
+
+
 @final
 class Ibvs:
     """The law, and what it must remember between frames."""
@@ -124,19 +132,21 @@ class Ibvs:
     def __init__(self, config: Config) -> None:
         self._config = c = config
         self._moves = np.array([name in c.dof for name in DOF])
-        self._fed = np.array([float(name in c.feed_forward) for name in FEATURES])
         self._weights = np.array(c.weights)
 
     def start(self, task: Task) -> None:
-        """Begin a task."""
-        c, self._task = self._config, task
+        """Begin a task.
+
+        Raises:
+            ValueError: feed_forward names a feature that the set does not have.
+        """
+        c, self._features, self._estimator = self._config, task.features, task.estimator
+        self._fed = _fed_forward(c, self._features)
         self.aim(task.goal)
-        an = self._goal[FEATURES.index("an")]
-        self._unit = np.array([an, an, an, 1.0])
-        self._measured = Difference()
-        self._known = np.array(task.goal.known)
+        self._scales = self._features.scales(self._goal)
+        self._known = self._features.known(task.goal)
         self._seen, self._matrix_seen = self._goal, self._goal_matrix
-        self._absence = Absence(c.coast, c.search_after, c.search_speed)
+        self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)
         self._limits = Limits(c.fastest, c.fastest_turn, c.acceleration, c.acceleration_turn)
         self._coming = deque([np.zeros(6)] * task.latency, maxlen=task.latency)
         self._first: Array | None = None
@@ -144,52 +154,40 @@ class Ibvs:
 
     def aim(self, goal: Sight) -> None:
         """Go on with another goal."""
-        self._goal = features.of_moments(goal.moments, self._task.scale)
-        self._goal_matrix = self._matrix(goal)
+        self._goal, self._goal_matrix = self._features.values(goal), self._features.matrix(goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """The twist for what is seen now; without a sight, what the estimate says, and in the end
         nothing, or a search.
         """
         if seen is not None:
-            self._look(seen)
-        error = features.error_of(self._seen, self._goal)
-        relative, L = error / self._unit, self._matrix_seen / self._unit[:, None]
-        coming = np.array([L @ twist for twist in self._coming]).reshape(-1, 4)
+            self._known = self._features.known(seen)
+            self._seen, self._matrix_seen = self._features.values(seen), self._features.matrix(seen)
+        error, scales = self._features.error(self._seen, self._goal), self._scales
+        relative, L = error / scales, self._matrix_seen / scales[:, None]
+        coming = np.array([L @ twist for twist in self._coming]).reshape(-1, len(error))
         own = OwnMotion(L @ posture.twist, coming)
         if seen is not None:
-            ready = self._measured.ready
-            difference = self._unit * self._measured.measure(relative, own.past, dt)
-            measured = difference if ready else np.full(4, np.nan)
-            outlook = self._task.estimator.update(relative, own, dt)
-            mode = self._absence.seen()
+            predicted, mode = self._estimator.update(relative, own, dt), self._loss.seen()
         else:
-            self._measured.forget()
-            measured = np.full(4, np.nan)
-            outlook, mode = self._task.estimator.skip(own, dt), self._absence.wait(dt)
-        outlook = outlook.times(self._unit)
-        twist, saturated = self._limits.apply(self._twist(outlook, mode, posture, dt), dt)
+            predicted, mode = self._estimator.skip(own, dt), self._loss.wait(dt)
+        predicted = predicted.times(scales)
+        twist, saturated = self._limits.apply(self._twist(predicted, mode, posture, dt), dt)
         self._coming.append(twist)
-        return Command(twist, self._seen, error, outlook, measured, saturated, mode)
+        return Command(
+            twist, saturated, mode, Trace(self._seen, error, predicted, scales, own.past)
+        )
 
-    def _look(self, seen: Sight) -> None:
-        self._known = np.array(seen.known)
-        self._seen = features.of_moments(seen.moments, self._task.scale)
-        self._matrix_seen = self._matrix(seen)
-
-    def _matrix(self, sight: Sight) -> Array:
-        return interaction(sight.moments, sight.plane, self._task.scale)
-
-    def _twist(self, outlook: Outlook, mode: Mode, posture: Posture, dt: float) -> Array:
+    def _twist(self, predicted: Prediction, mode: Mode, posture: Posture, dt: float) -> Array:
         """What the law asks for, before any limit."""
         if mode is Mode.HOLDING:
             return np.zeros(6)
         if mode is Mode.SEARCHING:
-            return self._absence.search(dt)
+            return self._loss.search(dt)
         c, inverse = self._config, self._inverse()
-        ahead = inverse.pseudo @ outlook.error
+        ahead = inverse.pseudo @ predicted.error
         gain = adaptive_gain(c, ahead)
-        twist = -gain * ahead - inverse.pseudo @ (self._fed * outlook.motion)
+        twist = -gain * ahead - inverse.pseudo @ (self._fed * predicted.motion)
         if c.smooth_start > 0:
             self._first = gain * ahead if self._first is None else self._first
             twist = twist + self._first * np.exp(-c.smooth_start * self._time)
@@ -199,16 +197,14 @@ class Ibvs:
         return twist
 
     def _inverse(self) -> Inverse:
-        """Over the known features and the degrees of freedom that may move.
-
-        A feature that is not known takes the degree of freedom that is its own with it: the depth
-        or the turn of the camera then holds.
+        """Over the known features and the degrees of freedom that may move: while the depth or the
+        angle is not known, the part of the twist that it alone controls is zero.
         """
         moves = self._moves
         if not self._known.all():
             moves = moves.copy()
-            moves[DOF.index("vz")] &= self._known[FEATURES.index("an")]
-            moves[DOF.index("wz")] &= self._known[FEATURES.index("theta")]
+            for name, dof in self._features.sole_dof.items():
+                moves[DOF.index(dof)] &= self._known[self._features.names.index(name)]
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
 
     def _chosen_matrix(self) -> Array:

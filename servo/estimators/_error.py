@@ -15,7 +15,7 @@ from annotated_types import Ge, Le
 from filterpy.kalman import KalmanFilter
 
 from servo.estimators._kalman import Ratio, between, blocks
-from servo.types import Outlook, OwnMotion
+from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
 ORDER = 3
@@ -92,6 +92,6 @@ def look_ahead(states: Array, own: OwnMotion, rho: float, dt: float) -> tuple[Ar
     return x[:, 0], x[:, 1] + dt / 2 * x[:, 2]
 
 
-def unseen(states: Array, own: OwnMotion, rho: float, dt: float) -> Outlook:
+def unseen(states: Array, own: OwnMotion, rho: float, dt: float) -> Prediction:
     """The outlook where nothing was measured."""
-    return Outlook.plain(*look_ahead(states, own, rho, dt))
+    return Prediction.unmeasured(*look_ahead(states, own, rho, dt))

@@ -12,7 +12,7 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
 from servo.estimators.difference import Difference
-from servo.types import Outlook, OwnMotion
+from servo.types import FeatureSet, OwnMotion, Prediction
 from sim.geometry import inverse
 from sim.types import Array
 
@@ -21,12 +21,6 @@ Ratio = Annotated[float, Ge(1e-9), Le(1e9)]
 """Of a variance to the measurement's."""
 Memory = Annotated[float, Ge(0), Le(0.999)]
 """Share of the velocity's change that is left after a frame: at 1 its variance has no limit."""
-FEATURES = 4
-NOISE = (1e-4, 1e-4, 7e-4, 1e-3)
-"""Standard deviations of the features from frame to frame, relative to the goal's an, as `pf_ssd`
-measures them: 0.03 px at f = 290 px, 0.07 % of size, 0.06 degrees. Estimates depend on ratios only;
-innovations over their variance, and what is decided by them, on these too."""
-VARIANCE = np.square(NOISE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +30,19 @@ class Model:
     F: Array
     """Transition per frame (n, n)."""
     Q: Array
-    """Process noise per frame (n, n), for xn; noisier features have as much more."""
+    """Process noise per frame (n, n), of the first feature; that of the others is scaled by their
+    own variance."""
     R: float
-    """Variance of the measurement of xn."""
+    """Variance of the first feature's measurement."""
     P: Array
-    """Covariance (n, n) after the first measurement of xn."""
+    """Covariance (n, n) after the first feature's first measurement."""
 
 
-class Alarm(Protocol):
-    """Tells when a feature's filter no longer fits."""
+class JumpTest(Protocol):
+    """Decides when a feature's filter no longer fits."""
 
-    def rings(self, normalised: Array) -> NDArray[np.bool_]:
-        """For each feature (4,), from innovations over their standard deviations."""
+    def jumped(self, normalised: Array) -> NDArray[np.bool_]:
+        """For each feature (k,), from innovations over their standard deviations."""
         ...
 
 
@@ -61,46 +56,64 @@ def between(at_30_hz: float, at_5_hz: float, dt: float) -> float:
     return float(at_30_hz * (30 * dt) ** (np.log(at_5_hz / at_30_hz) / np.log(30 / 5)))
 
 
-def difference_variance(dt: float) -> float:
-    """Variance [(1/s)^2] of a difference of two measurements of xn, an interval [s] apart."""
-    return float(2 * VARIANCE[0] / dt**2)
+def difference_variance(variance: float, dt: float) -> float:
+    """Variance of the difference of two measurements of this variance, an interval [s] apart, over
+    that interval [1/s^2].
+    """
+    return float(2 * variance / dt**2)
 
 
 @final
 class FeatureFilters:
     """One filter for each feature, as blocks of one; the model is made when the rate is known."""
 
-    def __init__(self, model_at: Callable[[float], Model], alarm: Alarm | None = None) -> None:
-        self._model_at, self._alarm = model_at, alarm
-        self._difference = Difference()
+    def __init__(
+        self, model_at: Callable[[float, float], Model], test: JumpTest | None = None
+    ) -> None:
+        """Filters that begin with the first measurement.
+
+        Args:
+            model_at: The model at a frame interval [s], for features whose first one is measured
+                with this variance.
+            test: Finds features whose filter is to begin anew.
+        """
+        self._model_at, self._test = model_at, test
+
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        self._variance = np.square(features.noise)
+        self._difference = Difference(features)
         self._filter: KalmanFilter | None = None
         self._order = 1
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The first measurement starts the filter and is its own estimate."""
         measurable = self._difference.ready
         z = self._difference.measure(error, own.past, dt)
         if not measurable:
-            return Outlook.plain(error, self._estimate())
+            return Prediction.unmeasured(error, self._estimate())
         if self._filter is None:
-            self._filter = self._begin(z, self._model_at(dt))
-            return Outlook.plain(error, self._estimate())
+            self._filter = self._begin(z, self._model(dt))
+            return Prediction.unmeasured(error, self._estimate())
         self._filter.predict()
         self._filter.update(z)
         innovation, variance = self._filter.y[:, 0].copy(), self._filter.S.diagonal()
-        if self._alarm is not None:
-            jumped = self._alarm.rings(innovation / np.sqrt(variance))
-            self._restart(self._filter, jumped, z, self._model_at(dt))
-        return Outlook(error, self._estimate(), innovation, innovation**2 / variance)
+        if self._test is not None:
+            jumped = self._test.jumped(innovation / np.sqrt(variance))
+            self._restart(self._filter, jumped, z, self._model(dt))
+        return Prediction(error, self._estimate(), innovation, innovation**2 / variance)
 
-    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The last estimate, kept; the next measurement needs two frames in a row."""
         self._difference.forget()
-        return Outlook.plain(np.zeros(FEATURES), self._estimate())
+        return Prediction.unmeasured(np.zeros_like(self._variance), self._estimate())
+
+    def _model(self, dt: float) -> Model:
+        return self._model_at(dt, self._variance[0])
 
     def _estimate(self) -> Array:
         if self._filter is None:
-            return np.zeros(FEATURES)
+            return np.zeros_like(self._variance)
         return self._filter.x[:: self._order, 0].copy()
 
     def _restart(self, f: KalmanFilter, which: NDArray[np.bool_], z: Array, model: Model) -> None:
@@ -109,13 +122,14 @@ class FeatureFilters:
         for i in np.flatnonzero(which):
             block = slice(i * order, (i + 1) * order)
             f.x[block, 0] = z[i] * np.eye(order)[0]
-            f.P[block, block] = model.P * VARIANCE[i] / VARIANCE[0]
+            f.P[block, block] = model.P * self._variance[i] / self._variance[0]
 
     def _begin(self, z: Array, model: Model) -> KalmanFilter:
-        each, noisy = np.eye(FEATURES), np.diag(VARIANCE / VARIANCE[0])
+        count = len(self._variance)
+        each, noisy = np.eye(count), np.diag(self._variance / self._variance[0])
         order = self._order = len(model.F)
         first = np.eye(order)[0]
-        f = KalmanFilter(dim_x=FEATURES * order, dim_z=FEATURES)
+        f = KalmanFilter(dim_x=count * order, dim_z=count)
         f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
         f.F, f.H = blocks(each, model.F), blocks(each, first[None])
         f.Q, f.R, f.P = blocks(noisy, model.Q), model.R * noisy, blocks(noisy, model.P)

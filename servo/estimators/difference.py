@@ -9,8 +9,7 @@ from typing import final
 
 import numpy as np
 
-from servo.features import half_turn
-from servo.types import Outlook, OwnMotion
+from servo.types import FeatureSet, OwnMotion, Prediction
 from sim.types import Array
 
 
@@ -30,16 +29,15 @@ class Difference:
     Pairing the difference with the last command instead, one frame off, makes the loop diverge.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, features: FeatureSet) -> None:
+        self._features = features
         self._last: Array | None = None
-        self.value = np.zeros(4)
+        self.value = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: Array, dt: float) -> Array:
-        """The difference (4,) after a frame; zero until there are two frames in a row."""
+        """The difference (k,) after a frame; zero until there are two frames in a row."""
         if self._last is not None:
-            change = error - self._last
-            change[3] = half_turn(change[3])
-            self.value = change / dt - own
+            self.value = self._features.error(error, self._last) / dt - own
         self._last = error
         return self.value
 
@@ -57,14 +55,15 @@ class Difference:
 class Plain:
     """The difference as it is."""
 
-    def __init__(self) -> None:
-        self._difference = Difference()
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        self._difference = Difference(features)
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The last measurement."""
-        return Outlook.plain(error, self._difference.measure(error, own.past, dt))
+        return Prediction.unmeasured(error, self._difference.measure(error, own.past, dt))
 
-    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The last measurement, kept."""
         self._difference.forget()
-        return Outlook.plain(np.zeros(4), self._difference.value)
+        return Prediction.unmeasured(np.zeros_like(self._difference.value), self._difference.value)

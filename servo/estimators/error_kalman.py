@@ -14,9 +14,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from servo.estimators import _error
-from servo.estimators._kalman import VARIANCE
-from servo.features import half_turn
-from servo.types import Outlook, OwnMotion
+from servo.types import FeatureSet, OwnMotion, Prediction
 from sim.types import Array
 
 
@@ -31,32 +29,38 @@ class Config(_error.ErrorSettings):
 
 @final
 class ErrorKalman:
-    """One filter for all four features."""
+    """One filter for all features."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
+
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        self._features = features
         self._filter: KalmanFilter | None = None
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The first error starts the filter."""
         c = self._config
         if self._filter is None:
-            self._filter = f = _error.error_filter(VARIANCE, c.noise(dt), c.rho, dt)
+            self._filter = f = _error.error_filter(
+                np.square(self._features.noise), c.noise(dt), c.rho, dt
+            )
             f.x = np.kron(error, [1.0, 0.0, 0.0])[:, None]
             return _error.unseen(_states(f), own, c.rho, dt)
         f = self._filter
         f.predict(own.past[:, None])
         expected = f.x[:: _error.ORDER, 0]
-        gap = error - expected
-        gap[3] = half_turn(gap[3])
+        gap = self._features.error(error, expected)
         f.update(expected + gap)
         ahead = _error.look_ahead(_states(f), own, c.rho, dt)
-        return Outlook(*ahead, gap, gap**2 / np.diag(f.S))
+        return Prediction(*ahead, gap, gap**2 / np.diag(f.S))
 
-    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The prediction."""
         if self._filter is None:
-            return Outlook.plain(np.zeros(4), np.zeros(4))
+            none = np.zeros(len(self._features.names))
+            return Prediction.unmeasured(none, none)
         self._filter.predict(own.past[:, None])
         return _error.unseen(_states(self._filter), own, self._config.rho, dt)
 

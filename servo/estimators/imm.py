@@ -15,9 +15,8 @@ from annotated_types import Ge, Le
 from filterpy.kalman import IMMEstimator
 
 from servo.estimators import _error
-from servo.estimators._kalman import VARIANCE, Ratio
-from servo.features import half_turn
-from servo.types import Outlook, OwnMotion
+from servo.estimators._kalman import Ratio
+from servo.types import FeatureSet, OwnMotion, Prediction
 from sim.types import Array
 
 
@@ -41,30 +40,37 @@ class Imm:
 
     def __init__(self, config: Config) -> None:
         self._config = config
+
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        self._features = features
         self._mixtures: list[IMMEstimator] = []
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The first error starts the filters."""
         c = self._config
         if not self._mixtures:
-            self._mixtures = [self._begin(i, error[i], dt) for i in range(4)]
+            self._mixtures = [self._begin(i, error[i], dt) for i in range(len(error))]
             return _error.unseen(self._states(), own, c.rho, dt)
-        innovation, nis = np.zeros(4), np.zeros(4)
+        expected = np.empty_like(error)
+        innovation, nis = np.zeros_like(error), np.zeros_like(error)
         for i, mixture in enumerate(self._mixtures):
             mixture.predict(own.past[i : i + 1, None])
-            expected = mixture.x_prior[0, 0]
-            gap = error[i] - expected
-            mixture.update(expected + (half_turn(gap) if i == 3 else gap))
+            expected[i] = mixture.x_prior[0, 0]
+        measured = expected + self._features.error(error, expected)
+        for i, mixture in enumerate(self._mixtures):
+            mixture.update(measured[i])
             y = np.array([f.y[0, 0] for f in mixture.filters])
             S = np.array([f.S[0, 0] for f in mixture.filters])
             innovation[i], nis[i] = mixture.mu @ y, mixture.mu @ (y**2 / S)
         ahead = _error.look_ahead(self._states(), own, c.rho, dt)
-        return Outlook(*ahead, innovation, nis)
+        return Prediction(*ahead, innovation, nis)
 
-    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The prediction."""
         if not self._mixtures:
-            return Outlook.plain(np.zeros(4), np.zeros(4))
+            none = np.zeros(len(self._features.names))
+            return Prediction.unmeasured(none, none)
         for i, mixture in enumerate(self._mixtures):
             mixture.predict(own.past[i : i + 1, None])
             mixture.x = mixture.x_prior.copy()
@@ -76,7 +82,7 @@ class Imm:
     def _begin(self, feature: int, error: float, dt: float) -> IMMEstimator:
         c = self._config
         smooth = c.noise(dt)
-        variance = VARIANCE[feature : feature + 1]
+        variance = np.square(self._features.noise[feature : feature + 1])
         filters = [
             _error.error_filter(variance, noise, c.rho, dt)
             for noise in (smooth, replace(smooth, velocity=c.jump))

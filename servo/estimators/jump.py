@@ -17,7 +17,7 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from servo.estimators import kalman_cv
-from servo.estimators._kalman import FEATURES, FeatureFilters
+from servo.estimators._kalman import FeatureFilters
 from sim.types import Array
 
 
@@ -41,10 +41,10 @@ class Cusum:
 
     def __init__(self, drift: float, threshold: float) -> None:
         self._drift, self._threshold = drift, threshold
-        self._sums = np.zeros((2, FEATURES))
+        self._sums = np.zeros((2, 1))
 
-    def rings(self, normalised: Array) -> NDArray[np.bool_]:
-        """Where a sum passed the threshold (4,); it is zero again then."""
+    def jumped(self, normalised: Array) -> NDArray[np.bool_]:
+        """Where a sum passed the threshold (k,); it is zero again then."""
         both = np.stack([normalised, -normalised])
         self._sums = np.maximum(0.0, self._sums + both - self._drift)
         found = np.any(self._sums > self._threshold, axis=0)

@@ -43,9 +43,9 @@ class Config:
         """The estimator; draws nothing."""
         return FeatureFilters(self.model)
 
-    def model(self, dt: float) -> Model:
-        """The filter of one feature at a frame interval [s]."""
-        sR, rho, T = self.measure_variance or difference_variance(dt), self.rho, dt
+    def model(self, dt: float, variance: float) -> Model:
+        """The filter of a feature that is measured with this variance, at a frame interval [s]."""
+        sR, rho, T = self.measure_variance or difference_variance(variance, dt), self.rho, dt
         sQ = self.state_variance or sR * between(VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ, dt)
         sQ2 = self.acceleration_variance or (
             sR * between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / T**2

@@ -44,9 +44,9 @@ class Config:
         """The estimator; draws nothing."""
         return FeatureFilters(self.model)
 
-    def model(self, dt: float) -> Model:
-        """The filter of one feature at a frame interval [s]."""
-        sR, rho = self.measure_variance or difference_variance(dt), self.rho
+    def model(self, dt: float, variance: float) -> Model:
+        """The filter of a feature that is measured with this variance, at a frame interval [s]."""
+        sR, rho = self.measure_variance or difference_variance(variance, dt), self.rho
         sQ = self.state_variance or sR * between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
         F = np.array([[1.0, 1.0], [0.0, rho]])
         return Model(F, np.diag([0.0, sQ]), sR, np.diag([sR, sQ / (1 - rho**2)]))

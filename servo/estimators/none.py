@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from servo.types import Outlook, OwnMotion
+from servo.types import FeatureSet, OwnMotion, Prediction
 from sim.types import Array
 
 
@@ -24,10 +24,14 @@ class Config:
 class Nothing:
     """Always zero."""
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Outlook:
-        """No motion."""
-        return Outlook.plain(error, np.zeros(4))
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        self._zero = np.zeros(len(features.names))
 
-    def skip(self, own: OwnMotion, dt: float) -> Outlook:
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """No motion."""
-        return Outlook.plain(np.zeros(4), np.zeros(4))
+        return Prediction.unmeasured(error, self._zero)
+
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
+        """No motion."""
+        return Prediction.unmeasured(self._zero, self._zero)

@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from servo.suites import TRACKERS
-from sim import plugins
+from servo.batch.jobs import Job
+from servo.bench.sequence_jobs import Contender
+from servo.bench.suites import TRACKERS
+from sim import kinds
 from sim.types import Array
-from tracking.evaluation import figures
-from tracking.evaluation.bench import Contender
-from tracking.evaluation.jobs import Job
+from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import Interval, bootstrap
 
 Result = dict[str, Any]
@@ -66,8 +66,8 @@ def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: Any
 ) -> Contender:
     """A tracker for an experiment; its label tells the preset unless given."""
-    begin = {} if preset is None else plugins.preset(TRACKERS, kind, preset)
-    config = plugins.config_of(TRACKERS, kind)(**begin | settings)
+    begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
+    config = kinds.config_of(TRACKERS, kind)(**begin | settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 

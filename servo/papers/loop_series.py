@@ -7,14 +7,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from servo import scenario as scenarios
-from servo.episode import Episode
-from servo.measures import summarise
-from servo.scenario import Scenario
-from tracking.evaluation.jobs import number
+from servo.loop.episode import measured_run
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
+from tracking.files.json_text import number
 
-ALONG = 1
-"""The car of `reversal` goes back and forth along the image's y axis: yn."""
+ALONG = "yn"
+"""The car of `reversal` drives back and forth along the image's y axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +42,16 @@ class LoopSeries:
         """Measures and series."""
         del folder
         scenario = self._scenario()
-        with Episode(scenario) as episode:
-            steps = [step.light() for step in episode]
-        report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+        steps, report = measured_run(scenario)
+        along = steps[0].scene.features.names.index(ALONG)
         return {
             "scenario": self.scenario, "estimator": self.estimator, "seed": self.seed,
             "label": self.label,
             "measures": {m.name: number(m.value) for m in report.measures},
             "time": [s.frame.time for s in steps],
             "servo_error": [s.servo_error for s in steps],
-            "estimated": [float(s.command.target_motion[ALONG]) for s in steps],
-            "true": [number(float(s.target_motion_true[ALONG])) for s in steps],
+            "estimated": [float(s.prediction.motion[along]) for s in steps],
+            "true": [number(float(s.target_motion_true[along])) for s in steps],
         }  # fmt: skip
 
     def _scenario(self) -> Scenario:

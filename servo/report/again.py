@@ -6,10 +6,10 @@ import json
 import shlex
 from typing import Any
 
-from servo import scenario as scenarios
-from servo.catalogue import LISTS, PLUGINS
 from servo.mistake import Mistake
-from servo.scenario import Scenario
+from servo.scenario import load as scenarios
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.load import Scenario
 
 Settings = dict[str, Any]
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from servo import suites
+from servo.batch.jobs import RESULTS
+from servo.bench import suites
 from servo.mistake import Mistake
 from servo.report import files
 from servo.report.page import Block, versions
-from sim import plugins
-from tracking.evaluation.jobs import RESULTS
+from sim import kinds
 
 UNKNOWN = (
     "Its trackers or sequences came from a file of your own; the settings of each run are in "
@@ -76,12 +76,12 @@ def _tracker(label: str, described: dict[str, Any] | None) -> str | None:
         return None
     kind = str(described.get("kind")).rsplit(".", 1)[-1]
     try:
-        presets = plugins.presets(suites.TRACKERS, kind)
+        presets = kinds.presets(suites.TRACKERS, kind)
         for word in (kind, *(f"{kind}:{preset}" for preset in presets)):
             contender = suites.contenders(word)[0]
             if contender.label == label and contender.describe() == described:
                 return word
-    except (Mistake, plugins.UnknownKind, ImportError):
+    except (Mistake, kinds.UnknownKind, ImportError):
         pass  # a tracker that this version does not have
     return None
 

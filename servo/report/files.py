@@ -14,7 +14,7 @@ from annotated_types import Ge, Le
 from pydantic import TypeAdapter, ValidationError
 
 from servo.mistake import Mistake
-from tracking.evaluation import reading
+from tracking.files import reading
 
 Content = TypeVar("Content")
 HALF = "it may be half-written"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.measures import MEANINGS
+from servo.loop.run_measures import MEANINGS
 from servo.report import charts
 from servo.report.charts import ERRORS, SETTINGS, Axis, Curve
 from servo.report.drawing import LIGHT, colour

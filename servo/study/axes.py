@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from servo.catalogue import PLUGINS
-from servo.episode import stream
+from servo.loop.episode import stream
 from servo.mistake import Mistake
+from servo.scenario.catalogue import PLUGINS
+from servo.scenario.toml import is_number
 from servo.study.keys import flat
-from servo.tables import is_number
-from sim import plugins
+from sim import kinds
 
 SCENARIO = "scenario"
 """The axis of scenarios; all others have the names of settings."""
@@ -92,7 +92,7 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
                 continue
             given = _span(law, numbers, at)
         elif given == ALL and key.removesuffix(".kind") in PLUGINS and key.endswith(".kind"):
-            given = plugins.kinds(PLUGINS[key.removesuffix(".kind")][0])
+            given = kinds.names(PLUGINS[key.removesuffix(".kind")][0])
         if not isinstance(given, list) or not given:
             raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")
         if len(given) > MOST_VALUES:

@@ -11,15 +11,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from servo import scenario as scenarios
-from servo.catalogue import sentence, shipped, studies
-from servo.measures import MEANINGS, check_expect
+from servo.loop.run_measures import MEANINGS, check_expect
 from servo.mistake import Mistake, unknown
-from servo.overrides import assignment
+from servo.scenario import load as scenarios
+from servo.scenario.catalogue import sentence, shipped, studies
+from servo.scenario.override import assignment
+from servo.scenario.toml import is_number
 from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
 from servo.study.keys import check_apart, flat
 from servo.study.plan import Base, Run, Study
-from servo.tables import is_number
 
 KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
 ALL = "*"

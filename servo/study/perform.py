@@ -7,14 +7,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from servo.episode import Episode
-from servo.measures import CONVERGED_PX, Outcome, summarise, violations
-from servo.step import Step
+from servo.loop.episode import measured_run
+from servo.loop.run_measures import CONVERGED_PX, Outcome, violations
+from servo.loop.step import Step
+from servo.output.versions import versions
 from servo.study.plan import Run
-from servo.versions import versions
-from tracking.evaluation.contact_sheet import page, tile
-from tracking.evaluation.jobs import number
-from tracking.evaluation.sources import Picture
+from tracking.evaluation.drawing.contact_sheet import page, tile
+from tracking.evaluation.sequences.sources import Picture
+from tracking.files.json_text import number
 
 Row = dict[str, Any]
 TILES, JPEG_QUALITY = 8, 80
@@ -29,16 +29,15 @@ def perform(run: Run) -> Row:
         Mistake: A setting does not fit.
     """
     scenario = run.parsed()
-    with Episode(scenario) as episode:
-        last = episode.frames - 1
-        wanted = set(np.linspace(0, last, TILES).astype(int)) if run.pictured else set()
-        tiles: list[Any] = []
-        steps: list[Step] = []
-        for step in episode:
-            if step.frame.index in wanted:
-                tiles.append(_tile(step))
-            steps.append(step.light())
-    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    last = scenario.frames - 1
+    wanted = set(np.linspace(0, last, TILES).astype(int)) if run.pictured else set()
+    tiles: list[Any] = []
+
+    def keep(step: Step) -> None:
+        if step.frame.index in wanted:
+            tiles.append(_tile(step))
+
+    steps, report = measured_run(scenario, keep)
     hoped = scenario.expect.get("outcome", Outcome.CONVERGED.name)
     return {
         "run": run.number,

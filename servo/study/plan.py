@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo import scenario as scenarios
-from servo.measures import check_expect
-from servo.overrides import put
-from servo.scenario import Scenario, Table
+from servo.loop.run_measures import check_expect
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario, Table
+from servo.scenario.override import put
 from servo.study.axes import SCENARIO, Axis, Draw, Value
 
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from servo.measures import MEANINGS
+from servo.loop.run_measures import MEANINGS
 from servo.study.parse import SUCCESS
 from servo.study.perform import Row
 from servo.study.plan import Study
-from tracking.evaluation.csv_text import csv_text
 from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
+from tracking.files.csv_text import csv_text
 
 DRAWS = 2000
 """Of the bootstrap."""

@@ -9,10 +9,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from servo.measures import MEANINGS
+from servo.loop.run_measures import MEANINGS
 from servo.study.perform import Row, version_columns
 from servo.study.plan import Place, Study
-from tracking.evaluation import reading
+from tracking.files import reading
 
 FLOATS, FLAGS = pa.list_(pa.float32()), pa.list_(pa.bool_())
 MOST_BYTES = 100_000_000

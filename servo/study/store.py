@@ -16,11 +16,11 @@ from typing import Any
 import pyarrow as pa
 
 from servo.mistake import Mistake, Refused
-from servo.result_folder import check_versions, only_writer
+from servo.output.result_folder import check_versions, only_writer
 from servo.study.perform import Row, version_columns
 from servo.study.plan import Run, Study
 from servo.study.run_file import RunFiles
-from tracking.evaluation import atomic
+from tracking.files import atomic
 
 MANIFEST, RUNS, FAILURES = "study.json", "runs", "failures"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios")

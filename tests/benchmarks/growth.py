@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from servo import speed
-from servo.episode import Episode
-from servo.scenario import load
+from servo.cli import speed
+from servo.loop.episode import Episode
+from servo.scenario.load import load
 
 PARTICLES = [50, 100, 200, 400, 800, 1600]
 LENGTHS = [20, 30, 40, 60, 90, 120]

@@ -15,8 +15,8 @@ import cv2
 import mujoco
 import numpy as np
 
-from servo.episode import Episode
-from servo.scenario import load
+from servo.loop.episode import Episode
+from servo.scenario.load import load
 from sim.render import Renderer
 from sim.robot import EYE
 

@@ -1,7 +1,7 @@
 """What building and closing an episode costs: with the process's GL context, and with a new one."""
 
-from servo.episode import Episode
-from servo.scenario import load
+from servo.loop.episode import Episode
+from servo.scenario.load import load
 from sim import gl
 
 

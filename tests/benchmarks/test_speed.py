@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from servo import speed
-from servo.episode import Episode
-from servo.scenario import load
-from sim import plugins
+from servo.cli import speed
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from sim import kinds
 
 film = lru_cache(speed.film)
 FIXED = ["camshift", "cv_mean_shift", "cv_mil", "mean_shift", "mk_ssd", "sok"]
@@ -42,7 +42,7 @@ def _one_thread():
 
 def update(benchmark, kind, length, width, **settings):
     shown = film(length, width)
-    config = plugins.config_of("tracking.trackers", kind)(**settings)
+    config = kinds.config_of("tracking.trackers", kind)(**settings)
     tracker = config.build(np.random.default_rng(0))
     tracker.start(shown.frames[0], shown.region, shown.state)
     there_and_back = cycle([*shown.frames[1:], *shown.frames[-2:0:-1]])
@@ -65,7 +65,7 @@ def test_particle_filter(benchmark, kind, particles, length, width):
     update(benchmark, kind, length, width, particles=particles)
 
 
-@pytest.mark.parametrize("estimator", plugins.kinds("servo.estimators"))
+@pytest.mark.parametrize("estimator", kinds.names("servo.estimators"))
 def test_features_law_and_estimator(benchmark, estimator):
     with Episode(load("line", ["run.duration=1.0", f"estimator.kind={estimator}"])) as episode:
         step = list(episode)[-1]

@@ -103,7 +103,8 @@ def drawn():
 @pytest.fixture
 def section(monkeypatch, drawn, tmp_path):
     """All that `servobench report` says of a folder; figures and pictures as plain values."""
-    from servo.report import charts, command
+    from servo.cli import report_command
+    from servo.report import charts
 
     monkeypatch.setattr(charts, "svg", lambda figure, title: [title, drawn(figure)])
 
@@ -116,4 +117,4 @@ def section(monkeypatch, drawn, tmp_path):
             return value.split(";base64")[0].replace(str(tmp_path), "FOLDER")
         return value
 
-    return lambda folder: plain(as_json(command._section(folder)))
+    return lambda folder: plain(as_json(report_command._section(folder)))

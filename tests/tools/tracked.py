@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from servo import cli
+from servo.cli import main
 
 REGION = "40,30,30,20"
 FRAMES = 8
@@ -33,7 +33,7 @@ def pictures(folder):
 def call(monkeypatch, capfd, *arguments):
     monkeypatch.setattr("sys.argv", ["servobench", "track", *arguments])
     with pytest.raises(SystemExit) as left:
-        cli.main()
+        main.main()
     out, err = capfd.readouterr()
     return left.value.code, out, err
 

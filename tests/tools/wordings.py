@@ -6,17 +6,17 @@ import re
 
 from hostile import LONG
 
-from servo.catalogue import PLUGINS, shipped, studies
-from servo.listing import FOLDERS
-from servo.measures import MEANINGS
-from servo.papers.command import CLAIMS
-from servo.scenario import KEYS
-from sim.plugins import kinds
+from servo.cli.list_command import FOLDERS
+from servo.loop.run_measures import MEANINGS
+from servo.papers.claims import CLAIMS
+from servo.scenario.catalogue import PLUGINS, shipped, studies
+from servo.scenario.load import KEYS
+from sim import kinds
 
 
 def _listed() -> dict[str, str]:
     lists = {
-        "ALL_KINDS": [kind for folder in FOLDERS.values() for kind in kinds(folder)],
+        "ALL_KINDS": [kind for folder in FOLDERS.values() for kind in kinds.names(folder)],
         "SCENARIOS": shipped(),
         "STUDIES": studies(),
         "MEASURES": MEANINGS,
@@ -25,7 +25,7 @@ def _listed() -> dict[str, str]:
     }
     folders = {name: folder for name, (folder, _) in PLUGINS.items()}
     folders["disturbance"] = "sim.disturbances"
-    lists |= {f"{name.upper()}_KINDS": kinds(folder) for name, folder in folders.items()}
+    lists |= {f"{name.upper()}_KINDS": kinds.names(folder) for name, folder in folders.items()}
     return {f"<{name}>": ", ".join(names) for name, names in lists.items()} | {"<LONG>": LONG}
 
 

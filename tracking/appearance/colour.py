@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from sim.types import Image
 from tracking.appearance.bins import Labels, Window
-from tracking.hot import colour as hot
+from tracking.hot import colour_labels as hot
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.types import Array
 from tracking.appearance.bins import Labelled
-from tracking.hot import sampled as hot
+from tracking.hot import point_histograms as hot
 from tracking.types import Region, State
 
 TINY = 1e-12

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tracking.evaluation import atomic, reading
 from tracking.evaluation.track import Shot, Track
+from tracking.files import atomic, reading
 from tracking.types import Region, Status
 
 HEADER = (

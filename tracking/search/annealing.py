@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import annealing as hot
+from tracking.hot import exponents as hot
 from tracking.search.particles import ParticleFilter
 
 BISECTIONS = 40

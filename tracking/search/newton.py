@@ -25,7 +25,7 @@ from math import sqrt
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot import newton as hot
+from tracking.hot import descent as hot
 from tracking.types import Region, State
 
 ANGLE_UNIT, SCALE_UNIT = 1 / 20, 1 / 20

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import sampling
+from tracking.hot import particle_loops
 from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
@@ -41,19 +41,19 @@ class ParticleFilter:
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
         """Move every sample by the velocity (4,) per frame, and spread them."""
         draws, spread = self._rng.standard_normal(self.samples.shape), widen * self._noise
-        self.samples = sampling.moved(self.samples, velocity, spread, draws, LARGEST_LOG)
+        self.samples = particle_loops.moved(self.samples, velocity, spread, draws, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
         """Weigh the samples by a log-likelihood (N,), on top of the weights they have."""
-        self.weights = sampling.normalised(np.log(self.weights) + log_likelihood)
+        self.weights = particle_loops.normalised(np.log(self.weights) + log_likelihood)
 
     def mean(self) -> State:
         """The weighted mean. It is read before resampling, which only adds variance."""
-        return State.of(sampling.mean(self.samples, self.weights))
+        return State.of(particle_loops.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
         """Covariance (4, 4) of the samples; nan in what does not vary between them."""
-        found = sampling.covariance(self.samples, self.weights)
+        found = particle_loops.covariance(self.samples, self.weights)
         kept = np.array([False, False, *(not on for on in self._follows)])
         found[kept], found[:, kept] = np.nan, np.nan
         return found
@@ -65,11 +65,11 @@ class ParticleFilter:
 
     def ess(self) -> float:
         """Effective sample size."""
-        return sampling.effective_size(self.weights)
+        return particle_loops.effective_size(self.weights)
 
     def cloud(self) -> Array:
         """Samples and weights as (N, 5): x, y, theta, scale, weight."""
-        return sampling.cloud(self.samples, self.weights)
+        return particle_loops.cloud(self.samples, self.weights)
 
     def best(self) -> State:
         """The sample with the largest weight."""
@@ -91,7 +91,7 @@ class ParticleFilter:
     def resample(self, power: float = 1.0) -> None:
         """Draw the samples anew, as often as their weights, raised to a power, say."""
         weights = self.weights if power == 1.0 else self.weights**power
-        self.samples = self.samples[sampling.systematic(weights, self._rng.random())]
+        self.samples = self.samples[particle_loops.systematic(weights, self._rng.random())]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
     def gather(self, state: State) -> None:

@@ -10,7 +10,7 @@ from annotated_types import Ge, Le
 
 from sim.types import Image
 from tracking.appearance.colour import ColourBins
-from tracking.appearance.sampled import SampledModel, cell_model
+from tracking.appearance.model import SampledModel, cell_model
 from tracking.settings import PLAIN, Sharpness
 from tracking.trackers import condensation
 from tracking.types import Region, State

@@ -19,9 +19,9 @@ from annotated_types import Ge, Le
 
 from sim.types import Array, Frame, Image
 from tracking.appearance.colour import ColourBins
+from tracking.appearance.model import cell_model
 from tracking.appearance.reference import Learning
-from tracking.appearance.sampled import cell_model
-from tracking.hot.colour import evened
+from tracking.hot.colour_labels import evened
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter

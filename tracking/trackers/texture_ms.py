@@ -9,8 +9,8 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Image
-from tracking.appearance.sampled import SampledModel, disc_model
-from tracking.appearance.texture import THRESHOLD, TextureBins, texture_or_colour
+from tracking.appearance.local_patterns import THRESHOLD, TextureBins, texture_or_colour
+from tracking.appearance.model import SampledModel, disc_model
 from tracking.settings import PLAIN
 from tracking.trackers import mean_shift
 from tracking.types import Region, State

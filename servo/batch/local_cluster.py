@@ -1,0 +1,177 @@
+"""Worker processes on this machine; those that die are replaced."""
+
+from __future__ import annotations
+
+import logging
+import os
+import resource
+import signal
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+
+from dask.system import CPU_COUNT
+from distributed import Client, LocalCluster, Status
+from distributed.security import Security
+from distributed.system import MEMORY_LIMIT
+
+from servo.batch.cluster import TICK, Crew, silence
+from servo.batch.ended import Lost
+from servo.mistake import Mistake, Refused
+
+LOOPBACK = "127.0.0.1"
+ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Workers share the processors already."""
+SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+"""What a worker has to report comes back with its task."""
+WORKER_BYTES = 300e6
+"""Memory of a worker that renders, at its peak."""
+WORKERS_A_CORE = 8
+FILES, FILES_A_WORKER = 32, 16
+"""Open files of a client, and more of them for each worker."""
+MOST_REPLACED = 3
+"""A worker that dies so often before it could work is given up."""
+WARNINGS = "PYTHONWARNINGS"
+LONGEST_START = 120.0
+"""Longest time without any worker [s]."""
+
+
+def check_workers(workers: int) -> None:
+    """Refuse more worker processes than this machine can hold.
+
+    Raises:
+        Mistake: There are too many.
+        Refused: They could not open their files.
+    """
+    by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))
+    most = min(by_memory, WORKERS_A_CORE * CPU_COUNT)
+    if workers > most:
+        raise Mistake(
+            f"--workers {workers}: this machine has {MEMORY_LIMIT / 1e9:.1f} GB of memory and "
+            f"{CPU_COUNT} cores, and a worker takes {WORKER_BYTES / 1e9:.1f} GB: the limit is "
+            f"{most}, the best number {min(by_memory, CPU_COUNT)}"
+        )
+    _allow_files(FILES + FILES_A_WORKER * workers)
+
+
+def _allow_files(needed: int) -> None:
+    """Let this process and its children open so many files.
+
+    Raises:
+        Refused: The machine does not allow it.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        raise Refused(
+            f"the workers need {needed} open files, and {hard} are allowed: raise the limit "
+            f"(ulimit -n {needed}), or use fewer --workers"
+        )
+    resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+
+
+@contextmanager
+def local(workers: int) -> Generator[Crew]:
+    """A cluster of worker processes on this machine, which nobody else can reach by network.
+
+    Raises:
+        Mistake: There are too many workers.
+        Refused: The machine lets no cluster start.
+    """
+    check_workers(workers)
+    with silence():
+        try:
+            with _deaf_children():  # the client stops them
+                # Not with the certificates of a cluster that the user has elsewhere.
+                plain = Security(require_encryption=False, tls_ca_file=None)
+                cluster = LocalCluster(
+                    n_workers=0, threads_per_worker=1, processes=True, host=LOOPBACK,
+                    protocol="tcp://", security=plain,
+                    dashboard_address=f"{LOOPBACK}:0", worker_dashboard_address=f"{LOOPBACK}:0",
+                    memory_limit=int(MEMORY_LIMIT / workers), env=ONE_THREAD | SILENT,
+                    silence_logs=logging.CRITICAL,
+                )  # fmt: skip
+        except (OSError, RuntimeError) as error:
+            raise Refused(f"the worker processes cannot be started: {_reason(error)}") from None
+        with cluster, Client(cluster, set_as_default=False) as client:
+            cluster.scale(workers)
+            yield Crew(client, "the local cluster", _Nurse(cluster, workers))
+
+
+@dataclass(slots=True)
+class _Nurse:
+    """Replaces workers that died before they could work; Dask itself restarts all others."""
+
+    cluster: LocalCluster
+    workers: int
+    replaced: int = 0
+    without: float = 0.0
+    """Time without any worker [s], counted in ticks: it stands still where the client does."""
+
+    def __call__(self, there: int) -> None:
+        self.without = 0.0 if there else self.without + TICK
+        if there >= self.workers:
+            self.replaced = 0
+        nannies = list(self.cluster.workers.items())
+        dead = [name for name, nanny in nannies if nanny.status in (Status.closed, Status.failed)]
+        spent = self.replaced + len(dead) > MOST_REPLACED * self.workers
+        if (spent or self.without > LONGEST_START) and not there:
+            raise Lost(
+                "the worker processes end before they can work; there may be too little memory, "
+                "or too few processes or open files allowed (ulimit -a)"
+            )
+        if dead and not spent:
+            self.replaced += len(dead)
+            for name in dead:
+                self.cluster.workers.pop(name, None)
+            self.cluster.scale(self.workers)
+
+
+def _reason(error: BaseException) -> str:
+    """What the system said first."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return (isinstance(error, OSError) and error.strerror) or str(error)
+
+
+def _track_resources() -> None:
+    """Start Python's process that cleans up after us, and have it do so without a word.
+
+    It ignores Ctrl-C and TERM, but not that the terminal is closed.
+    """
+    before = os.environ.get(WARNINGS)
+    os.environ[WARNINGS] = "ignore:resource_tracker"
+    handler = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.signal(signal.SIGHUP, handler)
+        del os.environ[WARNINGS]
+        os.environ.update({} if before is None else {WARNINGS: before})
+
+
+@contextmanager
+def _deaf_children() -> Generator[None]:
+    """Processes and threads started in here are not interrupted by Ctrl-C; it waits until the end.
+
+    A terminal sends it to all processes at once, and in a child that is still importing it would
+    print a traceback. Without effect where there are no such signals (Windows, other threads).
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    _track_resources()  # the thread that starts it unblocks the signal
+    heard = threading.Event()  # by a thread that was there before
+    handler = signal.signal(signal.SIGINT, lambda *_: heard.set())
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+        if heard.is_set():
+            signal.raise_signal(signal.SIGINT)

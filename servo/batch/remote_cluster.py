@@ -1,0 +1,150 @@
+"""A cluster that the user already has: its scheduler is reached within one deadline."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+from distributed import Client
+from distributed.security import Security
+from distributed.utils import LoopRunner, sync
+
+from servo.batch import cluster
+from servo.batch.cluster import TICK, Crew, silence
+from servo.batch.ended import Lost
+from servo.mistake import Mistake
+
+PLAIN, ENCRYPTED = "tcp", "tls"
+TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
+CONNECTING = 0.75
+"""Share of the deadline after which Dask stops to connect, and says why it could not."""
+CLOSING = 2.0
+"""Longest wait for a farewell to a scheduler that did not answer [s]."""
+
+
+def check_address(text: str) -> str:
+    """A scheduler's address, as Dask writes it.
+
+    Raises:
+        Mistake: It is none.
+    """
+    try:
+        parts = urlsplit(text if "://" in text else f"{PLAIN}://{text}")
+        rest = parts.path + parts.query + parts.fragment
+        known = parts.scheme in (PLAIN, ENCRYPTED) and parts.username is None
+        if known and parts.hostname and parts.port and not rest:
+            return f"{parts.scheme}://{parts.netloc}"
+    except ValueError:
+        pass  # a port that is none, or an address of IPv6 that is none
+    raise Mistake(
+        f"--scheduler {text}: this should be {PLAIN}://HOST:PORT or {ENCRYPTED}://HOST:PORT"
+    )
+
+
+def check_settings(text: str) -> None:
+    """Refuse what needs no connection to be seen as wrong.
+
+    Raises:
+        Mistake: It is no address, or Dask's settings of TLS do not suffice for it.
+    """
+    _security(check_address(text))
+
+
+@contextmanager
+def remote(text: str) -> Generator[Crew]:
+    """A client of a scheduler that runs already.
+
+    Raises:
+        Mistake: There is none at the address, or it has no workers.
+        Lost: Its workers run several tasks at once.
+    """
+    address = check_address(text)
+    with silence():
+        security = _security(address)
+        runner: Any = LoopRunner()
+        runner.start()
+        try:
+            client = sync(runner.loop, _reach, address, security)
+            name = f"the scheduler {address}"
+            found = Crew(client, name, _Watch(name))
+            try:
+                found.workers()
+                yield found
+            finally:
+                with suppress(TimeoutError):
+                    client.close(CLOSING)
+        finally:
+            runner.stop()
+
+
+@dataclass(slots=True)
+class _Watch:
+    """Gives up a scheduler that has had no worker for long."""
+
+    name: str
+    without: float = 0.0
+    """Time without any worker [s], counted in ticks: it stands still where the client does."""
+
+    def __call__(self, there: int) -> None:
+        self.without = 0.0 if there else self.without + TICK
+        if self.without >= cluster.PATIENCE:
+            raise Lost(f"{self.name} has had no worker for {cluster.PATIENCE:g} s")
+
+
+def _security(address: str) -> Security:
+    """The user's own settings of Dask.
+
+    Raises:
+        Mistake: They do not suffice for TLS.
+    """
+    names: list[str] = []
+    try:
+        security = Security()
+        names += [name for attribute in TLS_FILES if (name := getattr(security, attribute))]
+        security.get_connection_args("client")  # reads the files
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise Mistake(
+            f"--scheduler {address}: Dask's settings of TLS ({', '.join(names)}) cannot be used: "
+            f"{error}"
+        ) from None
+    if address.startswith(ENCRYPTED) and not (security.tls_ca_file and security.tls_client_cert):
+        raise Mistake(
+            f"--scheduler {address}: TLS needs certificates; name their files to Dask by "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY, "
+            "or in ~/.config/dask"
+        )
+    return security
+
+
+async def _reach(address: str, security: Security) -> Client:
+    """Connect, shake hands and wait for a worker, all within one deadline."""
+    client: Any = Client(
+        address, security=security, timeout=CONNECTING * cluster.PATIENCE, asynchronous=True,
+        set_as_default=False,
+    )  # fmt: skip
+    said = f"nothing answered within {cluster.PATIENCE:g} s"
+    try:
+        async with asyncio.timeout(cluster.PATIENCE):
+            await client
+            said = f"it had no worker for {cluster.PATIENCE:g} s"
+            await client.wait_for_workers(1)
+        return client
+    except Exception as error:  # whatever speaks there, or does not
+        with suppress(Exception):
+            await client.close(CLOSING)
+        reason = said if isinstance(error, TimeoutError) else _reason(error)
+    raise Mistake(f"--scheduler {address}: no scheduler with workers answers there: {reason}")
+
+
+def _reason(error: BaseException) -> str:
+    """The first cause that has words."""
+    if not isinstance(error, OSError | ImportError):
+        return "what answers there does not speak Dask's protocol"
+    words = str(error)
+    while (cause := error.__cause__) is not None:
+        error, words = cause, str(cause) or words
+    return words or type(error).__name__

@@ -1,0 +1,92 @@
+"""Tasks over the workers of a cluster: each is done once, whatever dies meanwhile."""
+
+from __future__ import annotations
+
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from typing import Any, TypeVar
+
+import cv2
+from distributed import Future, KilledWorker, as_completed
+
+from servo.batch.cluster import DEATHS, TICK, Crew
+from servo.batch.ended import Ended, Lost, failed
+from servo.batch.local_cluster import ONE_THREAD
+
+Task = TypeVar("Task")
+
+
+def carry_out(
+    crew: Crew, tasks: Iterable[Task], work: Callable[[Task], Any]
+) -> Iterator[tuple[Task, Ended]]:
+    """Do tasks, as many at once as there are workers; the order is that of their ends.
+
+    A worker that dies takes only its own task with it, which another worker then does.
+
+    Raises:
+        Lost: The scheduler is gone, or has had no workers for long.
+    """
+    waiting, session = iter(tasks), uuid.uuid4().hex
+    under_way: dict[str, tuple[Task, Future[Any]]] = {}
+    ended = as_completed(loop=crew.client.loop)
+
+    def top_up() -> None:
+        there = crew.workers()
+        crew.watch(there)
+        for _ in range(max(1, there) - len(under_way)):
+            task = next(waiting, None)
+            if task is None:
+                return
+            key = f"servobench-{session}-{uuid.uuid4().hex}"
+            future = crew.client.submit(_work_alone, work, task, key=key, pure=False)
+            under_way[key] = task, future
+            ended.add(future)
+
+    try:
+        top_up()
+        while under_way:
+            for future in _ready(ended):
+                if future.status in ("lost", "pending"):  # its worker died: it is done again
+                    ended.add(future)
+                    continue
+                task, _ = under_way.pop(str(future.key))
+                yield task, _result(future, crew.name)
+            top_up()
+    except (OSError, CancelledError) as error:  # whatever was asked of it just then
+        raise Lost(f"{crew.name} is gone") from error
+    finally:
+        for _, future in under_way.values():
+            future.cancel()
+
+
+def _ready(ended: as_completed) -> list[Future[Any]]:
+    """What has ended, as soon as something has; nothing after a `TICK`."""
+    until = time.monotonic() + TICK
+    while not ended.has_ready() and time.monotonic() < until:
+        with ended.thread_condition:
+            ended.thread_condition.wait(TICK / 10)
+    return ended.next_batch(block=False)
+
+
+def _result(future: Future[Any], name: str) -> Ended:
+    if future.status == "finished":
+        return Ended(future.result())
+    if future.status != "error":  # "cancelled", but not by us
+        raise Lost(f"{name} is gone")
+    error: Any = future.exception()
+    if isinstance(error, KilledWorker):
+        return Ended(
+            None, f"{DEATHS + 1} workers died of it, one after the other: for want of memory, or "
+            "somebody killed them\n"
+        )  # fmt: skip
+    return failed(error)
+
+
+def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:
+    for name, value in ONE_THREAD.items():
+        os.environ.setdefault(name, value)
+    cv2.setNumThreads(1)
+    return work(task)

@@ -1,0 +1,85 @@
+"""Many jobs under one progress bar; what was finished is kept, failures are told at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from servo.batch.ended import Ended, Lost, one_by_one
+from servo.batch.jobs import Done, Job, attempt, known
+from servo.mistake import Mistake, Refused
+
+Task = TypeVar("Task")
+MOST_RUNS = 100_000
+"""Runs of one command: more would fill memory before the first of them ends."""
+
+
+def check_number(runs: int) -> None:
+    """Refuse more runs than any machine ends.
+
+    Raises:
+        Mistake: There are too many.
+    """
+    if runs > MOST_RUNS:
+        raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
+
+
+class Team:
+    """Processes that do jobs, started when there is something to do; use it in a `with`."""
+
+    def __init__(self, workers: int) -> None:
+        """Engage a team.
+
+        Args:
+            workers: Number of processes; 1: this one.
+
+        Raises:
+            Mistake: The machine cannot hold so many.
+        """
+        self._workers = workers
+        self._open = ExitStack()
+        if workers > 1:
+            from servo.batch.local_cluster import check_workers  # Dask takes a second to import
+
+            check_workers(workers)
+
+    def __enter__(self) -> Team:
+        return self
+
+    def __exit__(self, *told: Any) -> None:
+        self._open.__exit__(*told)
+
+    def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
+        """Do what has no result yet; the others give what they have. The order is that of ends."""
+        kept = {job.key: known(job, folder) for job in jobs}
+        yield from (done for done in kept.values() if done is not None)
+        todo = [job for job in jobs if kept[job.key] is None]
+        for job, ended in self.ends(todo, partial(attempt, folder=folder)):
+            yield Done(job, None, ended.error) if ended.error else ended.value
+
+    def ends(
+        self, tasks: Sequence[Task], work: Callable[[Task], Any]
+    ) -> Iterator[tuple[Task, Ended]]:
+        """Do tasks; the order is that of their ends.
+
+        Raises:
+            Refused: The machine lets no process work.
+        """
+        if self._workers == 1 or not tasks:
+            yield from one_by_one(tasks, work)
+            return
+        from servo.batch.tasks import carry_out
+
+        try:
+            yield from carry_out(self._crew, tasks, work)
+        except Lost as error:
+            raise Refused(f"{error}; what was written is complete up to here") from None
+
+    @cached_property
+    def _crew(self):
+        from servo.batch.local_cluster import local
+
+        return self._open.enter_context(local(self._workers))

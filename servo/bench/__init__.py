@@ -1,0 +1,1 @@
+"""Trackers against each other: on sequences, and in the closed loop."""

@@ -1,0 +1,92 @@
+"""Trackers in the closed loop: each one steers the camera through the same scenarios."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from servo.bench.sequence_jobs import Contender
+from servo.loop.episode import measured_run
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
+from tracking.files import atomic
+from tracking.files.csv_text import csv_text
+from tracking.files.json_text import number
+
+SCENARIOS = ("still", "line")
+"""What every tracker must be able to do."""
+SHOWN = {
+    "rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
+    "ms": "track_ms",
+}  # fmt: skip
+"""Measures in the table, by the words that head them."""
+RANKS = "servo_rms_px"
+LEGEND = (
+    "true centre against the goal, rms and peak [px]; estimate against truth, rms [px]; tracker's "
+    "time [ms];\nmeans, with 95 % bootstrap intervals where there are several seeds"
+)
+COLUMNS = ("tracker", "follows", "scenario", "seed", "outcome")
+
+
+@dataclass(frozen=True, slots=True)
+class LoopJob:
+    """One tracker in one scenario with one seed."""
+
+    contender: Contender
+    scenario: str
+    seed: int
+    changes: tuple[str, ...] = ()
+    """As with --set."""
+
+    @property
+    def key(self) -> str:
+        """TRACKER/SCENARIO-SEED."""
+        return f"{self.contender.label}/{self.scenario}-{self.seed}"
+
+    def describe(self) -> dict[str, Any]:
+        """Tracker, scenario with all that is in its file, seed, version."""
+        return {
+            "tracker": self.contender.describe(),
+            "scenario": self._scenario().table,
+            "version": metadata.version("servobench"),
+        }
+
+    def run(self, folder: Path) -> dict[str, Any]:
+        """Outcome and measures."""
+        del folder
+        scenario = dataclasses.replace(self._scenario(), tracker=self.contender.config)
+        steps, report = measured_run(scenario)
+        followed = zip(("theta", "s"), steps[-1].estimate.follows, strict=True)
+        return {
+            "tracker": self.contender.label,
+            "follows": ", ".join(["x", "y", *(name for name, on in followed if on)]),
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "outcome": report.outcome.name,
+            "measures": {m.name: number(m.value) for m in report.measures}
+            | {"track_ms": 1e3 * float(np.median([s.seconds.track for s in steps]))},
+        }
+
+    def _scenario(self) -> Scenario:
+        return scenarios.load(self.scenario, list(self.changes), self.seed)
+
+
+def write(results: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
+    """runs.csv and bench.json; their paths.
+
+    Raises:
+        OSError: The disk refuses.
+    """
+    names = list(results[0]["measures"])
+    rows = [[*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)] for r in results]
+    return [
+        atomic.write(folder, "runs.csv", csv_text([*COLUMNS, *names], rows)),
+        atomic.write(folder, "bench.json", json.dumps({"runs": list(results)}, indent=1) + "\n"),
+    ]

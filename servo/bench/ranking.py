@@ -1,0 +1,150 @@
+"""The results of a bench as tables: one row a run, one row a tracker, with intervals and tests."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.types import Array
+from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
+from tracking.evaluation.track_measures import MEASURES
+from tracking.files import atomic
+from tracking.files.csv_text import csv_text
+
+DECIDES = "frames_until_loss"
+"""What McNemar's test compares, as the first paper does: which of two tracked for longer."""
+RANKS = "auc"
+SEED = 0
+"""Of the bootstrap: the same results give the same intervals."""
+SHEETS = "sheets"
+SHOWN = {
+    "AUC": "auc", "P20": "precision_20", "error": "mean_error_px", "done": "completed",
+    "lost": "lost_auc", "ms": "milliseconds", "reads": "evaluations",
+}  # fmt: skip
+"""Measures in the table, by the words that head them."""
+INTERVAL = "AUC"
+"""The measure whose interval is printed; the files have those of all."""
+LEGEND = (
+    "AUC: success, with its 95 % bootstrap interval; P20: precision at 20 px; error [px]; done: "
+    "share never lost;\nlost: ROC area of 1 - confidence; reads: histograms a frame; z, p: McNemar "
+    "on frames until loss\nagainst the first, p after Holm"
+)
+Result = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One tracker over all runs."""
+
+    tracker: str
+    runs: int
+    means: dict[str, Interval]
+    """By measure; those that nothing could be said of are not there."""
+    families: dict[str, float]
+    """Mean success by family."""
+    against_best: McNemar | None
+    """This tracker against the best one; None for the best."""
+    p: float
+    """Of that test, corrected for the number of trackers (Holm)."""
+
+
+def rows_of(results: Sequence[Result]) -> list[Row]:
+    """One row a tracker, the best first."""
+    labels = list(dict.fromkeys(r["tracker"] for r in results))
+    by_label = {label: [r for r in results if r["tracker"] == label] for label in labels}
+    labels.sort(key=lambda label: -_mean(by_label[label], RANKS))
+    best, others = labels[0], labels[1:]
+    tests = [compare(by_label[other], by_label[best]) for other in others]
+    corrected = holm(np.array([test.p for test in tests])) if tests else np.zeros(0)
+    pairs = [(None, 1.0), *zip(tests, corrected.tolist(), strict=True)]
+    return [
+        Row(label, len(by_label[label]), _means(by_label[label]), _families(by_label[label]), test,
+            p)
+        for label, (test, p) in zip(labels, pairs, strict=True)
+    ]  # fmt: skip
+
+
+def compare(first: Sequence[Result], second: Sequence[Result], measure: str = DECIDES) -> McNemar:
+    """Two trackers on the runs that both did: which one scored more."""
+    a = {(r["sequence"], r["seed"]): r["measures"][measure] for r in first}
+    b = {(r["sequence"], r["seed"]): r["measures"][measure] for r in second}
+    both = sorted(a.keys() & b.keys())
+    return McNemar.of(np.array([a[k] for k in both]), np.array([b[k] for k in both]))
+
+
+def values(results: Sequence[Result], measure: str) -> Array:
+    """The finite values of a measure (n,)."""
+    found = [r["measures"].get(measure) for r in results]
+    return np.array([v for v in found if v is not None], dtype=float)
+
+
+def write(results: Sequence[Result], rows: Sequence[Row], folder: Path) -> list[Path]:
+    """runs.csv, table.csv and bench.json; their paths.
+
+    Raises:
+        OSError: The disk refuses.
+    """
+    names = [m.name for m in MEASURES]
+    about = ("tracker", "sequence", "family", "seed", "frames")
+    runs = [[*(r[k] for k in about), *(r["measures"].get(name) for name in names)]
+            for r in results]  # fmt: skip
+    thrice = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
+    head = ["tracker", "runs", *thrice, "z_against_best", "p_holm"]
+    document = {
+        "measures": {m.name: {"unit": m.unit, "better": m.better.value, "meaning": m.meaning}
+                     for m in MEASURES},
+        "trackers": [_plain(row) for row in rows],
+        "runs": list(results),
+    }  # fmt: skip
+    return [
+        atomic.write(folder, "runs.csv", csv_text([*about, *names], runs)),
+        atomic.write(folder, "table.csv", csv_text(head, (_line(row, names) for row in rows))),
+        atomic.write(folder, "bench.json", json.dumps(document, indent=1) + "\n"),
+    ]
+
+
+def _line(row: Row, names: Sequence[str]) -> list[Any]:
+    cells = [_cells(row.means.get(name)) for name in names]
+    z = "" if row.against_best is None else row.against_best.z
+    return [row.tracker, row.runs, *(c for cell in cells for c in cell), z, row.p]
+
+
+def _mean(results: Sequence[Result], measure: str) -> float:
+    found = values(results, measure)
+    return float(found.mean()) if len(found) else -np.inf
+
+
+def _means(results: Sequence[Result]) -> dict[str, Interval]:
+    found = {m.name: values(results, m.name) for m in MEASURES}
+    rng = np.random.default_rng(SEED)
+    return {
+        name: bootstrap(scores, rng, draws=2000) for name, scores in found.items() if len(scores)
+    }
+
+
+def _families(results: Sequence[Result]) -> dict[str, float]:
+    names = dict.fromkeys(r["family"] for r in results)
+    return {name: _mean([r for r in results if r["family"] == name], RANKS) for name in names}
+
+
+def _cells(interval: Interval | None) -> tuple[float | str, ...]:
+    return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    test = row.against_best
+    return {
+        "tracker": row.tracker,
+        "runs": row.runs,
+        "measures": {k: {"mean": i.value, "low": i.low, "high": i.high}
+                     for k, i in row.means.items()},
+        "families": row.families,
+        "against_best": None if test is None else
+        {"wins": test.wins, "losses": test.losses, "ties": test.ties, "z": test.z, "p": test.p,
+         "p_holm": row.p},
+    }  # fmt: skip

@@ -1,0 +1,184 @@
+"""Trackers against sequences: what a bench is made of, and one run of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from tracking.evaluation.sequences.sequence import Sequence, read_all
+from tracking.evaluation.sequences.sources import RATE
+from tracking.evaluation.sequences.truth import Format
+from tracking.evaluation.track import Track, follow
+from tracking.evaluation.track_file import TrackFile
+from tracking.evaluation.track_measures import Comparison, measure_all
+from tracking.files import atomic
+from tracking.files.json_text import number
+
+TRACKS = "tracks"
+LONGEST_LABEL = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """A tracker with its settings, under the name it has in tables."""
+
+    label: str
+    config: Any
+    """Its `Config`."""
+
+    def __post_init__(self) -> None:
+        """Refuse a label that is no folder's name: results are kept under it.
+
+        Raises:
+            ValueError: It is empty, hidden or too long, or has a slash or a control character.
+        """
+        label = self.label
+        plain_name = label.isprintable() and not set(label) & {"/", "\\"} and label == label.strip()
+        if not plain_name or not 0 < len(label) <= LONGEST_LABEL or label[0] == ".":
+            raise ValueError(
+                f"'{label}' names a folder: 1 to {LONGEST_LABEL} characters without / and \\, "
+                "no dot in front"
+            )
+
+    def describe(self) -> dict[str, Any]:
+        """Module and settings."""
+        return {"kind": type(self.config).__module__, "settings": plain(self.config)}
+
+
+class Entry(Protocol):
+    """Where a sequence of a suite comes from."""
+
+    @property
+    def name(self) -> str:
+        """The sequence's name."""
+        ...
+
+    @property
+    def family(self) -> str:
+        """What it is counted with."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """All that decides the sequence but the seed."""
+        ...
+
+    def build(self, seed: int) -> Sequence:
+        """The sequence; a painted one is another for each seed."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Generated:
+    """A painted sequence."""
+
+    kind: str
+    config: Any
+
+    @property
+    def name(self) -> str:
+        """The kind, with the level where there are several."""
+        level = getattr(self.config, "level", None)
+        return self.kind if level is None else f"{self.kind}-{level}"
+
+    @property
+    def family(self) -> str:
+        """Its name: the seeds are one family."""
+        return self.name
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and settings."""
+        return {"kind": self.kind, "settings": plain(self.config)}
+
+    def build(self, seed: int) -> Sequence:
+        """The sequence of one seed."""
+        return self.config.build(np.random.default_rng([seed, *self.kind.encode()]))
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One sequence of a folder."""
+
+    folder: Path
+    name: str
+    truth_format: Format = Format.AUTO
+
+    @property
+    def family(self) -> str:
+        """Each is its own family."""
+        return self.name
+
+    def describe(self) -> dict[str, Any]:
+        """Folder, name, and how its truth is read."""
+        form = self.truth_format.name.lower()
+        return {"folder": str(self.folder.resolve()), "name": self.name, "truth_format": form}
+
+    def build(self, seed: int) -> Sequence:
+        """The sequence, the same for every seed."""
+        del seed
+        found = read_all(self.folder, RATE, self.truth_format)
+        return next(s for s in found if s.name == self.name)
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceJob:
+    """One tracker on one sequence with one seed."""
+
+    contender: Contender
+    entry: Entry
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """TRACKER/SEQUENCE-SEED."""
+        return f"{self.contender.label}/{self.entry.name}-{self.seed}"
+
+    def describe(self) -> dict[str, Any]:
+        """Tracker, sequence, seed, and the version of this package."""
+        return {
+            "tracker": self.contender.describe(),
+            "sequence": self.entry.describe(),
+            "seed": self.seed,
+            "version": metadata.version("servobench"),
+        }
+
+    def run(self, folder: Path) -> dict[str, Any]:
+        """Measures and curves; the track goes to DIR/tracks."""
+        sequence = self.entry.build(self.seed)
+        path = track_path(folder, self.key)
+        atomic.folder(folder, f"{TRACKS}/{self.contender.label}")
+        tracker = self.contender.config.build(np.random.default_rng(self.seed))
+        rows, shots = TrackFile(path, sequence.region), []
+        try:
+            for shot in follow(tracker, sequence.source, sequence.region, sequence.start):
+                rows.add(shot)
+                shots.append(shot.without_picture())
+        finally:
+            rows.close()
+        track = Track.of(shots, sequence.region)
+        comparison = Comparison.of(track, sequence.truth, sequence.states)
+        return {
+            "tracker": self.contender.label,
+            "sequence": sequence.name,
+            "family": self.entry.family,
+            "seed": self.seed,
+            "frames": len(shots),
+            "measures": {k: number(v) for k, v in measure_all(comparison).items()},
+            "success": comparison.success().tolist(),
+            "precision": comparison.precision().tolist(),
+        }
+
+
+def track_path(folder: Path, key: str) -> Path:
+    """Where the track of a job is."""
+    return folder / TRACKS / f"{key}.csv"
+
+
+def plain(config: Any) -> dict[str, Any]:
+    """A `Config` in words that JSON has."""
+    return json.loads(json.dumps(dataclasses.asdict(config), default=lambda e: e.value))

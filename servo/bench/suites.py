@@ -1,0 +1,147 @@
+"""What a bench runs: a named suite, a folder of sequences, or a TOML file that lists them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded
+from servo.mistake import Mistake, unknown
+from servo.scenario import toml
+from servo.scenario.fill import fill_plugin
+from sim import kinds
+from tracking.evaluation.sequences.sequence import is_folder, read_all
+from tracking.evaluation.sequences.sources import RATE
+from tracking.evaluation.sequences.truth import Format
+
+GENERATORS, TRACKERS = "tracking.evaluation.sequences.generators", "tracking.trackers"
+CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
+SUITES: dict[str, list[dict[str, Any]]] = {
+    "clutter": CLUTTER,
+    "similarity": [{"kind": "similarity"}],
+    "texture": [{"kind": "texture"}],
+}
+CLOSED_LOOP = "closed_loop"
+KEYS = ("sequences", "trackers")
+RECORDED_KEYS = ("path", "truth_format")
+
+
+def suite(name: str) -> tuple[list[Entry], list[Contender]]:
+    """Sequences, and the trackers that a TOML file may list.
+
+    Raises:
+        Mistake: There is no such suite, or something is wrong in it.
+    """
+    if name in SUITES:
+        return [_entry(table, name) for table in SUITES[name]], []
+    path = Path(name)
+    if path.suffix == ".toml":
+        return _of_toml(path)
+    if not is_folder(path):
+        there = ", ".join([*SUITES, CLOSED_LOOP])
+        raise Mistake(f"there is no suite '{name}'; there is {there}, or give a folder or a .toml")
+    return list(_recorded(path)), []
+
+
+def contenders(text: str | None) -> list[Contender]:
+    """Trackers by "kind" or "kind:preset", separated by commas; all of them for None.
+
+    Raises:
+        Mistake: There is no such tracker or preset.
+    """
+    words = kinds.names(TRACKERS) if text is None else [w.strip() for w in text.split(",")]
+    chosen: list[dict[str, Any]] = []
+    for word in words:
+        kind, colon, preset = word.partition(":")
+        chosen.append({"kind": kind} | ({"preset": preset} if colon else {}))
+    return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
+
+
+def _contender(table: Any, place: str) -> Contender:
+    if not isinstance(table, dict):
+        raise Mistake(f"{place} should be a table with a kind, not {table!r}")
+    kind, preset = table.get("kind"), table.get("preset")
+    usual = f"{kind}-{preset}" if preset else str(kind)
+    label = table.get("label", usual)
+    if not isinstance(label, str):
+        raise Mistake(f"{place}.label = {label!r}: this should be a text")
+    settings = {k: v for k, v in table.items() if k != "label"}
+    config = fill_plugin(TRACKERS, settings, place)
+    try:
+        return Contender(label, config)
+    except ValueError as error:
+        raise Mistake(f"{place}.label: {error}") from None
+
+
+def _entry(table: dict[str, Any], place: str) -> Generated:
+    return Generated(str(table["kind"]), fill_plugin(GENERATORS, table, place))
+
+
+def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
+    try:
+        return [Recorded(folder, s.name, form) for s in read_all(folder, RATE, form)]
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+
+
+def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
+    table = toml.decode(toml.read(path, "suite"), path.name)
+    for key, items in table.items():
+        if key not in KEYS:
+            raise Mistake(f"{path.name}: {unknown(key, KEYS)}")
+        if not isinstance(items, list):
+            raise Mistake(f"{path.name}: {key} should be a list of tables, not {items!r}")
+    entries: list[Entry] = []
+    for i, item in enumerate(table.get("sequences", [])):
+        entries += _entries(item, path.parent, f"{path.name}: sequences[{i}]")
+    if not entries:
+        raise Mistake(f"{path.name}: there are no [[sequences]] in this suite")
+    double = _double(entry.name for entry in entries)
+    if double is not None:
+        raise Mistake(
+            f"{path.name}: two sequences are called '{double}', and results are kept by name: "
+            "leave one out, rename its folder, or put it into another suite"
+        )
+    chosen = [_contender(t, f"{path.name}: trackers[{i}]")
+              for i, t in enumerate(table.get("trackers", []))]  # fmt: skip
+    return entries, _all_different(chosen, path.name)
+
+
+def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
+    """Trackers whose results have names of their own.
+
+    Raises:
+        Mistake: Two have the same.
+    """
+    double = _double(one.label for one in chosen)
+    if double is not None:
+        raise Mistake(
+            f"{place}: two trackers are called '{double}': leave one out, or give it another label "
+            "in a suite's file"
+        )
+    return chosen
+
+
+def _double(names: Iterable[str]) -> str | None:
+    """A name that is there twice."""
+    return next((name for name, count in Counter(names).items() if count > 1), None)
+
+
+def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
+    """What one of the [[sequences]] stands for; its path begins beside the suite."""
+    if not isinstance(item, dict) or ("path" in item) == ("kind" in item):
+        raise Mistake(f"{place} should have either a path or a kind")
+    if "kind" in item:
+        return [_entry(item, place)]
+    for key, value in item.items():
+        if key not in RECORDED_KEYS:
+            raise Mistake(f"{place}: {unknown(key, RECORDED_KEYS)}")
+        if not isinstance(value, str):
+            raise Mistake(f"{place}.{key} = {value!r}: this should be a text")
+    try:
+        form = Format.named(item.get("truth_format", "auto"))
+    except ValueError as error:
+        raise Mistake(f"{place}: {error}") from None
+    return _recorded(beside / item["path"], form)

@@ -1,0 +1,76 @@
+"""What `servobench bench closed_loop` does: each tracker steers the camera, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.batch.workers import Team, check_number
+from servo.bench import loop_jobs
+from servo.bench.loop_jobs import LEGEND, RANKS, SHOWN, LoopJob, write
+from servo.bench.sequence_jobs import Contender
+from servo.cli.job_progress import work
+from servo.cli.terminal import plain
+from servo.loop.run_measures import Outcome
+from servo.output.result_folder import result_folder
+from sim import gl
+from tracking.evaluation.statistics import bootstrap
+
+
+def run(
+    chosen: Sequence[Contender], seeds: int, workers: int, folder: Path, console: Console
+) -> int:
+    """Bench in the closed loop; the exit code: 1 where a run failed."""
+    gl.backend()
+    check_number(len(chosen) * len(loop_jobs.SCENARIOS) * seeds)
+    jobs = [
+        LoopJob(c, name, s) for c in chosen for name in loop_jobs.SCENARIOS for s in range(seeds)
+    ]
+    with Team(workers) as team, result_folder(folder, "bench closed_loop"):
+        done, code = work(jobs, folder, team, console, "bench closed loop")
+        results = [d.result for d in done if d.result is not None]
+        paths = write(results, folder) if results else []
+    if results:
+        _print(console, results)
+    for path in paths:
+        plain(console, f"  {path}")
+    return code
+
+
+def _print(console: Console, results: Sequence[dict[str, Any]]) -> None:
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for title in ("scenario", "kind", "follows", "held", *SHOWN):
+        words = title in ("scenario", "kind", "follows")
+        table.add_column(title, justify="left" if words else "right", no_wrap=True)
+    for name in loop_jobs.SCENARIOS:
+        groups = [[r for r in results if r["scenario"] == name and r["tracker"] == label]
+                  for label in dict.fromkeys(r["tracker"] for r in results)]  # fmt: skip
+        for group in sorted(filter(None, groups), key=lambda g: _mean(g, RANKS)):
+            held = sum(r["outcome"] == Outcome.CONVERGED.name for r in group)
+            cells = [_cell(group, measure) for measure in SHOWN.values()]
+            label, follows = escape(group[0]["tracker"]), group[0]["follows"]
+            table.add_row(name, label, follows, f"{held}/{len(group)}", *cells)
+        table.add_section()
+    console.print(table)
+    plain(console, LEGEND)
+
+
+def _mean(group: Sequence[dict[str, Any]], measure: str) -> float:
+    found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
+    return float(np.mean(found)) if found else np.inf
+
+
+def _cell(group: Sequence[dict[str, Any]], measure: str) -> str:
+    found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
+    if not found:
+        return ""
+    i = bootstrap(np.array(found), np.random.default_rng(0), draws=2000)
+    if len(found) == 1:
+        return f"{i.value:.3g}"
+    return f"{i.value:.3g} [dim]{i.low:.2g}..{i.high:.2g}[/]"

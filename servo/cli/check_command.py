@@ -1,0 +1,144 @@
+"""What `servobench check` does: scenarios against their bounds, over worker processes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.batch.ended import Ended
+from servo.batch.workers import Team, check_number
+from servo.cli.run_command import command, load, print_missed
+from servo.cli.terminal import plain, progress_bar
+from servo.loop.episode import measured_run
+from servo.loop.run_measures import Report, Violation, violations
+from servo.mistake import Mistake
+from servo.scenario import catalogue
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
+from servo.scenario.override import assignment
+from sim import gl
+
+TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
+WORDS = ("scenario", "outcome", "bounds")
+"""Columns that are no numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One run. It travels between processes."""
+
+    number: int
+    """Row of the table."""
+    scenario: Scenario
+    command: str
+    """What repeats it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """How a run ended."""
+
+    report: Report
+    missed: list[Violation]
+    seconds: float
+
+
+def check_scenarios(
+    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, *,
+    quiet: bool,
+) -> int:  # fmt: skip
+    """Run scenarios with bounds, each with so many seeds from the first on, and print a table.
+
+    Returns:
+        The exit code: 1 where a bound was missed or a run failed, 2 where a run failed by the
+        user's mistake.
+    """
+    chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
+    check_number(len(chosen) * count)
+    _check_changes(changes)
+    each = [(name, s) for name in chosen for s in range(seed, seed + count)]
+    checks = [
+        Check(number, load(name, changes, seed), command(name, changes, seed))
+        for number, (name, seed) in enumerate(each)
+    ]
+    gl.backend()
+    console = Console(quiet=quiet)
+    ends = _carry_out(checks, workers, console)
+    rows = [(check, end.value) for check, end in zip(checks, ends, strict=True) if not end.error]
+    if rows:
+        console.print(_table(rows))
+    errors = Console(stderr=True)
+    for check, checked in rows:
+        print_missed(errors, checked.missed, check.command)
+    return max(_tell_failures(errors, checks, ends), any(checked.missed for _, checked in rows))
+
+
+def _check_changes(changes: Sequence[str]) -> None:
+    """Refuse a change that each run would undo.
+
+    Raises:
+        Mistake: It is one of the seed.
+    """
+    for item in changes:
+        key, value = assignment(item)
+        if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
+            raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
+
+
+def perform(check: Check) -> Checked:
+    """Run a scenario and measure it.
+
+    Raises:
+        Mistake: A setting does not fit.
+    """
+    began = time.perf_counter()
+    _, report = measured_run(check.scenario)
+    missed = violations(report, check.scenario.expect)
+    return Checked(report, missed, time.perf_counter() - began)
+
+
+def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[Ended]:
+    """The ends of all runs, in the order of the table."""
+    ends: dict[int, Ended] = {}
+    with Team(min(workers, len(checks))) as team, progress_bar(console) as progress:
+        task = progress.add_task("check", total=len(checks), note="")
+        for check, ended in team.ends(checks, perform):
+            ends[check.number] = ended
+            scenario = check.scenario
+            note = f"{escape(scenario.name)}, seed {scenario.run.seed}"
+            progress.update(task, advance=1, note=note)
+    return [ends[check.number] for check in checks]
+
+
+def _tell_failures(console: Console, checks: Sequence[Check], ends: Sequence[Ended]) -> int:
+    """Print why runs failed, alike mistakes once; the exit code."""
+    failed = [(check, end) for check, end in zip(checks, ends, strict=True) if end.error]
+    for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):
+        plain(console, f"servobench: {sentence}")
+    for check, end in failed:
+        if not end.mistake:
+            plain(console, f"servobench: {check.scenario.name} failed: {end.reason}")
+            plain(console, f"  again: {check.command}")
+    return max((2 if end.mistake else 1 for _, end in failed), default=0)
+
+
+def _table(rows: Sequence[tuple[Check, Checked]]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for title in TITLES:
+        table.add_column(title, justify="left" if title in WORDS else "right", no_wrap=True)
+    for check, checked in rows:
+        scenario, value = check.scenario, checked.report.value
+        bounds, missed = len(scenario.expect), len(checked.missed)
+        kept = f"{bounds - missed} of {bounds}"
+        table.add_row(
+            escape(scenario.name), str(scenario.run.seed), checked.report.outcome.name,
+            f"{value('servo_rms_px'):.2f}", f"{value('servo_peak_px'):.1f}",
+            f"{value('tracking_rms_px'):.2f}",
+            f"[red]{kept}[/]" if missed else f"[green]{kept}[/]", f"{checked.seconds:.1f} s",
+        )  # fmt: skip
+    return table

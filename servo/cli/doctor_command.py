@@ -1,0 +1,87 @@
+"""What this machine renders with, in which versions, and how long things take on it."""
+
+from __future__ import annotations
+
+import platform
+import tempfile
+from pathlib import Path
+
+import cv2
+from rich.console import Console
+from rich.table import Table
+
+from servo.cli import speed
+from servo.cli.terminal import plain
+from servo.loop.episode import Episode
+from servo.output.run_folder import RECORDING, RunFolder
+from servo.output.versions import versions
+from servo.scenario import load as scenarios
+from sim import gl
+
+LENGTH = 60.0
+"""The car's length in the films that trackers are timed on [px]."""
+TIMED = ("camshift", "cv_mean_shift", "mean_shift", "mk_ssd", "pf_ssd", "condensation", "annealed",
+         "mk_pf", "kams", "cv_mil")  # fmt: skip
+UNIT = "camshift"
+"""Tracker times are told as multiples of OpenCV's."""
+
+
+def examine(*, bench: bool) -> int:
+    """Print back end, renderer, versions and speed of this machine; bench: how long parts take."""
+    console = Console()
+    backend = gl.backend()
+    scenario = scenarios.load("still")
+    with Episode(scenario) as episode:
+        renderer = episode.world.describe_renderer()
+        loop = speed.times_of(episode)
+    rows = {
+        "OpenGL back end": backend,
+        "renderer": renderer,
+        "frames a second": f"{1e3 / loop.render:.0f} at {scenario.camera.width} x "
+        f"{scenario.camera.height}",
+        "Python": platform.python_version(),
+        **versions(),
+    }
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value in rows.items():
+        table.add_row(name, value)
+    console.print(table)
+    if bench:
+        _bench(console)
+    return 0
+
+
+def _bench(console: Console) -> None:
+    with console.status("timing, half a minute"):
+        loop = speed.loop_times()
+        recorded, size = _recorded()
+        law = speed.law_ms()
+        threads = cv2.getNumThreads()
+        cv2.setNumThreads(1)
+        film = speed.film(LENGTH)
+        times = {kind: speed.tracker_ms(kind, film) for kind in TIMED}
+        cv2.setNumThreads(threads)
+    table = Table(box=None, pad_edge=False, title="Medians in ms, 320 x 240", title_justify="left")
+    for title in ("what", "ms", "against", "times"):
+        table.add_column(title, justify="left" if title in ("what", "against") else "right")
+    table.add_row("render", f"{loop.render:.2f}")
+    table.add_row(
+        "step of the loop (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{loop.ratio:.2f}"
+    )
+    table.add_row("step with a recording", f"{recorded.step:.2f}", "without",
+                  f"{recorded.step / loop.step:.2f}")  # fmt: skip
+    table.add_row("features, control law, Kalman filter", f"{law:.3f}")
+    for kind, ms in times.items():
+        table.add_row(f"{kind}, car of 60 x 30 px", f"{ms:.2f}", UNIT, f"{ms / times[UNIT]:.1f}")
+    console.print(table)
+    plain(console, f"a recording has {size / 1e3:.1f} kB a frame")
+
+
+def _recorded() -> tuple[speed.LoopTimes, float]:
+    """Times of a loop that writes everything, and the size of its recording a frame [bytes]."""
+    with tempfile.TemporaryDirectory() as folder:
+        with Episode(scenarios.load("line")) as episode:
+            output = RunFolder(Path(folder), episode, rerun=True)
+            times = speed.times_of(episode, output.add)
+            output.close()
+        return times, (Path(folder) / RECORDING).stat().st_size / episode.frames

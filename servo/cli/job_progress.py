@@ -1,0 +1,55 @@
+"""Jobs under a progress bar; finished results are kept, failures are reported at the end."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from servo.batch.jobs import Done, Job, damaged
+from servo.batch.workers import Team
+from servo.cli.terminal import COMPILING, plain, progress_bar, stop
+from servo.mistake import FULL, Mistake
+from servo.output.result_folder import GOES_ON
+
+
+def work(
+    jobs: Sequence[Job], folder: Path, team: Team, console: Console, title: str
+) -> tuple[list[Done], int]:
+    """Run jobs under a progress bar, in the order asked for; the exit code: 1 for failures.
+
+    Raises:
+        Mistake: Two jobs have the same name.
+        OSError: The disk is full.
+    """
+    keys = [job.key for job in jobs]
+    double = next((key for key, count in Counter(keys).items() if count > 1), None)
+    if double is not None:
+        raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
+    _print_damaged(damaged(jobs, folder))
+    done: dict[str, Done] = {}
+    try:
+        with progress_bar(console) as bar:
+            task = bar.add_task(escape(title), total=len(jobs), note=COMPILING)
+            for one in team.results(jobs, folder):
+                done[one.job.key] = one
+                if one.refused is not None and one.refused.errno in FULL:
+                    raise one.refused
+                bar.update(task, advance=1, note=escape(one.job.key))
+    except KeyboardInterrupt as cause:
+        stop(cause, f"{GOES_ON.capitalize()}.")
+    failed = [d for d in done.values() if d.result is None]
+    for d in failed:
+        plain(Console(stderr=True), f"servobench: {d.job.key} failed:\n{d.error}")
+    return [done[key] for key in keys if key in done], 1 if failed else 0
+
+
+def _print_damaged(paths: Sequence[Path]) -> None:
+    for path in paths:
+        plain(
+            Console(stderr=True),
+            f"servobench: {path}: this result is damaged, and is computed again",
+        )

@@ -1,0 +1,250 @@
+"""The command line. Heavy imports happen inside the commands."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from servo.cli.options import (
+    COUNT,
+    FRAME_RATE,
+    FRAMES,
+    MOMENT,
+    NATURAL,
+    PATH,
+    SOURCE,
+    Commands,
+    changes_option,
+    out_option,
+    quiet_option,
+    truth_options,
+    workers_option,
+)
+
+
+@click.group(
+    cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
+def app() -> None:
+    """A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it."""
+
+
+@app.command()
+@click.argument("scenario", help="A shipped scenario (servobench list) or a .toml file.")
+@changes_option
+@click.option("--seed", type=NATURAL, help="Seed of every random stream (default: the scenario's).")
+@out_option("runs/NAME-SEED")
+@quiet_option
+@click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
+def run(
+    scenario: str,
+    changes: tuple[str, ...],
+    seed: int | None,
+    out: Path | None,
+    quiet: bool,
+    no_rerun: bool,
+) -> None:
+    """Run a scenario; write recording, table, report and plots."""
+    from servo.cli.run_command import run_scenario
+
+    sys.exit(run_scenario(scenario, changes, seed, out, quiet=quiet, rerun=not no_rerun))
+
+
+@app.command()
+@click.argument("scenarios", nargs=-1, help="Which (default: all that have bounds).")
+@changes_option
+@click.option(
+    "--seeds", type=COUNT, default=1, show_default=True,
+    help="Run each with seeds 0, 1, ... up to this many.",
+)  # fmt: skip
+@click.option("--seed", type=NATURAL, default=0, show_default=True, help="The first seed.")
+@workers_option
+@quiet_option
+def check(
+    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, workers: int,
+    quiet: bool,
+) -> None:  # fmt: skip
+    """Test the bounds of scenarios; exit 1 if one is missed."""
+    from servo.cli.check_command import check_scenarios
+
+    sys.exit(check_scenarios(scenarios, changes, seed, seeds, workers, quiet=quiet))
+
+
+@app.command()
+@click.argument(
+    "source", type=SOURCE, help="A folder of images (also OTB, VOT), a video, or camera:0."
+)
+@click.option(
+    "--region", metavar="X,Y,W,H[,DEG]",
+    help="The target in the first picture: top left corner, size [px], rotation about its centre "
+    "(default: the truth's first line).",
+)  # fmt: skip
+@click.option("--tracker", default="annealed", show_default=True, help="Which (servobench list).")
+@changes_option
+@click.option(
+    "--seed", type=NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
+)
+@truth_options
+@out_option("runs/SOURCE-TRACKER-SEED")
+@click.option("--video", is_flag=True, help="Also write an annotated MP4.")
+@click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
+@click.option(
+    "--rate", type=FRAME_RATE, default=30.0, show_default=True,
+    help="Pictures a second of a folder.",
+)  # fmt: skip
+@click.option("--frames", type=FRAMES, help="Stop after this many.")
+@quiet_option
+def track(
+    source: str,
+    region: str | None,
+    tracker: str,
+    changes: tuple[str, ...],
+    seed: int,
+    truth: Path | None,
+    truth_format: str,
+    out: Path | None,
+    video: bool,
+    rerun: bool,
+    rate: float,
+    frames: int | None,
+    quiet: bool,
+) -> None:
+    """Follow a target through any pictures; write its track."""
+    from servo.cli.track_command import Request
+    from servo.cli.track_command import run as run_track
+
+    given = (source, region, tracker, changes, seed, truth, truth_format, out)
+    sys.exit(run_track(Request(*given, video, rerun, rate, frames, quiet)))
+
+
+@app.command()
+@click.argument(
+    "suite", type=SOURCE,
+    help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or a .toml "
+    "file.",
+)  # fmt: skip
+@click.option(
+    "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
+)
+@click.option(
+    "--seeds", type=COUNT, default=3, show_default=True, help="Seeds 0, 1, ... up to this many."
+)
+@workers_option
+@out_option("runs/bench-SUITE, to go on in")
+@quiet_option
+def bench(
+    suite: str, trackers: str | None, seeds: int, workers: int, out: Path | None, quiet: bool
+) -> None:
+    """Compare trackers; a stopped bench goes on where it was."""
+    from servo.cli.bench_command import run as run_bench
+
+    sys.exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
+
+
+@app.command()
+@click.argument("study", help="A shipped study (servobench list), or a .toml file of axes.")
+@changes_option
+@click.option("--seeds", type=COUNT, help="Seeds 0, 1, ... up to this many (default: the study's).")
+@workers_option
+@click.option(
+    "--scheduler", metavar="ADDRESS",
+    help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
+)  # fmt: skip
+@out_option("runs/sweep-STUDY, to go on in")
+@quiet_option
+def sweep(
+    study: str,
+    changes: tuple[str, ...],
+    seeds: int | None,
+    workers: int,
+    scheduler: str | None,
+    out: Path | None,
+    quiet: bool,
+) -> None:
+    """Run a scenario over axes, draws and seeds; a stopped study goes on where it was."""
+    from servo.cli.sweep_command import Request
+    from servo.cli.sweep_command import run as run_study
+
+    sys.exit(run_study(Request(study, changes, seeds, workers, scheduler, out, quiet)))
+
+
+@app.command()
+@click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
+@click.option("--quick", is_flag=True, help="One seed of each, to see that all works.")
+@click.option("--sequences", type=PATH, help="A folder of real sequences that join P0-1.")
+@workers_option
+@out_option("runs/papers, to go on in")
+@quiet_option
+def papers(
+    claims: tuple[str, ...],
+    quick: bool,
+    sequences: Path | None,
+    workers: int,
+    out: Path | None,
+    quiet: bool,
+) -> None:
+    """Test the papers' claims again; exit 1 if one does not hold."""
+    from servo.cli.papers_command import run as run_papers
+    from servo.papers.claim import Effort
+
+    sys.exit(run_papers(claims, Effort(quick, sequences), workers, out, quiet=quiet))
+
+
+@app.command()
+@click.argument("folders", nargs=-1, required=True, type=PATH, metavar="DIR...")
+@click.option("--out", type=PATH, help="File to write (default: report.html in the first DIR).")
+def report(folders: tuple[Path, ...], out: Path | None) -> None:
+    """Write a page about the folders of run, bench, papers, sweep."""
+    from servo.cli.report_command import write
+
+    click.echo(write(folders, out))
+
+
+@app.command("list")
+@click.argument("what", required=False, help="A kind: show its settings, units and defaults.")
+def list_(what: str | None) -> None:
+    """List scenarios and kinds, or the settings of one kind."""
+    from servo.cli.list_command import show_all, show_kind
+
+    show_all() if what is None else show_kind(what)
+
+
+@app.command()
+@click.argument("recording", type=PATH, help="A run's folder, or an .rrd file.")
+@click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
+@click.option("--png", type=PATH, help="Draw the viewer into this PNG instead; no display needed.")
+@click.option(
+    "--at", type=MOMENT, default=4.0, show_default=True,
+    help="Simulated time to show in the PNG [s].",
+)  # fmt: skip
+@click.option(
+    "--panel", help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
+)
+def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | None) -> None:
+    """Open a recording in the Rerun viewer, or draw a PNG."""
+    from servo.output.recording import view as viewer
+
+    path = viewer.recording_in(recording) if recording.is_dir() else recording
+    viewer.check(path)
+    if png is None:
+        sys.exit(viewer.show(path, web=web))
+    viewer.picture(path, png, at, panel)
+    click.echo(png)
+
+
+@app.command()
+@click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
+def doctor(bench: bool) -> None:
+    """Tell renderer, versions and speed of this machine."""
+    from servo.cli.doctor_command import examine
+
+    sys.exit(examine(bench=bench))
+
+
+def main() -> None:
+    """The entry point."""
+    from servo.cli.guard import guarded
+
+    guarded(app)

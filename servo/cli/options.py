@@ -1,0 +1,97 @@
+"""What the commands of the command line have in common: their options, and how they are listed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from servo.cli.signals import ending_signals
+from sim.ranges import LONGEST
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+MOST_FRAMES = 1_000_000_000
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers; click's own lets nan pass, which is neither too small nor too large."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, or click's usage error."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
+class Named(click.Path):
+    """A path, or a word in its place, that names something: "" is not the current folder.
+
+    A script whose variable is unset gives an empty one.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path, or click's usage error."""
+        if not str(value) or "\0" in str(value):
+            self.fail("no file can have this name." if value else "this is empty.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH, SOURCE = Named(path_type=Path), Named(path_type=str)
+FRAME_RATE = FiniteRange(0.01, 10_000.0)
+FRAMES = click.IntRange(1, MOST_FRAMES)
+COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
+MOMENT = FiniteRange(0.0, LONGEST)
+
+quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
+changes_option = click.option(
+    "--set", "changes", metavar="KEY=VALUE", multiple=True,
+    help="Change any setting; repeat at will: the last value of a key holds. A value is TOML, or "
+    "else a text.",
+)  # fmt: skip
+workers_option = click.option(
+    "--workers",
+    type=COUNT,
+    default=2,
+    help="Processes side by side.",
+    show_default=True,
+)
+
+
+def out_option(default: str) -> Callable[[Command], Command]:
+    """The option that names the folder to write."""
+    return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
+
+
+class Commands(click.Group):
+    """Lists commands in the order of the file; Ctrl-C, TERM and HUP end all of them alike."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command."""
+        with ending_signals():
+            try:
+                return super().invoke(ctx)
+            except KeyboardInterrupt as cause:
+                from servo.cli.terminal import stop  # only now: it imports rich
+
+                stop(cause)
+
+
+def truth_options(command: Command) -> Command:
+    """The options that name a truth and its format."""
+    form = click.option(
+        "--truth-format", default="auto", show_default=True,
+        help="otb (x,y,w,h from 1), vot (x,y,w,h or 4 corners from 0), tld (x1,y1,x2,y2), csv.",
+    )  # fmt: skip
+    path = click.option(
+        "--truth", type=PATH,
+        help="Truth to compare with: OTB, VOT, TLD, CSV (default: what lies beside it).",
+    )  # fmt: skip
+    return path(form(command))

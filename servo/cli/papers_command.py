@@ -1,0 +1,102 @@
+"""What `servobench papers` does: run the experiments, say for each claim whether it holds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.batch.jobs import Job
+from servo.batch.workers import Team
+from servo.cli.job_progress import work
+from servo.cli.terminal import plain
+from servo.mistake import Mistake, unknown
+from servo.output.result_folder import result_folder
+from servo.papers import estimator_study, servo_paper
+from servo.papers.claim import Claim, Effort, Verdict
+from servo.papers.claims import CLAIMS, FIGURES, JOINED, SUMMARY
+from sim import gl
+from tracking.files import atomic
+
+
+def run(
+    names: Sequence[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool
+) -> int:
+    """Test claims; the exit code: 1 where one does not hold or a run failed.
+
+    A quick run never fails for its numbers: one seed says little.
+
+    Raises:
+        Mistake: There is no such claim, or the sequences join none.
+    """
+    known = {claim.name: claim for claim in CLAIMS}
+    for name in names:
+        if name not in known:
+            raise Mistake(f"papers: {unknown(name, known, 'claim')}")
+    chosen = [known[name] for name in names] if names else list(CLAIMS)
+    if effort.sequences is not None and known[JOINED] not in chosen:
+        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    jobs = {claim.name: _jobs(claim, effort) for claim in chosen}
+    folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
+    console = Console(quiet=quiet)
+    if any(claim in (*servo_paper.CLAIMS, *estimator_study.CLAIMS) for claim in chosen):
+        gl.backend()
+    verdicts: dict[str, Verdict] = {}
+    failed = 0
+    with Team(workers) as team, result_folder(folder, "papers"):
+        for claim in chosen:
+            done, code = work(jobs[claim.name], folder, team, console, claim.name)
+            if code:
+                failed = code
+                continue
+            results = [d.result for d in done if d.result is not None]
+            figures = atomic.folder(folder, FIGURES)
+            verdicts[claim.name] = verdict = claim.judge(results, figures)
+            _print(console, claim, verdict)
+        _write(verdicts, known, effort, folder)
+    plain(console, f"  {folder / FIGURES}\n  {folder / SUMMARY}")
+    missed = [name for name, verdict in verdicts.items() if not verdict.holds]
+    return failed or (1 if missed and not effort.quick else 0)
+
+
+def _jobs(claim: Claim, effort: Effort) -> Sequence[Job]:
+    try:
+        return claim.jobs(effort)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+
+
+def _print(console: Console, claim: Claim, verdict: Verdict) -> None:
+    word = "[green]holds[/]" if verdict.holds else "[red]does not hold[/]"
+    console.print(f"\n[bold]{claim.name}[/] {word}", highlight=False)
+    console.print(f"  paper:    {escape(claim.says)}", highlight=False)
+    console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
+    if verdict.table:
+        head, *rows = verdict.table
+        table = Table(box=None, pad_edge=False, padding=(0, 1))
+        for i, title in enumerate(head):
+            table.add_column(escape(title), justify="right" if i else "left", overflow="fold")
+        for row in rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
+
+
+def _write(
+    verdicts: dict[str, Verdict], claims: dict[str, Claim], effort: Effort, folder: Path
+) -> None:
+    document: dict[str, Any] = {
+        "version": metadata.version("servobench"),
+        "quick": effort.quick,
+        "claims": {
+            name: {"says": claims[name].says, "measured": v.measured, "holds": bool(v.holds),
+                   "table": v.table, "figures": [f"{FIGURES}/{p.name}" for p in v.figures]}
+            for name, v in verdicts.items()
+        },
+    }  # fmt: skip
+    atomic.write(folder, SUMMARY, json.dumps(document, indent=1, ensure_ascii=False) + "\n")

@@ -1,0 +1,68 @@
+"""What `servobench report` does: see what each folder is, and write one page about them all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from servo.mistake import Mistake, unwritable
+from servo.output.run_folder import REPORT
+from servo.output.steps_table import STREAM, TABLE
+from servo.papers.claims import SUMMARY
+from servo.report import bench_section, papers_section, run_section, study_section
+from servo.report.page import Section, render
+from servo.report.study_data import MANIFEST
+from tracking.files import atomic
+
+PAGE, PAGES = "report.html", (".html", ".htm")
+KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
+    ((MANIFEST,), study_section.section),
+    ((SUMMARY,), papers_section.section),
+    ((bench_section.BENCH,), bench_section.section),
+    ((TABLE, STREAM), run_section.section),
+)
+"""Files that tell what a folder is, and who reads it."""
+
+
+def write(folders: Sequence[Path], out: Path | None) -> Path:
+    """Write the page; its path.
+
+    Raises:
+        Mistake: A folder is missing, unknown or broken, or the page has no place.
+        Refused: The disk is full.
+    """
+    text = render([_section(folder) for folder in folders])
+    path = out or folders[0] / PAGE
+    _check_out(path, folders)
+    try:
+        return atomic.write(path.parent, path.name, text)
+    except OSError as error:
+        raise unwritable(path, error, "this page") from None
+
+
+def _check_out(path: Path, folders: Sequence[Path]) -> None:
+    """Refuse a page that has no place, or that of something else.
+
+    Raises:
+        Mistake: It is a folder, lies in none, or is a file of a folder that the page is about.
+    """
+    if not path.parent.is_dir():
+        raise Mistake(f"{path}: cannot write this page: there is no such folder")
+    if path.is_dir():
+        raise Mistake(f"{path}: this is a folder; --out takes the file to write, such as page.html")
+    inside = any(path.resolve().is_relative_to(folder.resolve()) for folder in folders)
+    if inside and path.exists() and path.suffix not in PAGES:
+        raise Mistake(f"{path}: this is a file of a folder that the page is about")
+
+
+def _section(folder: Path) -> Section:
+    if not folder.is_dir():
+        raise Mistake(f"{folder}: there is no such folder")
+    for names, section in KINDS:
+        if any((folder / name).exists() for name in names):
+            return section(folder)
+    if (folder / REPORT).exists():
+        raise Mistake(f"{folder / REPORT}: there is no {TABLE} beside it; is this a run's folder?")
+    raise Mistake(
+        f"{folder}: nothing in this folder is of `servobench run`, `bench`, `papers` or `sweep`"
+    )

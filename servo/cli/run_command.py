@@ -1,0 +1,135 @@
+"""What `servobench run` does: one scenario, from its settings to a folder."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from statistics import median
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.cli.terminal import COMPILING, WAITING, plain, progress_bar
+from servo.loop.episode import Episode
+from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
+from servo.loop.step import Step
+from servo.output.run_folder import RunFolder, prepare
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
+from sim import gl
+
+
+def run_scenario(
+    name: str,
+    changes: Sequence[str],
+    seed: int | None,
+    out: Path | None,
+    *,
+    quiet: bool,
+    rerun: bool,
+) -> int:
+    """Run one scenario into a folder; the exit code: 1 where a bound was missed.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+        Refused: The disk did not take all of it; the rows come first.
+    """
+    scenario = load(name, changes, seed)
+    gl.backend()
+    console = Console(quiet=quiet)
+    with console.status(WAITING):
+        episode = Episode(scenario)
+    with episode:
+        output = RunFolder(
+            prepare(out, f"{scenario.name}-{scenario.run.seed}"), episode, rerun=rerun
+        )
+        steps: list[Step] = []
+        writing: list[float] = []
+        try:
+            for step in _with_progress(episode, scenario.name, console):
+                steps.append(step.light())
+                began = time.perf_counter()
+                output.add(step)
+                writing.append(time.perf_counter() - began)
+        finally:
+            output.close()
+    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    missed = violations(report, scenario.expect)
+    paths = output.finish(steps, report, missed)
+    _print_report(console, scenario, report)
+    console.print(_stage_line(steps, writing))
+    for path in paths:
+        plain(console, f"  {path}")
+    print_missed(Console(stderr=True), missed, command(name, changes, scenario.run.seed))
+    if output.refused is not None:
+        raise output.refused
+    return 1 if missed else 0
+
+
+def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
+    """A scenario whose bounds are measures that exist.
+
+    Raises:
+        Mistake: It is not there, or a setting or a bound is wrong.
+    """
+    scenario = scenarios.load(name, changes, seed)
+    check_expect(scenario)
+    return scenario
+
+
+def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
+    with progress_bar(console) as progress:
+        task = progress.add_task(escape(name), total=episode.frames, note=COMPILING)
+        for step in episode:
+            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+            progress.update(task, advance=1, note=note)
+            yield step
+
+
+def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
+    outcome = f"{report.outcome.name}. {report.outcome.value}"
+    console.print(f"[bold]{escape(scenario.name)}[/], seed {scenario.run.seed}: {outcome}")
+    table = Table(box=None, pad_edge=False)
+    for title in ("measure", "value", "bound"):
+        table.add_column(title, justify="left" if title == "measure" else "right")
+    table.add_column("meaning", style="dim")
+    for m in report.measures:
+        bound = scenario.expect.get(m.name)
+        shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
+        table.add_row(m.name, f"{m.value:.3g}", shown, m.meaning)
+    console.print(table)
+
+
+def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
+    stages = ("render", "track", "control", "physics")
+    each = {stage: median(getattr(s.seconds, stage) for s in steps) for stage in stages}
+    total = median(s.seconds.total for s in steps)
+    parts = "  ".join(f"{stage} {1e3 * seconds:.2f}" for stage, seconds in each.items())
+    return (
+        f"A step took {1e3 * total:.1f} ms: {parts}; "
+        f"writing it took {1e3 * median(writing):.1f} ms (medians)"
+    )
+
+
+def command(name: str, changes: Sequence[str], seed: int) -> str:
+    """What runs a scenario again."""
+    parts = [
+        "servobench",
+        "run",
+        name,
+        *(p for c in changes for p in ("--set", c)),
+        "--seed",
+        str(seed),
+    ]
+    return shlex.join(parts)
+
+
+def print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
+    """Print missed bounds and the command that repeats them; nothing where none was missed."""
+    for violation in missed:
+        plain(console, f"missed: {violation}")
+    if missed:
+        plain(console, f"  again: {command}")

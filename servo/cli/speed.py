@@ -1,0 +1,122 @@
+"""How long things take on this machine: medians over real frames, side by side in one run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import atan, degrees
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from servo.loop.episode import Episode
+from servo.loop.step import Seconds, Step
+from servo.scenario.load import load
+from servo.sight.estimate_to_sight import EstimateToSight
+from sim import kinds
+from sim.types import Frame
+from tracking.types import Region, State
+
+CAR_LENGTH = 0.2
+"""Of the target's reference rectangle [m]."""
+WARM = 5
+"""First frames that do not count: caches fill."""
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """Frames of the driving car under a camera that stands, and where it is in the first."""
+
+    frames: tuple[Frame, ...]
+    region: Region
+    state: State
+
+
+def film(length: float, width: int = 320, frames: int = 40) -> Film:
+    """A film in which the car is this long [px], half as wide, in images of this width [px]."""
+    height = width * 3 // 4
+    focal = length / CAR_LENGTH  # at the goal's depth of 1 m
+    changes = [
+        "controller.kind=hold", "motion.x=-0.05", f"run.duration={frames / 30}",
+        f"camera.width={width}", f"camera.height={height}",
+        f"camera.fovy_deg={degrees(2 * atan(height / 2 / focal))}",
+    ]  # fmt: skip
+    with Episode(load("line", changes)) as episode:
+        steps = list(episode)
+    first = steps[0]
+    return Film(tuple(s.frame for s in steps), first.region, first.true_state)
+
+
+def tracker_ms(kind: str, film: Film, **settings: Any) -> float:
+    """Median time of a tracker's update on a film [ms]."""
+    config = kinds.config_of("tracking.trackers", kind)(**settings)
+    tracker = config.build(np.random.default_rng(0))
+    tracker.start(film.frames[0], film.region, film.state)
+    return _median_ms([lambda f=f: tracker.update(f) for f in film.frames[1:]])
+
+
+def law_ms(estimator: str = "kalman_cv", rounds: int = 10) -> float:
+    """Median time of features, control law and estimator together [ms], over a run's steps."""
+    with Episode(load("line", ["run.duration=1.0", f"estimator.kind={estimator}"])) as episode:
+        steps, dt = list(episode), episode.world.period
+        scene = steps[0].scene
+        to_sight = EstimateToSight(
+            episode.scenario.sight, scene.camera, scene.region, scene.outline
+        )
+
+        def think(step: Step) -> None:
+            seen = to_sight.see(step.estimate, step.posture)
+            episode.loop.controller.command(seen, step.posture, dt)
+
+        return _median_ms([lambda s=step: think(s) for step in steps * rounds])
+
+
+@dataclass(frozen=True, slots=True)
+class LoopTimes:
+    """Medians over the steps of one run [ms]."""
+
+    step: float
+    """From frame to frame, all included."""
+    render: float
+    track: float
+    control: float
+    physics: float
+
+    @property
+    def ratio(self) -> float:
+        """A step over its rendering."""
+        return self.step / self.render
+
+
+def loop_times(changes: tuple[str, ...] = ()) -> LoopTimes:
+    """Times of the scenario `line`."""
+    with Episode(load("line", ["run.duration=4.0", *changes])) as episode:
+        return times_of(episode)
+
+
+def times_of(episode: Episode, add: Callable[[Step], None] | None = None) -> LoopTimes:
+    """Times of an episode that has not begun; add is what a recording does with each step."""
+    stages: list[Seconds] = []
+    walls: list[float] = []
+    began = perf_counter()
+    for step in episode:
+        if add is not None:
+            add(step)
+        walls.append(perf_counter() - began)
+        stages.append(step.seconds)
+        began = perf_counter()
+    each = (1e3 * median(getattr(s, name) for s in stages[WARM:])
+            for name in ("render", "track", "control", "physics"))  # fmt: skip
+    return LoopTimes(1e3 * median(walls[WARM:]), *each)
+
+
+def _median_ms(calls: list[Callable[[], Any]]) -> float:
+    """Median time of calls, but for the first few."""
+    times: list[float] = []
+    for call in calls:
+        began = perf_counter()
+        call()
+        times.append(perf_counter() - began)
+    return 1e3 * median(times[WARM:])

@@ -1,0 +1,231 @@
+"""What `servobench track` does: a tracker on any pictures, its track, report, video, recording."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.cli.signals import exit_code
+from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
+from servo.mistake import Mistake
+from servo.output.run_folder import REPORT, prepare
+from servo.output.track_folder import TrackFolder
+from servo.output.versions import versions
+from servo.scenario.fill import fill_plugin
+from servo.scenario.override import override
+from sim.types import Array
+from tracking.evaluation.sequences import truth as truths
+from tracking.evaluation.sequences.quadrilateral import placement
+from tracking.evaluation.sequences.sequence import check_truth, source_of, truth_beside
+from tracking.evaluation.sequences.sources import Source
+from tracking.evaluation.track import Shot, Track, follow
+from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
+from tracking.files import atomic
+from tracking.files.json_text import number
+from tracking.types import Region, State, Status
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What was asked for on the command line."""
+
+    source: str
+    region: str | None
+    kind: str
+    changes: Sequence[str]
+    seed: int
+    truth: Path | None
+    truth_format: str
+    out: Path | None
+    video: bool
+    rerun: bool
+    rate: float
+    frames: int | None
+    quiet: bool
+
+
+def run(request: Request) -> int:
+    """Track, and write what was asked for; the exit code.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    settings, config = tracker_of(request.kind, request.changes)
+    try:
+        source = source_of(request.source, request.rate)
+        truth = _truth(request, source)
+        region, start = _placement(request, truth)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+    tracker = config.build(np.random.default_rng(request.seed))
+    shots = itertools.islice(follow(tracker, source, region, start), request.frames)
+    try:
+        first = next(shots, None)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+    if first is None:
+        raise Mistake(f"{request.source}: there is not one picture in it")
+    kind = settings["kind"]
+    name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
+    folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
+    files, seen, code = _write(request, folder, region, truth, itertools.chain([first], shots),
+                               source)  # fmt: skip
+    console, comparison = Console(quiet=request.quiet), None
+    if truth is not None and seen:
+        comparison = Comparison.of(Track.of(seen, region), truth)
+    report = _report(request, folder, settings, seen, comparison)
+    _print(console, kind, name, seen, comparison)
+    _print_oddities(Console(stderr=True), seen)
+    for path in (*files.paths, report):
+        plain(console, f"  {path}")
+    if files.refused is not None:
+        raise files.refused
+    return code
+
+
+def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
+    """The table and the `Config` of a tracker.
+
+    Args:
+        kind: Such as "kams".
+        changes: Such as "tracker.particles=80".
+
+    Raises:
+        Mistake: There is no such kind or setting.
+    """
+    table: dict[str, Any] = {"tracker": {"kind": kind}}
+    for item in changes:
+        override(table, item)
+        if len(table) > 1:
+            raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
+    return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
+
+
+def _truth(request: Request, source: Source) -> Array | None:
+    form = truths.Format.named(request.truth_format)
+    path = request.truth or truth_beside(request.source)
+    if path is None:
+        return None
+    if source.count is None:
+        raise Mistake(f"{path}: the pictures of {request.source} cannot be counted, so there is no "
+                      "truth for them")  # fmt: skip
+    truth = truths.read(path, form)
+    check_truth(truth, source, str(path), form)
+    return truth
+
+
+def _placement(request: Request, truth: Array | None) -> tuple[Region, State]:
+    if request.region is not None:
+        return region_of(request.region)
+    if truth is None:
+        raise Mistake(f"{request.source}: there is no truth beside it; give --region X,Y,W,H[,DEG]")
+    if not np.isfinite(truth[0]).all():
+        raise Mistake("the target is not in the first picture of the truth; give --region")
+    return placement(truth[0])
+
+
+def region_of(text: str) -> tuple[Region, State]:
+    """The region "X,Y,W,H" or "X,Y,W,H,DEG": top left corner, size, rotation about its centre.
+
+    Raises:
+        Mistake: It has not that form.
+    """
+    try:
+        x, y, w, h, *turn = (float(part) for part in text.split(","))
+        degrees = turn[0] if len(turn) == 1 else 0.0
+        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
+            raise ValueError(text)
+    except ValueError:
+        raise Mistake(f"--region {text}: this should be X,Y,W,H or X,Y,W,H,DEG in px") from None
+    return Region(w, h), State(x + w / 2, y + h / 2, float(np.radians(degrees)))
+
+
+def _write(
+    request: Request, folder: Path, region: Region, truth: Array | None, shots: Iterator[Shot],
+    source: Source,
+) -> tuple[TrackFolder, list[Shot], int]:  # fmt: skip
+    """Write all shots; the files, what can be kept of the shots, and the exit code."""
+    files = TrackFolder(folder, region, source.rate, video=request.video, recording=request.rerun)
+    seen: list[Shot] = []
+    count = min(filter(None, (source.count, request.frames)), default=None)
+    code = 0
+    try:
+        with progress_bar(Console(quiet=request.quiet)) as bar:
+            task = bar.add_task(escape(request.kind), total=count, note=COMPILING)
+            for shot in shots:
+                true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
+                files.add(shot, true)
+                seen.append(shot.without_picture())
+                bar.update(task, advance=1, note=shot.estimate.status.name)
+    except KeyboardInterrupt as cause:
+        plain(Console(stderr=True), STOPPED)
+        code = exit_code(cause)
+    finally:
+        files.close()
+    return files, seen, code
+
+
+def _report(
+    request: Request, folder: Path, settings: dict[str, Any], seen: list[Shot],
+    comparison: Comparison | None,
+) -> Path:  # fmt: skip
+    measures = {} if comparison is None else measure_all(comparison)
+    blind = [shot.picture.name for shot in seen if shot.blind]
+    report = {
+        "source": request.source,
+        "tracker": settings,
+        "seed": request.seed,
+        "frames": len(seen),
+        "undecodable": blind,
+        "lost": sum(shot.estimate.status is Status.LOST for shot in seen),
+        "measures": {name: number(value) for name, value in measures.items()},
+        "units": {m.name: m.unit for m in MEASURES},
+        "versions": versions(),
+    }
+    return atomic.write(folder, REPORT, json.dumps(report, indent=2, allow_nan=False) + "\n")
+
+
+def _print(
+    console: Console, kind: str, name: str, seen: list[Shot], comparison: Comparison | None
+) -> None:
+    lost = sum(shot.estimate.status is Status.LOST for shot in seen)
+    console.print(f"[bold]{escape(kind)}[/] on {escape(name)}: {len(seen)} frames, {lost} LOST")
+    if comparison is None:
+        return
+    table = Table(box=None, pad_edge=False)
+    for title in ("measure", "value", "better", "meaning"):
+        table.add_column(title, justify="right" if title == "value" else "left")
+    for measure in MEASURES:
+        value = measure.of(comparison)
+        if np.isfinite(value):
+            shown = f"{value:.3g} {measure.unit}".rstrip()
+            table.add_row(measure.name, shown, measure.better.value, measure.meaning)
+    console.print(table)
+
+
+def _print_oddities(console: Console, seen: list[Shot]) -> None:
+    blind = [shot.picture for shot in seen if shot.blind]
+    sizes = [shot for shot in seen if shot.size is not None]
+    change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
+    if change is not None and change.size is not None:
+        width, height = change.size
+        plain(
+            console,
+            f"servobench: the pictures change their size at {change.picture.name} to "
+            f"{width} x {height} px; the target is looked for at the same pixels",
+        )
+    if blind:
+        plain(
+            console,
+            f"servobench: {len(blind)} of {len(seen)} pictures cannot be read, the first is "
+            f"{blind[0].name} ({blind[0].reason}); their rows are LOST",
+        )

@@ -1,0 +1,56 @@
+"""What a controller does while it does not see the target: coast, hold, search."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from servo.types import Mode
+from sim.types import Array
+
+PITCH = 0.12
+"""Distance between the windings of the search [m]: a view of the goal's depth covers it twice."""
+REACH = 0.6
+"""The search ends this far from where it began [m]; then the camera holds for good."""
+
+
+@final
+class TargetLoss:
+    """Counts how long the target has not been seen."""
+
+    def __init__(self, coast: float, hold: float | None, speed: float) -> None:
+        """Begin with the target in sight.
+
+        Args:
+            coast: How long the estimate is still followed [s].
+            hold: How long the camera then stands before it searches [s]; None: it never does.
+            speed: Speed of the search [m/s].
+        """
+        self._coast, self._hold, self._speed = coast, hold, speed
+        self._unseen = self._turned = 0.0
+
+    def seen(self) -> Mode:
+        """The target is there."""
+        self._unseen = self._turned = 0.0
+        return Mode.SERVOING
+
+    def wait(self, dt: float) -> Mode:
+        """It has not been seen for another interval [s]."""
+        self._unseen += dt
+        if self._unseen <= self._coast:
+            return Mode.COASTING
+        out = PITCH * self._turned / (2 * np.pi) > REACH
+        if self._hold is None or self._unseen <= self._coast + self._hold or out:
+            return Mode.HOLDING
+        return Mode.SEARCHING
+
+    def search(self, dt: float) -> Array:
+        """The next camera twist (6,) along a spiral r = b phi, at constant speed in the image's
+        plane.
+        """
+        b, phi = PITCH / (2 * np.pi), self._turned
+        along = b * np.array([np.cos(phi) - phi * np.sin(phi), np.sin(phi) + phi * np.cos(phi)])
+        length = float(np.linalg.norm(along))
+        self._turned += self._speed * dt / length
+        return np.concatenate([self._speed * along / length, np.zeros(4)])

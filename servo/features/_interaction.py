@@ -1,0 +1,108 @@
+"""The interaction matrix of the moment features: ds/dt = L v for a target that stands still.
+
+After Tahri and Chaumette 2005 and Teuliere, Marchand and Eck 2009, section VI, written for any
+target plane 1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With K the scale of
+the features (moments.py) and
+
+    n_pq = 4 mu_pq / a    e11 = n11 - xg yg / 2    e12 = n20 - xg^2 / 2    e21 = n02 - yg^2 / 2
+
+ViSP 3.5's first element is wrong for tilted planes (a factor 1/2 is missing); ours agrees with
+finite differences. Twist order: vx, vy, vz, wx, wy, wz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+import numpy as np
+
+from servo.types import Moments, Plane
+from sim.types import Array
+
+LEAST_ELONGATION = 1.1
+"""Long over short axis from which an orientation is servoed on: below, its row of L explodes."""
+ROUND = 1e-9
+"""Below this difference of the principal moments, over their sum, a shape has no orientation."""
+Row = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Second moments over area, as the rows below use them."""
+
+    e11: float
+    e12: float
+    e21: float
+    k: float
+    """Inverse depth of the plane at the centroid."""
+
+    @staticmethod
+    def of(m: Moments, plane: Plane) -> Spread:
+        """Of these moments, in this plane."""
+        n20, n11, n02 = 4 * m.mu20 / m.area, 4 * m.mu11 / m.area, 4 * m.mu02 / m.area
+        return Spread(
+            e11=n11 - m.xg * m.yg / 2,
+            e12=n20 - m.xg**2 / 2,
+            e21=n02 - m.yg**2 / 2,
+            k=plane.A * m.xg + plane.B * m.yg + plane.C,
+        )
+
+
+def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
+    """Row (6,) of xn = an xg."""
+    A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
+    vx, vy, vz = -an * (s.k - A * m.xg / 2), B * xn / 2, an * (A * s.e12 + B * s.e11)
+    return vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn
+
+
+def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
+    """Row (6,) of yn = an yg."""
+    A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
+    vx, vy, vz = A * yn / 2, -an * (s.k - B * m.yg / 2), an * (A * s.e11 + B * s.e21)
+    return vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn
+
+
+def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
+    """Row (6,) of an = K / sqrt(a)."""
+    A, B, C, k = plane.A, plane.B, plane.C, s.k
+    vz = -an * (3 * k - C) / 2
+    return A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0
+
+
+def row_theta(m: Moments, plane: Plane) -> Row:
+    """Row (6,) of theta = atan2(2 mu11, mu20 - mu02) / 2.
+
+    Raises:
+        ValueError: The shape is round, so it has no orientation.
+    """
+    d, total = m.mu20 - m.mu02, m.mu20 + m.mu02
+    D = d**2 + 4 * m.mu11**2
+    root = sqrt(D)
+    if root <= ROUND * total:
+        raise ValueError("a shape with equal principal moments has no orientation to servo on")
+    q, c, s = total / root, d / root, 2 * m.mu11 / root
+    A, B, xg, yg = plane.A, plane.B, m.xg, m.yg
+    wx = 5 * (m.mu12 * d + m.mu11 * (m.mu03 - m.mu21)) / D + (-xg * (1 - q * c) + yg * q * s) / 2
+    wy = 5 * (-m.mu21 * d + m.mu11 * (m.mu30 - m.mu12)) / D + (xg * q * s - yg * (1 + q * c)) / 2
+    vx = (A * q * s + B * (1 - q * c)) / 2
+    vy = -(A * (1 + q * c) + B * q * s) / 2
+    return vx, vy, B * wx - A * wy, wx, wy, -1.0
+
+
+def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
+    """Whether the shape's long axis is more than this many times its short one."""
+    spread = hypot(m.mu20 - m.mu02, 2 * m.mu11)
+    total = m.mu20 + m.mu02
+    return total + spread > elongation**2 * (total - spread)
+
+
+def interaction(m: Moments, plane: Plane, scale: float) -> Array:
+    """The matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a).
+
+    The row of theta is zero for a round shape.
+    """
+    an = scale / sqrt(m.area)
+    theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else (0.0,) * 6
+    seen = m, plane, an, Spread.of(m, plane)
+    return np.array([row_xn(*seen), row_yn(*seen), row_an(*seen), theta])

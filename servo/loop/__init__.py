@@ -1,0 +1,1 @@
+"""The closed loop, its steps, and what is measured of them."""

@@ -1,0 +1,137 @@
+"""One run: a world and the loop that watches and steers in it, as an iterator of steps."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from math import radians
+from time import perf_counter
+
+import numpy as np
+
+from servo.loop.loop import Loop, stream
+from servo.loop.run_measures import Report, summarise
+from servo.loop.step import Scene, Seconds, Step
+from servo.mistake import Mistake
+from servo.scenario.load import Scenario
+from sim.world import World
+from tracking.types import Region, State
+
+
+class Episode:
+    """A run that is ready to begin; iterate over it once, and close it.
+
+    Raises:
+        Mistake: The scenario asks for something that cannot be, in one sentence.
+        NoRenderer: This machine cannot render.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        s, seed = scenario, scenario.run.seed
+        self.scenario = s
+        motion = s.motion.build(stream(seed, "motion"))
+        disturbances = [
+            d.build(stream(seed, f"disturbance {i}")) for i, d in enumerate(s.disturbances)
+        ]
+        robot, sensor = s.robot.build(stream(seed, "robot")), stream(seed, "sensor")
+        try:
+            self.world = World(s.world, robot, s.camera, motion, disturbances, sensor)
+        except ValueError as error:
+            raise Mistake(f"{s.name}: {error}") from None
+        self.frames = s.frames
+        try:
+            self.loop = Loop(s, self.world.camera, self.world.outline)
+            self._place_camera()
+            self._begin()
+        except BaseException:
+            self.close()  # nobody else can
+            raise
+
+    def close(self, *_: object) -> None:
+        """Release the world; also as a context manager."""
+        self.world.close()
+
+    def __enter__(self) -> Episode:
+        return self
+
+    __exit__ = close
+
+    def _place_camera(self) -> None:
+        start, name, loop = self.scenario.start, self.scenario.name, self.loop
+        pixel = loop.goal + (start.x, start.y)
+        theta = loop.goal_theta + radians(start.angle_deg)
+        if not self.world.start(pixel, theta, self.scenario.goal.depth / start.scale):
+            raise Mistake(
+                f"{name}: start: the robot cannot bring the camera where this picture is taken"
+            )
+
+    def _begin(self) -> None:
+        """Take the first frame and start the loop with the region that the scenario gives."""
+        scenario, world = self.scenario, self.world
+        first, truth = world.look(), world.truth()
+        length, width = np.ptp(world.outline[:, :2], axis=0)
+        change = scenario.region
+        region = Region(length * truth.size * change.width, width * truth.size * change.height)
+        x, y = truth.centre + (change.x, change.y)
+        given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
+        try:
+            self.loop.start(first, region, given)
+        except ValueError as error:
+            raise Mistake(f"{scenario.name}: first frame: {error}") from None
+        self._first = first, truth
+        self._scene = Scene(
+            world.camera, world.outline, region, truth.size, self.loop.features, world.period
+        )
+
+    def __iter__(self) -> Iterator[Step]:
+        world, loop = self.world, self.loop
+        waiting = deque([np.zeros(6)] * self.scenario.run.latency)
+        frame, truth = self._first
+        rendering = 0.0
+        for index in range(self.frames):
+            posture = world.posture()
+            if index > 0:
+                began = perf_counter()
+                frame = world.look()
+                rendering = perf_counter() - began
+                truth = world.truth()
+            command = loop.step(frame, posture)
+            waiting.append(command.twist)
+            rates, bodies = world.robot.rates_measured(world.data), world.bodies()
+            before, acting = world.target_before(), waiting.popleft()
+            began = perf_counter()
+            limited = world.step(acting)
+            seconds = Seconds(rendering, *loop.seconds, perf_counter() - began)
+            yield Step(
+                scene=self._scene, frame=frame, truth=truth, target_before=before,
+                goal=loop.goal, goal_theta=loop.goal_theta, goal_size=loop.goal_size(frame.time),
+                estimate=loop.estimate, command=command, motion_measured=loop.motion_measured,
+                bodies=bodies, posture=posture, rates=rates, twist_acting=acting, limited=limited,
+                seconds=seconds,
+            )  # fmt: skip
+
+
+def run(scenario: Scenario) -> Iterator[Step]:
+    """The steps of one run, from the first frame to the last."""
+    with Episode(scenario) as episode:
+        yield from episode
+
+
+def measured_run(
+    scenario: Scenario, each: Callable[[Step], None] | None = None
+) -> tuple[list[Step], Report]:
+    """Run a scenario to its end; its steps without pictures, and what was measured.
+
+    Args:
+        scenario: Which.
+        each: Called with every step while it has its picture.
+
+    Raises:
+        Mistake: As for `Episode`.
+    """
+    steps: list[Step] = []
+    for step in run(scenario):
+        if each is not None:
+            each(step)
+        steps.append(step.light())
+    return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)

@@ -1,0 +1,48 @@
+"""What happens in a run, in words: occluded, lost, searched, found again, saturated."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from servo.loop.step import Step
+from servo.types import Mode
+from tracking.types import Status
+
+
+class Event(Enum):
+    """Something worth a line in the log; each member carries its sentence."""
+
+    OCCLUDED = "The target looks unlike itself: occluded, perhaps."
+    LOST = "The target is lost."
+    FOUND = "The target is found again."
+    DROPPED = "The camera delivered no picture."
+    COASTING = Mode.COASTING.value
+    HOLDING = Mode.HOLDING.value
+    SEARCHING = Mode.SEARCHING.value
+    SATURATED = "A limit slows the camera."
+    FREE = "No limit slows the camera any more."
+
+
+STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}
+
+
+def events(before: Step | None, step: Step) -> list[Event]:
+    """What is new in a step."""
+    found: list[Event] = []
+    then, now = before.estimate.status if before else Status.LOCKED, step.estimate.status
+    if now is not then:
+        found.append(STATUS[now])
+    did, does = before.command.mode if before else step.command.mode, step.command.mode
+    if not step.frame.fresh:
+        if before is None or before.frame.fresh:
+            found.append(Event.DROPPED)  # that the camera coasts meanwhile goes without saying
+    elif does is not did and does is not Mode.SERVOING:
+        found.append(Event[does.name])
+    was = before is not None and _slowed(before)
+    if _slowed(step) != was:
+        found.append(Event.FREE if was else Event.SATURATED)
+    return found
+
+
+def _slowed(step: Step) -> bool:
+    return step.limited or step.command.saturated

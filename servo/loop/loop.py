@@ -1,0 +1,136 @@
+"""The closed loop without a world: pictures and postures in, camera twists out.
+
+It serves a simulated or a real camera and robot alike:
+
+    loop = Loop(scenario, camera, outline)
+    loop.start(frame, region, state)         # the first picture, and the target in it
+    command = loop.step(frame, posture)      # for each picture, the first included
+"""
+
+from __future__ import annotations
+
+from math import radians
+from time import perf_counter
+
+import numpy as np
+
+from servo.estimators.difference import Difference
+from servo.scenario.load import Scenario
+from servo.sight.estimate_to_sight import EstimateToSight
+from servo.types import Command, Controller, Estimator, FeatureSet, Sight, Task
+from sim.types import Array, Camera, Frame, Posture
+from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """The random stream of one part of a run: what one part draws never shifts another's."""
+    return np.random.default_rng([seed, *name.encode()])
+
+
+class Loop:
+    """Tracker, features, estimator and controller of a scenario."""
+
+    estimate: Estimate
+    """What the tracker reported last."""
+    sight: Sight | None
+    """The target as it was seen in the last frame; None where it was not."""
+    motion_measured: Array
+    """de/dt (k,) of the target's own motion over the last frame interval: the difference of two
+    errors minus what the camera caused; nan where it was not measured."""
+    seconds: tuple[float, float]
+    """Wall-clock time of tracker and law in the last step [s]."""
+
+    def __init__(self, scenario: Scenario, camera: Camera, outline: Array) -> None:
+        """Build the parts.
+
+        Args:
+            scenario: Which, and with which settings.
+            camera: Intrinsics.
+            outline: Corners (4, 3) of the target's reference rectangle in its frame [m]: level, in
+                the order in which an image with the nose to the right shows them, from the top left
+                clockwise.
+        """
+        self._scenario, self._camera, self._outline = scenario, camera, outline
+        self._period = 1.0 / scenario.camera.rate
+        seed, goal = scenario.run.seed, scenario.goal
+        self.tracker: Tracker = scenario.tracker.build(stream(seed, "tracker"))
+        self.features: FeatureSet = scenario.features.build(outline)
+        self.controller: Controller = scenario.controller.build(stream(seed, "controller"))
+        self._estimator: Estimator = scenario.estimator.build(stream(seed, "estimator"))
+        self.goal = np.array([camera.width / 2 + goal.x, camera.height / 2 + goal.y])
+        """Where the target's centre shall be (2,) [px]."""
+        self.goal_theta = radians(goal.angle_deg)
+        """Direction in which the target's nose shall point [rad]."""
+
+    def goal_size(self, time: float) -> float:
+        """Size that the target shall have at a time [s], in px of the image a metre."""
+        return self._camera.focal / self._scenario.goal.depth_at(time)
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Show the target to the tracker in the first picture, and begin the task.
+
+        Raises:
+            ValueError: The region is none, or a setting does not fit the features.
+        """
+        scenario = self._scenario
+        self.tracker.start(frame, region, state)
+        # The tracker has not reported yet what it follows: angle and size wait for that.
+        self.estimate = Estimate(
+            state, unknown_covariance(), 0.0, Status.LOCKED, follows=(False, False)
+        )
+        self._to_sight = EstimateToSight(scenario.sight, self._camera, region, self._outline)
+        self._carried = np.zeros(4)
+        self._is_first = True
+        self._estimator.start(self.features)
+        self._difference = Difference(self.features)
+        self.controller.start(
+            Task(
+                self._goal_sight(0.0), self.features, self._estimator, self._camera, self._outline,
+                scenario.run.latency,
+            )
+        )  # fmt: skip
+
+    def step(self, frame: Frame, posture: Posture) -> Command:
+        """Track, and decide how the camera shall move.
+
+        Args:
+            frame: The next picture; one that is not fresh is not shown to the tracker.
+            posture: What the robot knows of itself at the time of the picture.
+        """
+        began = perf_counter()
+        if not self._is_first:
+            self._track(frame, posture)
+        self._is_first = False
+        tracked = perf_counter()
+        if self._scenario.goal.depth_to is not None:
+            self.controller.aim(self._goal_sight(frame.time))
+        self.sight = self._to_sight.see(self.estimate, posture) if frame.fresh else None
+        command = self.controller.command(self.sight, posture, self._period)
+        self.seconds = tracked - began, perf_counter() - tracked
+        self.motion_measured = self._measured(command)
+        return command
+
+    def _goal_sight(self, time: float) -> Sight:
+        length, width = np.ptp(self._outline[:, :2], axis=0) * self.goal_size(time)
+        x, y = self.goal.tolist()
+        return self._to_sight.goal(State(x, y, self.goal_theta), Region(length, width))
+
+    def _track(self, frame: Frame, posture: Posture) -> None:
+        """The next estimate; the tracker does not learn of a dropped frame, its last one stays."""
+        ego = None
+        if self._scenario.run.ego:
+            self._carried += self._to_sight.ego(self.estimate.state, posture.twist, self._period)
+            ego = self._carried
+        if not frame.fresh:
+            return
+        self._carried = np.zeros(4)
+        self.estimate = self.tracker.update(frame, ego)
+
+    def _measured(self, command: Command) -> Array:
+        unknown, trace = np.full(len(self.features.names), np.nan), command.trace
+        if trace is None or self.sight is None:
+            self._difference.forget()
+            return unknown
+        ready = self._difference.ready
+        found = self._difference.measure(trace.error / trace.scales, trace.own, self._period)
+        return trace.scales * found if ready else unknown

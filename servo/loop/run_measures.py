@@ -1,0 +1,239 @@
+"""What a run was worth: measures over its steps, its outcome, and the bounds it had to keep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from servo.loop.step import Step
+from servo.mistake import Mistake, unknown
+from servo.scenario.load import Scenario
+from servo.scenario.sections import MeasureConfig
+from servo.scenario.toml import is_number
+from sim.geometry import half_turn
+from sim.types import Array
+from tracking.types import Status
+
+SETTLED_PX, SETTLED_RAD, SETTLED_SCALE = 2.0, np.radians(1.0), 0.02
+"""Errors below which the camera counts as arrived."""
+FINAL_SPAN = 1.0
+"""The outcome looks at this last part of a run [s]."""
+CONVERGED_PX = 10.0
+"""Largest servo error in that part that still counts as holding the target."""
+
+
+class Outcome(Enum):
+    """How a run ended; each member carries its sentence."""
+
+    CONVERGED = "The camera holds the target's centre at the goal."
+    TIMED_OUT = "The run ended before the camera was at the goal."
+    TARGET_LOST = "The tracker lost the target."
+    LIMIT_HIT = "A joint at its limit keeps the camera from the goal."
+    DIVERGED = "The target has left the picture, and the tracker has not called it lost."
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One number about a run. Smaller is better for all of them."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+
+
+MEANINGS = {
+    "servo_rms_px": ("px", "true centre against the goal, rms"),
+    "servo_peak_px": ("px", "true centre against the goal, largest"),
+    "servo_angle_rms_deg": ("deg", "true angle against the goal, rms"),
+    "servo_angle_peak_deg": ("deg", "true angle against the goal, largest"),
+    "servo_scale_rms_pct": ("%", "true size against the goal, rms"),
+    "servo_scale_peak_pct": ("%", "true size against the goal, largest"),
+    "settle_s": ("s", "until the true error stays below 2 px, 1 deg and 2 %"),
+    "longest_off_s": ("s", "longest time off the target (above measure.above)"),
+    "tracking_rms_px": ("px", "estimated against true centre, rms"),
+    "tracking_peak_px": ("px", "estimated against true centre, largest"),
+    "tracking_angle_rms_deg": ("deg", "estimated against true angle, rms"),
+    "tracking_scale_rms_pct": ("%", "estimated against true size, rms"),
+    "tilt_peak_deg": ("deg", "optical axis against straight down, largest"),
+    "joint_range_peak_pct": (
+        "%",
+        "limited joint from the middle of its range, largest; 100: limit",
+    ),
+    "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
+    "saturated_pct": ("%", "frames in which a limit slowed the camera"),
+    "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
+    "lost_pct": ("%", "frames in which the tracker said LOST"),
+    "step_ms": ("ms", "wall-clock time of a step, median"),
+}
+"""Unit and meaning of every measure. Those with `_rms_`, `_peak_` and `_off_` count from
+measure.after on (or in the last frame, where the run ends before); all others over the whole run,
+`settle_s` from its start.
+"""
+TIMED = "step_ms"
+"""The measure that differs from run to run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Outcome and measures of one run."""
+
+    outcome: Outcome
+    measures: tuple[Measure, ...]
+
+    def value(self, name: str) -> float:
+        """The value of a measure."""
+        return next(m.value for m in self.measures if m.name == name)
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """A bound that was not kept."""
+
+    name: str
+    found: float | str
+    bound: float | str
+
+    def __str__(self) -> str:
+        if isinstance(self.bound, str):
+            return f"{self.name} is {self.found}, expected {self.bound}"
+        return f"{self.name} is {self.found:.3g}, expected at most {self.bound:g}"
+
+
+def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Report:
+    """Measures and outcome of the steps of one run; period is the frame interval [s]."""
+    counted = [s for s in steps if s.frame.time >= config.after] or list(steps[-1:])
+    servo = _series(counted, lambda s: s.servo_error)
+    turned = np.degrees(_series(steps, _servo_angle))
+    grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
+    tracked = _series(counted, lambda s: s.tracking_error)
+    angle = np.degrees(_series(counted, _tracking_angle))
+    scale = 100 * _series(counted, lambda s: s.estimate.state.scale / s.true_state.scale - 1)
+    late = slice(len(steps) - len(counted), None)
+    values = {
+        "servo_rms_px": _rms(servo),
+        "servo_peak_px": servo.max(),
+        "servo_angle_rms_deg": _rms(turned[late]),
+        "servo_angle_peak_deg": np.abs(turned[late]).max(),
+        "servo_scale_rms_pct": _rms(grown[late]),
+        "servo_scale_peak_pct": np.abs(grown[late]).max(),
+        "settle_s": _settling_time(steps, turned, grown),
+        "longest_off_s": _longest(servo > config.above) * period,
+        "tracking_rms_px": _rms(tracked),
+        "tracking_peak_px": tracked.max(),
+        "tracking_angle_rms_deg": _rms(angle),
+        "tracking_scale_rms_pct": _rms(scale),
+        "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
+        "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
+        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
+        "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
+        "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
+        "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
+        "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
+    }
+    measures = tuple(Measure(name, float(values[name]), *MEANINGS[name]) for name in MEANINGS)
+    return Report(_outcome(steps), measures)
+
+
+def check_expect(scenario: Scenario) -> None:
+    """Refuse bounds on things that do not exist.
+
+    Raises:
+        Mistake: An unknown measure or outcome, or a bound that is no number.
+    """
+    for name, bound in scenario.expect.items():
+        place = f"{scenario.name}: expect"
+        if name == "outcome":
+            if not isinstance(bound, str) or bound not in Outcome.__members__:
+                raise Mistake(
+                    f"{place}.outcome = {bound!r}: one of {', '.join(Outcome.__members__)}"
+                )
+        elif name not in MEANINGS:
+            raise Mistake(f"{place}: {unknown(name, (*MEANINGS, 'outcome'))}")
+        elif not is_number(bound):
+            raise Mistake(f"{place}.{name} = {bound!r}: a bound is a finite number")
+
+
+def violations(report: Report, expect: dict[str, float | str]) -> list[Violation]:
+    """The bounds that a report does not keep."""
+    missed: list[Violation] = []
+    for name, bound in expect.items():
+        if isinstance(bound, str):
+            if report.outcome.name != bound:
+                missed.append(Violation(name, report.outcome.name, bound))
+        elif not report.value(name) <= bound:
+            missed.append(Violation(name, report.value(name), bound))
+    return missed
+
+
+def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:
+    return np.array([of(s) for s in steps])
+
+
+def _servo_angle(step: Step) -> float:
+    return half_turn(step.truth.theta - step.goal_theta)
+
+
+def _tracking_angle(step: Step) -> float:
+    """Over the full turn: a tracker that takes front for back is wrong by 180 degrees."""
+    return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth.theta))))
+
+
+def _range_used(step: Step) -> float:
+    """How far the joint nearest to a limit is from the middle of its range, over half of that."""
+    p = step.posture
+    limited = np.isfinite(p.lower) & np.isfinite(p.upper)
+    half = (p.upper[limited] - p.lower[limited]) / 2
+    return float(np.max(1 - step.margins[limited] / half, initial=0.0))
+
+
+def _speed(step: Step) -> float:
+    return float(np.linalg.norm(step.posture.twist[:3]))
+
+
+def _final(steps: Sequence[Step]) -> list[Step]:
+    return [s for s in steps if s.frame.time > steps[-1].frame.time - FINAL_SPAN]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest run of true values."""
+    best = run = 0
+    for flag in flags:
+        run = run + 1 if flag else 0
+        best = max(best, run)
+    return best
+
+
+def _settling_time(steps: Sequence[Step], turned: Array, grown: Array) -> float:
+    """When the error fell below the bounds for good [s]; infinite if it never did."""
+    off = (
+        (_series(steps, lambda s: s.servo_error) > SETTLED_PX)
+        | (np.abs(turned) > np.degrees(SETTLED_RAD))
+        | (np.abs(grown) > 100 * SETTLED_SCALE)
+    )
+    if off[-1]:
+        return float("inf")
+    last = int(np.max(np.nonzero(off)[0], initial=-1))
+    return steps[last + 1].frame.time
+
+
+def _outcome(steps: Sequence[Step]) -> Outcome:
+    last = steps[-1]
+    final = _final(steps)
+    height, width = last.frame.image.shape[:2]
+    inside = np.all((last.truth.centre >= 0) & (last.truth.centre <= (width, height)))
+    if last.estimate.status is Status.LOST:
+        return Outcome.TARGET_LOST
+    if all(s.servo_error <= CONVERGED_PX for s in final):
+        return Outcome.CONVERGED
+    if all(s.limited for s in final):
+        return Outcome.LIMIT_HIT
+    return Outcome.TIMED_OUT if inside else Outcome.DIVERGED

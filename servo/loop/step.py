@@ -1,0 +1,183 @@
+"""Everything about one frame of a run, as a value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from servo.sight import shape_moments
+from servo.sight.planes import level_plane
+from servo.types import Command, FeatureSet, Prediction, Sight
+from sim.geometry import tilt
+from sim.placement import truth
+from sim.types import Array, Camera, Frame, Pose, Posture, Truth
+from tracking.types import Estimate, Region, State, Status
+
+
+@dataclass(frozen=True, slots=True)
+class Seconds:
+    """Wall-clock time of the stages of one step [s]."""
+
+    render: float
+    track: float
+    control: float
+    physics: float
+
+    @property
+    def total(self) -> float:
+        """All stages together [s]."""
+        return self.render + self.track + self.control + self.physics
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What stays the same from frame to frame."""
+
+    camera: Camera
+    outline: Array
+    """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
+    region: Region
+    """The template that the tracker was given."""
+    first_size: float
+    """The target's true size in the first frame [px/m]."""
+    features: FeatureSet
+    """What is servoed."""
+    period: float
+    """Frame interval [s]."""
+
+    def true_features(self, T_world_camera: Pose, T_world_target: Pose) -> Array:
+        """The features (k,) of the target, exact."""
+        seen = truth(self.camera, self.outline, T_world_camera, T_world_target)
+        height = T_world_target.translation[2] + self.outline[0, 2]
+        m = shape_moments.of_corners(seen.corners, self.camera)
+        return self.features.values(Sight(m, level_plane(T_world_camera, height)))
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Everything about one frame and what was done with it. Readers only read."""
+
+    scene: Scene
+    frame: Frame
+    truth: Truth
+    target_before: Pose
+    """T_world_target one frame interval ago."""
+    goal: Array
+    """Where the target's centre shall be (2,) [px]."""
+    goal_theta: float
+    """Direction in which the target's nose shall point [rad]."""
+    goal_size: float
+    """Size the target shall have [px/m]."""
+    estimate: Estimate
+    command: Command
+    motion_measured: Array
+    """de/dt (k,) of the target's own motion as measured over the last frame interval; nan where it
+    was not.
+    """
+    bodies: Array
+    """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
+    rates: Array
+    """Joint velocities (n,) at the time of the frame [m/s or rad/s]."""
+    twist_acting: Array
+    """Camera twist (6,) that is asked for until the next frame: the command of `latency` frames
+    ago.
+    """
+    posture: Posture
+    """What the robot knew of itself at the time of the frame."""
+    limited: bool
+    """Whether a joint's limit or rate slows the motion until the next frame."""
+    seconds: Seconds
+
+    def light(self) -> Step:
+        """The same without pixels and particles, to keep thousands of them."""
+        blank = np.broadcast_to(np.uint8(0), self.frame.image.shape)
+        return replace(
+            self,
+            frame=replace(self.frame, image=blank),
+            estimate=replace(self.estimate, particles=None),
+        )
+
+    @property
+    def region(self) -> Region:
+        """The template that the tracker was given."""
+        return self.scene.region
+
+    @property
+    def true_state(self) -> State:
+        """The truth as a tracker would report it: scale 1 in the first frame."""
+        x, y = self.truth.centre.tolist()
+        return State(x, y, self.truth.theta, self.truth.size / self.scene.first_size)
+
+    @property
+    def target_motion_true(self) -> Array:
+        """True mean de/dt (k,) of the target's own motion over the last frame interval: both ends
+        of the interval, seen by the camera of now.
+        """
+        scene, camera = self.scene, self.truth.T_world_camera
+        now, before = (
+            scene.true_features(camera, target)
+            for target in (self.truth.T_world_target, self.target_before)
+        )
+        return scene.features.error(now, before) / scene.period
+
+    @property
+    def features(self) -> Array:
+        """s (k,) as seen; nan where the controller has no features."""
+        return self._unknown if self.command.trace is None else self.command.trace.features
+
+    @property
+    def error(self) -> Array:
+        """The feature error e = s - s* (k,); nan where the controller has no features."""
+        return self._unknown if self.command.trace is None else self.command.trace.error
+
+    @property
+    def prediction(self) -> Prediction:
+        """What the estimator returned; nan where the controller has none."""
+        trace = self.command.trace
+        unknown = self._unknown
+        return Prediction.unmeasured(unknown, unknown) if trace is None else trace.prediction
+
+    @property
+    def _unknown(self) -> Array:
+        return np.full(len(self.scene.features.names), np.nan)
+
+    @property
+    def joints(self) -> Array:
+        """Joint positions (n,) at the time of the frame [m or rad]."""
+        return self.posture.joints
+
+    @property
+    def margins(self) -> Array:
+        """Way from each joint to its nearer limit (n,) [m or rad]; inf where there is none."""
+        p = self.posture
+        return np.minimum(p.joints - p.lower, p.upper - p.joints)
+
+    @property
+    def twist_measured(self) -> Array:
+        """Mean camera twist (6,) over the last frame interval."""
+        return self.posture.twist
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the optical axis and straight down [rad]."""
+        return tilt(self.truth.T_world_camera.rotation)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the tracker saw the target in this frame, and there was one."""
+        return self.frame.fresh and self.estimate.status is Status.LOCKED
+
+    @property
+    def servo_error(self) -> float:
+        """Distance of the target's true centre from the goal [px]."""
+        return float(np.hypot(*(self.truth.centre - self.goal)))
+
+    @property
+    def tracking_error(self) -> float:
+        """Distance of the estimated from the true centre [px]."""
+        return float(
+            np.hypot(
+                *(np.array([self.estimate.state.x, self.estimate.state.y]) - self.truth.centre)
+            )
+        )

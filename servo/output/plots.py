@@ -1,0 +1,111 @@
+"""Plots of one run, like the paper's figures 9 and 10 (Teuliere, Marchand, Eck)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from servo.loop.step import Step
+from tracking.evaluation.drawing.figures import literal, save
+
+MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
+MOTION, ERRORS = "target_motion.png", "errors.png"
+MIDDLE = (1, 99)
+"""Percentiles of the measured motion that the plot must show; its outliers may leave it."""
+
+
+def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
+    """Both plots of a run as PNG files in a folder; their paths."""
+    title = literal(title)
+    figures = {
+        MOTION: _motion_figure(steps, title),
+        ERRORS: _error_figure(steps, title),
+    }
+    return [save(figure, folder, name) for name, figure in figures.items()]
+
+
+def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(8, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = list(np.atleast_1d(figure.subplots(rows, 1, sharex=True)))
+    for ax in axes:
+        ax.grid(alpha=0.25)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.margins(x=0)
+    axes[-1].set_xlabel("time [s]")
+    return figure, axes
+
+
+def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
+    """Figure 9: the target's own motion in the image, measured, estimated and true."""
+    features = steps[0].scene.features
+    names = features.feed_forward or features.names
+    figure, axes = _figure(len(names), 0.6 + 2.4 * len(names))
+    time = [s.frame.time for s in steps]
+    for name, ax in zip(names, axes, strict=True):
+        i = features.names.index(name)
+        measured = np.array([s.motion_measured[i] for s in steps])
+        estimated = np.array([s.prediction.motion[i] for s in steps])
+        true = np.array([s.target_motion_true[i] for s in steps])
+        ax.plot(time, measured, color=MEASURED, lw=0.9, label="measured")
+        ax.plot(time, estimated, color=ESTIMATED, lw=1.6, label="estimated")
+        ax.plot(time[1:], true[1:], color=TRUE, lw=1.0, ls="--", label="true")
+        middle = np.nanpercentile(measured, MIDDLE) if np.isfinite(measured).any() else [0]
+        shown = np.concatenate([middle, estimated[np.isfinite(estimated)], true[1:]])
+        room = 0.1 * max(float(np.ptp(shown)), 0.02)
+        ax.set_ylim(shown.min() - room, shown.max() + room)
+        ax.set_ylabel(f"d{name}/dt of the target [{features.units[i]}/s]")
+        _shade_unseen(ax, steps)
+    axes[0].legend(loc="upper right", ncols=3, frameon=False)
+    axes[0].set_title(f"{title}: the target's own motion")
+    return figure
+
+
+def _error_figure(steps: Sequence[Step], title: str) -> Figure:
+    """Figure 10: the feature errors, and below them the true distance from the goal."""
+    figure, axes = _figure(2, 5.4)
+    time = [s.frame.time for s in steps]
+    features = steps[0].scene.features
+    for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
+        error, colour = [s.error[i] for s in steps], COLOURS[i % len(COLOURS)]
+        axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
+    axes[0].set_ylabel("feature error s - s*")
+    axes[0].legend(loc="upper right", ncols=4, frameon=False)
+    axes[0].set_title(f"{title}: errors")
+    axes[1].plot(
+        time, [s.servo_error for s in steps], color=COLOURS[0], lw=1.5, label="true centre to goal"
+    )
+    axes[1].plot(
+        time,
+        [s.tracking_error for s in steps],
+        color=COLOURS[1],
+        lw=1.0,
+        label="estimated to true centre",
+    )
+    axes[1].set_ylabel("distance [px]")
+    axes[1].set_ylim(bottom=0)
+    axes[1].legend(loc="upper right", ncols=2, frameon=False)
+    for ax in axes:
+        _shade_unseen(ax, steps)
+    return figure
+
+
+def _shade_unseen(ax: Axes, steps: Sequence[Step]) -> None:
+    unseen = [not s.seen for s in steps]
+    time = [s.frame.time for s in steps]
+    low_high = (0, 1)
+    ax.fill_between(
+        time,
+        *low_high,
+        where=unseen,
+        transform=ax.get_xaxis_transform(),
+        color="#d9d2c3",
+        alpha=0.7,
+        lw=0,
+    )

@@ -1,0 +1,121 @@
+"""Rerun archetypes for our values: solids, rectangles, and the layout of the viewer."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from servo.loop.step import Step
+from sim.shapes import Shape
+from sim.types import Array
+from tracking.types import State
+
+IMAGE = "world/eye/image"
+EYE_POSITION, EYE_TARGET = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
+LINE_RADIUS = 0.6
+
+
+def solids(shapes: list[Shape], bodies: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    """Entity path and archetype of all shapes, one for each body and kind."""
+    groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
+    for shape in shapes:
+        if shape.rgba[3] > 0:
+            groups[shape.body, shape.kind].append(shape)
+    for (body, kind), members in groups.items():
+        yield f"world/{bodies[body]}/{kind}", _archetype(kind, members)
+
+
+def _archetype(kind: str, members: list[Shape]) -> Any:
+    sizes = np.stack([m.size for m in members])
+    centres = np.stack([m.pose.translation for m in members])
+    quaternions = [_quaternion(m.pose.rotation) for m in members]
+    look: dict[str, Any] = {
+        "quaternions": quaternions,
+        "colors": [m.rgba for m in members],
+        "fill_mode": "solid",
+    }
+    if kind == "box":
+        return rr.Boxes3D(half_sizes=sizes, centers=centres, **look)
+    if kind == "ellipsoid":
+        return rr.Ellipsoids3D(half_sizes=sizes, centers=centres, **look)
+    if kind == "cylinder":
+        return rr.Cylinders3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], centers=centres, **look)
+    # Rerun's capsules begin at their first end, MuJoCo's are centred.
+    axes = np.stack([m.pose.rotation[:, 2] for m in members])
+    begin = centres - axes * sizes[:, 1:2]
+    return rr.Capsules3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], translations=begin, **look)
+
+
+def _quaternion(R: Array) -> rr.Quaternion:
+    wxyz = np.empty(4)
+    mujoco.mju_mat2Quat(wxyz, R.flatten())
+    return rr.Quaternion(xyzw=np.roll(wxyz, -1))
+
+
+def outline_strips(corners: Array) -> list[Array]:
+    """A closed rectangle with a tick to its nose, as two lines."""
+    front = (corners[1] + corners[2]) / 2
+    nose = np.stack([(corners.mean(axis=0) + front) / 2, front])
+    return [np.vstack([corners, corners[:1]]), nose]
+
+
+def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
+    """The same as an archetype."""
+    return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)
+
+
+def goal_corners(step: Step) -> Array:
+    """Where the reference rectangle (4, 2) shall be [px]."""
+    first = step.truth.size / step.true_state.scale
+    x, y = step.goal.tolist()
+    goal = State(x, y, step.goal_theta, step.goal_size / first)
+    return step.region.corners(goal)
+
+
+def blueprint(features: Sequence[str]) -> rrb.Blueprint:
+    """Camera and scene to the left, numbers over time to the right, events below."""
+    eye = rrb.EyeControls3D(position=EYE_POSITION, look_target=EYE_TARGET, eye_up=(0, 0, 1))
+
+    def plot(name: str, title: str) -> rrb.TimeSeriesView:
+        return rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+
+    pictures = rrb.Vertical(
+        rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
+        rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=False),
+    )
+    motion = [plot(f"motion/{name}", f"Target motion, {name}") for name in features]
+    tabs = [rrb.Tabs(*part) for part in (motion[0::2], motion[1::2]) if part]
+    numbers = rrb.Vertical(
+        plot("error", "Distance of the true centre from goal and estimate [px]"),
+        rrb.Tabs(
+            plot("features", "Feature errors"),
+            plot("range", "Joints within their range"),
+            plot("joints", "Joints"),
+            plot("tilt", "Tilt of the camera [deg]"),
+            plot("nis", "Innovation squared over its variance"),
+        ),
+        rrb.Horizontal(*tabs),
+        rrb.Tabs(
+            plot("twist/linear", "Camera velocity [m/s]"),
+            plot("twist/angular", "Camera turn [rad/s]"),
+        ),
+        rrb.Tabs(
+            plot("distance", "Bhattacharyya distance"),
+            plot("ess", "Effective sample size"),
+            plot("ms", "Stages [ms]"),
+        ),
+        rrb.TextLogView(origin="events", name="Events"),
+        row_shares=[3, 3, 3, 3, 2, 2],
+    )  # fmt: skip
+    columns = rrb.Horizontal(pictures, numbers, column_shares=[1, 1])
+    return rrb.Blueprint(
+        columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True
+    )

@@ -1,0 +1,88 @@
+"""The camera's pictures out of a recording, with the rectangles that were logged beside them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rerun.chunk import RrdReader
+
+from servo.mistake import Mistake
+from servo.output.recording.parts import IMAGE
+from servo.output.recording.view import check
+from sim.types import Array, Image
+
+BLOB, STRIPS, FRAME, TIME = "EncodedImage:blob", "LineStrips2D:strips", "frame", "sim_time"
+CORNERS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One frame of a recording."""
+
+    time: float
+    """Simulated [s]."""
+    image: Image
+    """RGB (H, W, 3)."""
+    truth: Array
+    """Corners (4, 2) of the target [px]; nan where there are none."""
+    estimate: Array
+    """The same of the estimate."""
+
+
+def pictures(path: Path, count: int) -> list[Recorded]:
+    """Frames at even distances, the first and the last among them.
+
+    Raises:
+        Mistake: The file is missing, no recording, or broken.
+    """
+    check(path)
+    found: dict[str, dict[int, tuple[float, Any]]] = {BLOB: {}, "truth": {}, "estimate": {}}
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "RRD file has no footer")  # what is there is read
+            for name, frame, time, value in _logged(path):
+                found[name][frame] = time, value
+    except (RuntimeError, ValueError, OSError):
+        raise Mistake(f"{path}: this recording is broken") from None
+    frames = sorted(found[BLOB])
+    if not frames:
+        return []
+    wanted = np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).astype(int))
+    return [_recorded(found, frames[i], path) for i in wanted]
+
+
+def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
+    """Which of the three, frame, time [s], and what was logged."""
+    names = {f"/{IMAGE}": (BLOB, BLOB)} | {
+        f"/{IMAGE}/{who}": (who, STRIPS) for who in ("truth", "estimate")
+    }
+    for chunk in RrdReader(str(path)).stream():
+        who, component = names.get(chunk.entity_path, ("", ""))
+        batch = chunk.to_record_batch()
+        if FRAME not in batch.schema.names or component not in batch.schema.names:
+            continue
+        times = batch.column(TIME).cast("int64").to_numpy() / 1e9
+        for row, frame in enumerate(batch.column(FRAME).to_pylist()):
+            yield who, frame, float(times[row]), batch.column(component)[row]
+
+
+def _recorded(found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path) -> Recorded:
+    time, blob = found[BLOB][frame]
+    raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
+    image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
+    if image is None:
+        raise Mistake(f"{path}: frame {frame} is no picture")
+    truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
+    return Recorded(time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate)
+
+
+def _corners(logged: tuple[float, Any] | None) -> Array:
+    """The rectangle of an outline: the first four points of its first line."""
+    strips = None if logged is None else logged[1].as_py()
+    return np.array(strips[0][:CORNERS]) if strips else np.full((CORNERS, 2), np.nan)

@@ -1,0 +1,89 @@
+"""A track as a Rerun recording: pictures, estimate, truth, particles, confidence, time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import rerun as rr
+import rerun.blueprint as rrb
+
+from servo.output.recording.file import RecordingFile
+from servo.output.recording.log import JPEG_QUALITY
+from servo.output.recording.parts import outline
+from sim.types import Array
+from tracking.evaluation.drawing.annotated_video import COLOURS
+from tracking.evaluation.track import Shot
+from tracking.types import Region
+
+IMAGE = "image"
+WHITE, AMBER = (255, 255, 255), (255, 190, 40)
+
+
+class TrackLog:
+    """Writes one recording."""
+
+    def __init__(self, path: Path, region: Region, rate: float) -> None:
+        """A recording to a path.
+
+        Args:
+            path: The file.
+            region: The template.
+            rate: Pictures a second: after so many, what was logged is written to the file.
+        """
+        self._region, self._at_once = region, max(1, round(rate))
+        self._file = RecordingFile("servobench_track", path, _blueprint())
+        self._rec = self._file.stream
+
+    def add(self, shot: Shot, truth: Array | None) -> None:
+        """Write a picture and its numbers.
+
+        Raises:
+            Refused: The disk takes no more.
+        """
+        rec, estimate = self._rec, shot.estimate
+        rec.set_time("frame", sequence=shot.index)
+        rec.set_time("sim_time", duration=shot.picture.time)  # as in runs, for `servobench view`
+        if shot.picture.image is not None:
+            bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
+            _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            rec.log(IMAGE, rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+        corners = self._region.corners(estimate.state)
+        rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
+        if truth is not None:
+            rec.log(f"{IMAGE}/truth", outline(truth, WHITE))
+        if estimate.particles is not None:
+            points = rr.Points2D(estimate.particles[:, :2], colors=AMBER, radii=0.5)
+            rec.log(f"{IMAGE}/particles", points)
+        rec.log("plots/confidence", rr.Scalars(shot.confidence))
+        rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
+        rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
+        if (shot.index + 1) % self._at_once == 0:
+            self._file.flush()
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            Refused: The disk takes no more.
+        """
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Leave the file as it is: nothing more is logged."""
+
+
+def _blueprint() -> rrb.Blueprint:
+    plots = [
+        rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+        for name, title in (
+            ("confidence", "Confidence: 1 - distance"),
+            ("ms", "Time of the tracker [ms]"),
+            ("evaluations", "Histograms read"),
+        )
+    ]
+    view = rrb.Spatial2DView(
+        origin=IMAGE, name="Estimate green (locked), amber (unsure), red (lost); truth white"
+    )
+    columns = rrb.Horizontal(view, rrb.Vertical(*plots), column_shares=[2, 1])
+    return rrb.Blueprint(columns, collapse_panels=True)

@@ -1,0 +1,130 @@
+"""Looking at a recording: in Rerun's own window, in a browser, or as a picture without either."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+from rerun.experimental import ViewerClient
+
+from servo.mistake import Mistake
+from tracking.files import atomic, reading
+
+MAGIC = (b"RRF2", b"RRIO")
+"""How Rerun's files begin."""
+VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+LOADED_WITHIN, POLL = 30.0, 0.25
+DRAWN_AFTER = 3.0
+"""Time for a first drawing of a scene on a machine without a GPU [s]."""
+
+
+def recording_in(folder: Path) -> Path:
+    """The recording of a folder that `run` or `track` wrote."""
+    track = folder / "track.rrd"
+    return track if track.exists() else folder / "run.rrd"
+
+
+def check(path: Path) -> None:
+    """Refuse what is not a recording.
+
+    Raises:
+        Mistake: There is no such file, or it is not one of Rerun's.
+    """
+    try:
+        with reading.opened(path, "recording") as file:
+            begin = file.read(4)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+    if begin not in MAGIC:
+        raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
+
+
+def show(path: Path, *, web: bool) -> int:
+    """Open the viewer and wait until it is closed; its exit code.
+
+    Raises:
+        Mistake: There is no display for a window.
+    """
+    if not web and sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+        raise Mistake("there is no display here: use --web, or --png FILE for a picture")
+    command = [sys.executable, "-m", "rerun", str(path), "--bind", "127.0.0.1"]
+    if web:
+        command.append("--web-viewer")
+    return subprocess.call(command)
+
+
+def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
+    """Draw the viewer as it would look at a simulated time into a PNG, without a window.
+
+    Args:
+        path: The recording.
+        png: The file to write.
+        at: Simulated time [s].
+        panel: The entity of one panel to draw alone, such as "world"; None: all of them.
+
+    Raises:
+        Mistake: The viewer cannot start here, has no such panel, or never shows the recording.
+    """
+    _check_png(path, png)
+    try:
+        with _quiet_viewer() as viewer:
+            viewer.open(str(path.resolve()))
+            end = time.monotonic() + LOADED_WITHIN
+            while not viewer.get_state().views:
+                if time.monotonic() > end:
+                    raise Mistake(
+                        f"{path}: the viewer did not show this within {LOADED_WITHIN:g} s"
+                    )
+                time.sleep(POLL)
+            viewer.set_time("sim_time", duration=at, play_state="paused")
+            time.sleep(DRAWN_AFTER)
+            views = {view.origin.strip("/"): view.view_id for view in viewer.get_state().views}
+            if panel is not None and panel.strip("/") not in views:
+                raise Mistake(f"there is no panel '{panel}'; there is {', '.join(sorted(views))}")
+            view = None if panel is None else views[panel.strip("/")]
+            drawn = viewer.take_screenshot(view_id=view)
+    except (RuntimeError, OSError):
+        raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
+    atomic.write(png.parent, png.name, drawn)
+
+
+def _check_png(path: Path, png: Path) -> None:
+    """Refuse a picture that has no place.
+
+    Raises:
+        Mistake: Its folder is missing, something else is there, or it is the recording.
+    """
+    if not png.absolute().parent.is_dir():
+        raise Mistake(f"{png}: there is no such folder to write to")
+    if png.exists() and not png.is_file():
+        raise Mistake(f"{png}: this is not a file; --png takes the file to write")
+    if png.exists() and png.samefile(path):
+        raise Mistake(f"{png}: this is the recording itself")
+
+
+def _quiet_viewer() -> ViewerClient:
+    """A viewer without a window, whose own log does not reach our stderr."""
+    stderr, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 2)
+    try:
+        # The viewer that belongs to this rerun-sdk, whatever PATH says.
+        rerun = Path(sysconfig.get_path("scripts")) / "rerun"
+        return ViewerClient.spawn(
+            headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=str(rerun)
+        )
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(nothing)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,161 @@
+"""Everything a run writes: DIR/run.rrd, steps.parquet, report.json and two plots."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from servo.loop.episode import Episode
+from servo.loop.run_measures import Report, Violation
+from servo.loop.step import Step
+from servo.mistake import Mistake, Refused, unwritable
+from servo.output import plots
+from servo.output.steps_table import STREAM, TABLE, StepsTable
+from servo.output.versions import versions
+from servo.scenario.load import Scenario
+from servo.types import FeatureSet
+from tracking.files import atomic
+from tracking.files.json_text import number
+
+RECORDING, REPORT = "run.rrd", "report.json"
+
+
+def prepare(asked: Path | None, name: str) -> Path:
+    """The empty folder a run will write to: the one asked for, or the next free runs/NAME.
+
+    Raises:
+        Mistake: It holds something already, cannot be written, or has no name for a recording.
+    """
+    _check_name(asked or Path(name))
+    try:
+        if asked is None:
+            return _next_free(Path("runs"), name)
+        if asked.is_dir() and any(asked.iterdir()):
+            raise Mistake(f"{asked}: there is something in this folder; choose another with --out")
+        asked.mkdir(parents=True, exist_ok=True)
+        atomic.write(asked, RECORDING, b"").unlink()  # a probe
+    except OSError as error:
+        raise unwritable(asked or Path("runs") / name, error) from None
+    return asked
+
+
+def _check_name(folder: Path) -> None:
+    try:
+        str(folder).encode()
+    except UnicodeEncodeError:
+        raise Mistake(
+            f"{folder}: recordings need a folder whose name is UTF-8; choose another with --out"
+        ) from None
+
+
+def _next_free(runs: Path, name: str) -> Path:
+    """A new folder, also where other runs make theirs at the same time."""
+    runs.mkdir(parents=True, exist_ok=True)
+    folder, again = runs / name, 2
+    while True:
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            folder, again = runs / f"{name}-{again}", again + 1
+        else:
+            return folder
+
+
+class RunFolder:
+    """Takes the steps of one run as they come, and what is left at its end.
+
+    Rows come first: their room on the disk is reserved, and a recording that the disk refuses ends
+    without them.
+    """
+
+    refused: Refused | None = None
+    """Why the recording is not whole, if it is not."""
+
+    def __init__(self, folder: Path, episode: Episode, *, rerun: bool) -> None:
+        """Open the files.
+
+        Raises:
+            Mistake: Another run is writing into this folder.
+            Refused: The disk has no room for the rows.
+        """
+        self.folder, self._scenario = folder, episode.scenario
+        self._features = episode.loop.features
+        at_once = max(1, round(episode.scenario.camera.rate))
+        try:
+            self._table = StepsTable(folder, episode, at_once)
+        except FileExistsError:
+            raise Mistake(f"{folder}: another run is writing into this folder") from None
+        except OSError as error:
+            (folder / STREAM).unlink(missing_ok=True)
+            sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
+            raise Refused(sentence) from None
+        self._log = None
+        if rerun:
+            from servo.output.recording.log import RerunLog  # rerun takes half a second to import
+
+            self._log = RerunLog(folder / RECORDING, episode)
+
+    def add(self, step: Step) -> None:
+        """Write a step."""
+        self._table.add(step)
+        if self._log and self.refused is None:
+            try:
+                self._log.add(step)
+            except Refused as error:
+                self.refused = error
+
+    def close(self) -> None:
+        """Finish recording and table, which then hold every step they were given.
+
+        Raises:
+            Refused: The table cannot be written; the rows are in the stream.
+        """
+        if self._log and self.refused is None:
+            try:
+                self._log.close()
+            except Refused as error:
+                self.refused = error
+        try:
+            self._table.close()
+        except OSError as error:
+            kept = f"all rows are in {self.folder / STREAM}"
+            raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
+
+    def finish(
+        self, steps: Sequence[Step], report: Report, missed: Sequence[Violation]
+    ) -> list[Path]:
+        """Write report and plots; the paths of everything written.
+
+        Raises:
+            Refused: The disk refuses; the rows are complete.
+        """
+        summary = _summary(self._scenario, self._features, report, missed)
+        text = json.dumps(summary, indent=2, allow_nan=False)
+        title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
+        try:
+            written = atomic.write(self.folder, REPORT, text + "\n")
+            drawn = plots.draw(steps, title, self.folder)
+        except OSError as error:
+            raise Refused.by(error, f"all rows are in {self.folder / TABLE}") from None
+        recording = [self.folder / RECORDING] if self._log else []
+        return [*recording, self.folder / TABLE, written, *drawn]
+
+
+def _summary(
+    scenario: Scenario, features: FeatureSet, report: Report, missed: Sequence[Violation]
+) -> dict[str, Any]:
+    return {
+        "scenario": scenario.name,
+        "seed": scenario.run.seed,
+        "outcome": report.outcome.name,
+        "measures": {m.name: number(m.value) for m in report.measures},
+        "units": {m.name: m.unit for m in report.measures},
+        "expect": scenario.expect,
+        "missed": [str(v) for v in missed],
+        "features": dict(zip(features.names, features.units, strict=True)),
+        "feed_forward": list(features.feed_forward),
+        "settings": json.loads(json.dumps(scenario.settings(), default=lambda e: e.value)),
+        "versions": versions(),
+    }

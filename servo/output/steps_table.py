@@ -1,0 +1,241 @@
+"""The steps of a run as a table: one row a frame, column names with units, stored as Parquet.
+
+While a run lasts its rows go to an Arrow stream beside the table, a second's worth at a time, so
+that a killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads what was written.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from servo.loop.episode import Episode
+from servo.loop.step import Step
+from servo.mistake import Mistake
+from servo.types import DOF, FeatureSet
+from sim.types import Array
+from tracking.files import atomic
+
+STREAM, TABLE = "steps.arrows", "steps.parquet"
+TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
+REAL, WHOLE, FLAG, TEXT = pa.float64(), pa.int64(), pa.bool_(), pa.string()
+TIMED = "seconds_"
+"""Columns that begin so hold wall-clock time; all others repeat bit for bit with the seed."""
+CELL, COLUMN_OF_BATCH = 16, 320
+"""Room of a value in stream and table, and of a column's part of a batch, never less [bytes]."""
+SPARE = 1 << 20
+"""Room for report and plots, which are written when the rows are [bytes]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column: its name (with unit) and what it means."""
+
+    name: str
+    meaning: str
+    type: pa.DataType = REAL
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Columns whose values are read from a step together."""
+
+    name: str
+    columns: tuple[Column, ...]
+    of: Callable[[Step], Sequence[Any] | Array]
+    """One value for each column."""
+
+    def cells(self, step: Step) -> Iterator[tuple[str, Any]]:
+        """Name and value of each column.
+
+        Raises:
+            Mistake: There are more or fewer values than columns.
+        """
+        values = self.of(step)
+        if len(values) != len(self.columns):
+            names = ", ".join(c.name for c in self.columns)
+            raise Mistake(
+                f"the table of steps has {len(self.columns)} columns for '{self.name}' ({names}), "
+                f"but the controller gives {len(values)} values: it has other features than the "
+                "scenario"
+            )
+        return zip((c.name for c in self.columns), values, strict=True)
+
+
+def quantities(
+    features: FeatureSet, joints: tuple[str, ...], units: tuple[str, ...]
+) -> list[Quantity]:
+    """All quantities, in order.
+
+    Args:
+        features: What is servoed.
+        joints: The robot's joints.
+        units: Their units, m or rad.
+    """
+    return [
+        _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
+        _single("time_s", "simulated time", lambda s: s.frame.time),
+        _single("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
+        *_states(),
+        *_features(features),
+        _vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
+        _vector("acting", "asked for until the next", lambda s: s.twist_acting, DOF, TWIST_UNITS),
+        _vector("measured", "camera's mean twist since the last frame",
+                lambda s: s.twist_measured, DOF, TWIST_UNITS),
+        _vector("joint", "position", lambda s: s.joints, joints, units),
+        _vector("rate", "velocity", lambda s: s.rates, joints, tuple(f"{u}_s" for u in units)),
+        _vector("margin", "way to the nearer limit, inf where there is none",
+                lambda s: s.margins, joints, units),
+        _single("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
+        _single("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
+        _single("command_saturated", "a limit of speed or acceleration changed it",
+                lambda s: s.command.saturated, FLAG),
+        _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
+        _single("visible", "fraction of target seen", lambda s: s.truth.visible),
+        *(_seconds(stage) for stage in ("render", "track", "control", "physics")),
+    ]  # fmt: skip
+
+
+def _states() -> Iterator[Quantity]:
+    parts, units = ("x", "y", "theta", "scale"), ("px", "px", "rad", "")
+    yield _vector("true", "truth", lambda s: astuple(s.true_state), parts, units)
+    yield _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), parts, units)
+    yield _vector("sd", "standard deviation of the estimate", _standard_deviations,
+                  ("x", "y", "theta", "ln_scale"), units)  # fmt: skip
+    yield _vector("goal", "goal", lambda s: s.goal, ("x", "y"), ("px", "px"))
+    yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
+    yield _single("tracking_error_px", "estimated to true centre", lambda s: s.tracking_error)
+    yield _single("distance", "Bhattacharyya distance of the estimate, 0..1",
+                  lambda s: s.estimate.distance)  # fmt: skip
+    yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
+    yield _single("ess", "effective sample size", lambda s: s.estimate.ess)
+    yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, WHOLE)
+
+
+def _features(features: FeatureSet) -> Iterator[Quantity]:
+    names = features.names
+    units, rates = tuple(map(ending, features.units)), tuple(map(ending_of_rate, features.units))
+    yield _vector("feature", "as seen", lambda s: s.features, names, units)
+    yield _vector("error", "e = s - s*", lambda s: s.error, names, units)
+    yield _vector("error_ahead", "e when the command acts", lambda s: s.prediction.error, names,
+                  units)  # fmt: skip
+    motion = "target's own de/dt"
+    yield _vector("motion_measured", f"{motion}, raw", lambda s: s.motion_measured, names, rates)
+    yield _vector("motion_estimated", f"{motion}, estimated", lambda s: s.prediction.motion, names,
+                  rates)  # fmt: skip
+    yield _vector("motion_true", f"{motion}, true", lambda s: s.target_motion_true, names, rates)
+    yield _vector("innovation", "measured minus expected, of what the estimator filters",
+                  lambda s: s.prediction.innovation, names)  # fmt: skip
+    yield _vector("nis", "innovation squared over its variance", lambda s: s.prediction.nis, names)
+
+
+def ending(unit: str) -> str:
+    """What a column's name ends in, for a unit; nothing for a plain number."""
+    return "" if unit == "1" else unit
+
+
+def ending_of_rate(unit: str) -> str:
+    """The same for a change a second."""
+    return "per_s" if unit == "1" else f"{unit}_s"
+
+
+def _standard_deviations(step: Step) -> Array:
+    return np.sqrt(np.diag(step.estimate.covariance))
+
+
+def _single(
+    name: str, meaning: str, of: Callable[[Step], Any], kind: pa.DataType = REAL
+) -> Quantity:
+    return Quantity(name, (Column(name, meaning, kind),), lambda s: (of(s),))
+
+
+def _vector(
+    prefix: str,
+    meaning: str,
+    of: Callable[[Step], Sequence[Any] | Array],
+    names: tuple[str, ...],
+    units: tuple[str, ...] = (),
+) -> Quantity:
+    endings = [f"_{unit}" if unit else "" for unit in units] or [""] * len(names)
+    found = [
+        Column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
+        for name, ending in zip(names, endings, strict=True)
+    ]
+    return Quantity(prefix, tuple(found), of)
+
+
+def _seconds(stage: str) -> Quantity:
+    return _single(TIMED + stage, f"wall-clock time: {stage}", lambda s: getattr(s.seconds, stage))
+
+
+class StepsTable:
+    """Writes the table of one run into a folder."""
+
+    def __init__(self, folder: Path, episode: Episode, rows_at_once: int) -> None:
+        """Reserve room for all rows on the disk, so that nothing else can take it.
+
+        Args:
+            folder: Where to write.
+            episode: Whose features and joints are columns.
+            rows_at_once: Rows that are written together.
+
+        Raises:
+            FileExistsError: Somebody writes a run into this folder already.
+            OSError: The disk has no room for the rows.
+        """
+        self._folder, self._at_once = folder, rows_at_once
+        robot, rows = episode.world.robot, episode.frames
+        self._quantities = quantities(episode.loop.features, robot.names, robot.units)
+        self._rows: list[dict[str, Any]] = []
+        every = [c for q in self._quantities for c in q.columns]
+        fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in every]
+        self._schema = pa.schema(fields)
+        self._file = (folder / STREAM).open("xb")
+        self._stream = pa.ipc.new_stream(self._file, self._schema)
+        # The schema goes out with the first batch: what is killed at once can be read as well.
+        self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
+        self._file.flush()
+        batches = 1 + rows / rows_at_once
+        _reserve(self._file, round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)
+
+    def add(self, step: Step) -> None:
+        """Append a row.
+
+        Raises:
+            Mistake: The controller has other features than the table has columns.
+            OSError: The disk refuses.
+        """
+        self._rows.append(dict(cell for q in self._quantities for cell in q.cells(step)))
+        if len(self._rows) >= self._at_once:
+            self._flush()
+
+    def close(self) -> None:
+        """Turn the stream into the table; where the disk refuses that, the stream stays."""
+        self._flush()
+        self._stream.close()
+        self._file.truncate()
+        self._file.close()
+        with pa.ipc.open_stream(str(self._folder / STREAM)) as reader:
+            whole = reader.read_all()
+        with atomic.writing(self._folder, TABLE) as file:
+            pq.write_table(whole, file, write_page_checksum=True)
+        (self._folder / STREAM).unlink()
+
+    def _flush(self) -> None:
+        if self._rows:
+            self._stream.write_batch(pa.RecordBatch.from_pylist(self._rows, schema=self._schema))
+            self._file.flush()
+            self._rows = []
+
+
+def _reserve(file: BinaryIO, size: int) -> None:
+    """Take room on the disk [bytes]; a reader takes the zeros at the end for the stream's end."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), 0, size)

@@ -1,0 +1,156 @@
+"""All estimators of the target's motion against each other: four motions, at 30 and at 5 Hz."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from servo.batch.jobs import Job
+from servo.papers.claim import (
+    COLOURS,
+    Claim,
+    Effort,
+    Result,
+    Verdict,
+    axes,
+    column,
+    group,
+    mean_of,
+    save,
+)
+from servo.papers.loop_series import LoopSeries
+from sim import kinds
+from tracking.evaluation.statistics import Interval
+
+SEEDS = 10
+NONE = "none"
+BEST = "best"
+RMS, PEAK = "servo_rms_px", "servo_peak_px"
+FAST, SLOW = "30 Hz", "5 Hz"
+LONG = ("run.duration=20.0", "measure.after=5.0")
+AT = {FAST: (), SLOW: ("camera.rate=5.0", "controller.gain=1.0")}
+"""What a rate changes in a scenario: lambda T stays below 1/4."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A motion at a rate, and what is measured in it."""
+
+    motion: str
+    rate: str
+    scenario: str
+    measure: str
+    changes: tuple[str, ...]
+    bounds: dict[str, float]
+    """By estimator, or for the best one [px]."""
+
+    @property
+    def title(self) -> str:
+        """Such as "sine rms"."""
+        return f"{self.motion} {'peak' if self.measure == PEAK else 'rms'}"
+
+
+CASES = (
+    Case("constant", FAST, "line", RMS, (), {"kalman_cv": 1.5}),
+    Case("reversal", FAST, "reversal", PEAK, (), {"kalman_cv": 9.0, BEST: 6.5}),
+    Case("sine", FAST, "sine", RMS, (), {"kalman_cv": 4.0, BEST: 2.0}),
+    Case("circle", FAST, "circle", RMS, (), {BEST: 2.0}),
+    Case("constant", SLOW, "line", RMS, (*AT[SLOW], "measure.after=3.0"), {"kalman_cv": 3.0}),
+    Case("reversal", SLOW, "reversal_5hz", PEAK, (), {"kalman_cv": 30.0, BEST: 25.0}),
+    Case("sine", SLOW, "sine", RMS, (*AT[SLOW], *LONG), {"kalman_cv": 22.0, BEST: 12.0}),
+    Case("circle", SLOW, "circle", RMS, (*AT[SLOW], *LONG), {BEST: 10.0}),
+)
+"""Bounds for f = 290 px, goal depth 1 m, one frame of latency, lambda 2 at 30 Hz and 1 at 5 Hz."""
+
+
+def _jobs(effort: Effort) -> Sequence[Job]:
+    return [
+        LoopSeries(case.scenario, estimator, seed, case.changes, case.rate.replace(" ", ""))
+        for case in CASES
+        for estimator in kinds.names("servo.estimators")
+        for seed in effort.seeds(SEEDS)
+    ]
+
+
+Scores = dict[str, list[Interval]]
+"""A mean with its interval for each case, by estimator."""
+
+
+def _judge(results: list[Result], folder: Path) -> Verdict:
+    found: Scores = {
+        estimator: [
+            mean_of(column(group(results, estimator=estimator, scenario=c.scenario,
+                                 label=c.rate.replace(" ", "")), c.measure))
+            for c in CASES
+        ]
+        for estimator in kinds.names("servo.estimators")
+    }  # fmt: skip
+    missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
+    bounds = sum(len(case.bounds) for case in CASES)
+    said = f"{bounds - len(missed)} of {bounds} bounds kept"
+    return Verdict(
+        f"{said}; missed: {', '.join(missed)}" if missed else said, not missed,
+        _table(found), [save(_draw(found), folder, "estimators")],
+    )  # fmt: skip
+
+
+def _missed(found: Scores, i: int, case: Case) -> list[str]:
+    """The bounds of a case that are not kept, in words."""
+    values = {name: intervals[i].value for name, intervals in found.items()}
+    values[BEST] = min(values.values())
+    return [
+        f"{case.title} at {case.rate}, {name}: {values[name]:.3g} px instead of {bound:g}"
+        for name, bound in case.bounds.items()
+        if not values[name] <= bound
+    ]
+
+
+def _table(found: Scores) -> list[list[str]]:
+    """Rows of estimators, for one rate after the other, with the bounds below each."""
+    rows = [["px", "rate", *(c.title for c in CASES if c.rate == FAST)]]
+    for rate in AT:
+        chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
+        for name, intervals in found.items():
+            rows.append([name, rate, *(_short(intervals[i]) for i in chosen)])
+        for bounded in ("kalman_cv", BEST):
+            bounds = [CASES[i].bounds.get(bounded) for i in chosen]
+            cells = ("" if b is None else f"<= {b:g}" for b in bounds)
+            rows.append([f"({bounded})", rate, *cells])
+    return rows
+
+
+def _short(i: Interval) -> str:
+    """A mean and half the width of its interval."""
+    return f"{i.value:.3g} ±{(i.high - i.low) / 2:.1g}"
+
+
+def _draw(found: Scores) -> Figure:
+    """A panel a rate: each estimator's error for each motion, with its interval, and the bounds."""
+    figure, panels = axes(2, width=9.0)
+    names = [name for name in found if name != NONE]
+    for ax, rate in zip(panels, AT, strict=True):
+        chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
+        for k, name in enumerate(names):
+            place = np.arange(len(chosen)) + 0.1 * (k - (len(names) - 1) / 2)
+            means = np.array([found[name][i].value for i in chosen])
+            ends = np.array([(found[name][i].low, found[name][i].high) for i in chosen]).T
+            ax.errorbar(place, means, np.abs(ends - means), fmt="o", ms=4, capsize=2,
+                        color=COLOURS[k % len(COLOURS)], label=name)  # fmt: skip
+        for x, i in enumerate(chosen):
+            for bound in CASES[i].bounds.values():
+                ax.hlines(bound, x - 0.4, x + 0.4, color="#111111", lw=0.8, ls="--")
+        titles = [CASES[i].title for i in chosen]
+        ax.set(xticks=range(len(chosen)), xticklabels=titles, ylabel="distance [px]")
+        ax.set(yscale="log", title=f"{rate}; dashed: the bounds")
+    panels[0].legend(frameon=False, ncols=3)
+    return figure
+
+
+CLAIMS = (
+    Claim("estimators", "beyond the papers: how good each estimate of the target's motion is, by "
+          "rate and motion", _jobs, _judge),
+)  # fmt: skip

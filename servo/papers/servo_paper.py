@@ -1,0 +1,115 @@
+"""Paper 1, the servo: what the estimate of the target's motion is worth (Teuliere, Marchand,
+Eck, section VI).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from servo.batch.jobs import Job
+from servo.papers.claim import (
+    COLOURS,
+    Claim,
+    Effort,
+    Result,
+    Verdict,
+    axes,
+    column,
+    group,
+    mean_of,
+    save,
+    words,
+)
+from servo.papers.loop_series import LoopSeries
+from sim.types import Array
+
+SEEDS = 5
+ESTIMATORS = ("none", "kalman_cv")
+LESS = 5.0
+"""The paper's figure 10 without estimation: many times the error."""
+SLOW = 0.02
+"""A target slower than this has no sign worth telling [m/s]."""
+AGREE, WITHIN = 0.9, 1.0
+"""Share of frames with the right sign, and time after a reversal to be back [s]."""
+BACK_PX = 4.0
+
+
+def _both(name: str, effort: Effort) -> Sequence[Job]:
+    return [LoopSeries(name, e, s) for e in ESTIMATORS for s in effort.seeds(SEEDS)]
+
+
+def _judge_lag(results: list[Result], folder: Path) -> Verdict:
+    rms = {e: mean_of(column(group(results, estimator=e), "servo_rms_px")) for e in ESTIMATORS}
+    times = rms["none"].value / rms["kalman_cv"].value
+    table = [["estimator", "servo rms"], *([e, words(rms[e], "px")] for e in ESTIMATORS)]
+    figure = _draw_error(results, "P1-4: distance of the target from the goal, constant speed")
+    return Verdict(f"{times:.0f} times smaller with estimation", times >= LESS, table,
+                   [save(figure, folder, "P1-4")])  # fmt: skip
+
+
+def _judge_sign(results: list[Result], folder: Path) -> Verdict:
+    runs = group(results, estimator="kalman_cv")
+    shares = np.array([_agreement(r) for r in runs])
+    figure, (ax,) = axes(1)
+    ax.plot(runs[0]["time"], runs[0]["estimated"], color=COLOURS[2], label="estimated")
+    ax.plot(runs[0]["time"][1:], runs[0]["true"][1:], "--", color=COLOURS[5], label="true")
+    ax.set(xlabel="time [s]", ylabel="d yn/dt of the target [m/s]",
+           title="P1-5: the estimated velocity follows the reversals")  # fmt: skip
+    ax.legend(frameon=False)
+    said = f"right in {words(mean_of(100 * shares), '%')} of the frames"
+    return Verdict(said, bool(shares.mean() >= AGREE), figures=[save(figure, folder, "P1-5")])
+
+
+def _agreement(run: Result) -> float:
+    true = np.array([0.0 if v is None else v for v in run["true"]])
+    fast = np.abs(true) > SLOW
+    return float(np.mean(np.sign(run["estimated"])[fast] == np.sign(true[fast])))
+
+
+def _judge_peak(results: list[Result], folder: Path) -> Verdict:
+    runs = group(results, estimator="kalman_cv")
+    peak = mean_of(column(runs, "servo_peak_px"))
+    back = max(_longest_away(r) for r in runs)
+    figure = _draw_error(results, "P1-6: distance of the target from the goal, reversals")
+    return Verdict(
+        f"peak {words(peak, 'px')}, below {BACK_PX:g} px again after {back:.2f} s", back <= WITHIN,
+        figures=[save(figure, folder, "P1-6")],
+    )  # fmt: skip
+
+
+def _longest_away(run: Result) -> float:
+    """Longest time in a row above `BACK_PX`, after the start [s]."""
+    time, error = np.array(run["time"]), np.array(run["servo_error"])
+    settled = int(np.argmax(error < BACK_PX))
+    longest = begin = 0.0
+    for t, e in zip(time[settled:], error[settled:], strict=True):
+        begin = t if e < BACK_PX else begin
+        longest = max(longest, t - begin)
+    return longest
+
+
+def _draw_error(results: list[Result], title: str) -> Any:
+    figure, (ax,) = axes(1)
+    for i, estimator in enumerate(ESTIMATORS):
+        runs = group(results, estimator=estimator)
+        error: Array = np.array([r["servo_error"] for r in runs])
+        ax.plot(runs[0]["time"], error.mean(axis=0), color=COLOURS[i], label=estimator)
+        ax.fill_between(runs[0]["time"], error.min(axis=0), error.max(axis=0), color=COLOURS[i],
+                        alpha=0.2, lw=0)  # fmt: skip
+    ax.set(xlabel="time [s]", ylabel="distance [px]", title=title, ylim=(0, None))
+    ax.legend(frameon=False)
+    return figure
+
+
+CLAIMS = (
+    Claim("P1-4", "with Kalman estimation of the target's motion the camera no longer lags "
+          "(figures 9, 10)", lambda e: _both("line", e), _judge_lag),
+    Claim("P1-5", "the sign of the estimated velocity follows the car's reversals (figure 9)",
+          lambda e: _both("reversal", e), _judge_sign),
+    Claim("P1-6", "at a reversal the error peaks and comes back (figures 10, 11)",
+          lambda e: _both("reversal", e), _judge_peak),
+)  # fmt: skip

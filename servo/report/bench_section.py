@@ -1,0 +1,174 @@
+"""The section about a bench on sequences: trackers against each other, curves, contact sheets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from servo.bench.ranking import INTERVAL, LEGEND, RANKS, SHEETS, SHOWN
+from servo.mistake import Mistake
+from servo.report import files, loop_section
+from servo.report.bench_again import command
+from servo.report.page import Badge, Block, Cell, Fact, Picture, Section, Table, Tone
+from servo.report.words import NOTHING, cut, shown, spread
+from tracking.evaluation.statistics import Interval
+
+BENCH = "bench.json"
+CURVES = {"success.png": "Success", "precision.png": "Precision"}
+MOST_SHEETS, MOST_ROWS = 24, 500
+SURE = 0.05
+"""A p value below this is said to tell two trackers apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """A measure of a tracker over all runs."""
+
+    mean: files.Number
+    low: files.Number
+    high: files.Number
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """A tracker against the best one."""
+
+    z: files.Number
+    p_holm: files.Number
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """A tracker over all runs."""
+
+    tracker: str
+    runs: int
+    measures: dict[str, Mean]
+    families: dict[str, files.Number]
+    against_best: Test | None
+
+
+@dataclass(frozen=True, slots=True)
+class One:
+    """One run."""
+
+    tracker: str
+    sequence: str
+    seed: int
+    measures: dict[str, files.Number | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """bench.json of a bench on sequences."""
+
+    trackers: list[Ranked]
+    runs: list[One]
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """bench.json of any bench, as far as all are alike."""
+
+    runs: list[dict[str, Any]]
+
+
+def section(folder: Path) -> Section:
+    """All about a bench's folder.
+
+    Raises:
+        Mistake: A file is missing or broken.
+    """
+    path = folder / BENCH
+    runs = files.read(path, Unread).runs
+    if not runs:
+        raise Mistake(f"{path}: there are no runs in it")
+    if "scenario" in runs[0]:
+        return loop_section.section(folder, path)
+    bench = files.read(path, Written)
+    if not bench.trackers:
+        raise Mistake(f"{path}: there are no trackers in it")
+    best = bench.trackers[0]
+    again = command(folder, [(r.tracker, r.sequence, r.seed) for r in bench.runs])
+    blocks = [
+        Block("Trackers", points=_told(bench.trackers), tables=[_table(bench.trackers)],
+              pictures=[_picture(folder / name, title, sheet=False)
+                        for name, title in CURVES.items() if (folder / name).exists()]),
+        *_families(bench.trackers),
+        *_sheets(folder, best.tracker),
+        _runs(bench.runs),
+        again,
+    ]  # fmt: skip
+    score = best.measures.get(RANKS)
+    facts = [
+        Fact("best tracker", best.tracker),
+        Fact("its success AUC", shown(score.mean if score else None), "95 % interval: "
+             + (f"{score.low:.3f} to {score.high:.3f}" if score else "none")),
+        Fact("trackers", str(len(bench.trackers))),
+        Fact("sequences", str(len({r.sequence for r in bench.runs}))),
+        Fact("runs", str(len(bench.runs))),
+    ]  # fmt: skip
+    lead = "Trackers against each other on sequences with a truth."
+    verdict = Badge(f"best: {best.tracker}", Tone.PLAIN)
+    return Section("bench", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
+
+
+def _told(trackers: Sequence[Ranked]) -> list[str]:
+    best, others = trackers[0].tracker, trackers[1:]
+    worse = [t.tracker for t in others if t.against_best and t.against_best.p_holm < SURE]
+    alike = [t.tracker for t in others if t.tracker not in worse]
+    told = [f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g})."]
+    doubt = [f"Not told apart from {best} by these runs: {', '.join(alike)}."]
+    return [*(told if worse else []), *(doubt if alike else [])]
+
+
+def _table(trackers: Sequence[Ranked]) -> Table:
+    rows: list[list[Cell]] = []
+    for t in trackers:
+        cells = [_cell(t.measures.get(name), title == INTERVAL) for title, name in SHOWN.items()]
+        test = t.against_best
+        end = [shown(test.z), shown(test.p_holm)] if test else ["", ""]
+        rows.append([t.tracker, str(t.runs), *cells, *end])
+    return Table(("tracker", "runs", *SHOWN, "z", "p"), rows, note=" ".join(LEGEND.split()))
+
+
+def _cell(mean: Mean | None, with_interval: bool) -> str:
+    if mean is None:
+        return NOTHING
+    whole = Interval(mean.mean, mean.low, mean.high)
+    return spread(whole) if with_interval else shown(mean.mean)
+
+
+def _families(trackers: Sequence[Ranked]) -> list[Block]:
+    names = list(trackers[0].families)
+    if len(names) < 2:
+        return []
+    rows = [[name, *(shown(t.families.get(name)) for t in trackers)] for name in names]
+    table = Table(("sequence", *(t.tracker for t in trackers)), rows, note="Mean success AUC.")
+    return [Block("Success by sequence", tables=[table])]
+
+
+def _sheets(folder: Path, best: str) -> list[Block]:
+    paths = sorted((folder / SHEETS).glob("*.png"))
+    if not paths:
+        return []
+    told = f"The first seed of each sequence: truth white, {best} green."
+    text = [told, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
+    shown_ = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
+    return [Block("Contact sheets", text, pictures=shown_)]
+
+
+def _picture(path: Path, title: str, *, sheet: bool) -> Picture:
+    return Picture.of(title, files.content(path), str(path), sheet=sheet)
+
+
+def _runs(runs: Sequence[One]) -> Block:
+    names = list(runs[0].measures)
+    rows = [[r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
+            for r in runs[:MOST_ROWS]]  # fmt: skip
+    table = Table(("tracker", "sequence", "seed", *names), rows, words=range(2))
+    return Block(
+        "Runs", list(filter(None, [cut("runs", runs, MOST_ROWS)])), tables=[table], folded=True
+    )

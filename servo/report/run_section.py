@@ -1,0 +1,186 @@
+"""The section about a run: measures against bounds, errors over time, pictures, the command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from servo.loop.run_measures import MEANINGS, Outcome
+from servo.mistake import Mistake
+from servo.output.run_folder import RECORDING, REPORT
+from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
+from servo.report import again, files
+from servo.report.charts import ERRORS, Axis, Curve, Shade, curves
+from servo.report.drawing import INK, colour
+from servo.report.page import Badge, Block, Fact, Figure, Picture, Section, Table, Tone, versions
+from servo.report.words import shown
+from sim.types import Array
+from tracking.evaluation.drawing.contact_sheet import page, tile
+from tracking.evaluation.sequences.sources import Picture as Shown
+
+TILES = 12
+KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
+SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropped."
+MIDDLE = (1, 99)
+"""Percentiles of the measured motion that its plot shows; its outliers leave it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """report.json."""
+
+    scenario: str
+    seed: int
+    outcome: str
+    measures: dict[str, files.Number | None]
+    expect: dict[str, files.Number | str]
+    missed: list[str]
+    features: dict[str, str]
+    """Units of the features, by name."""
+    feed_forward: list[str]
+    """Features whose target motion is drawn."""
+    settings: dict[str, Any]
+    versions: dict[str, str]
+
+
+def section(folder: Path) -> Section:
+    """All about a run's folder.
+
+    Raises:
+        Mistake: The run is not finished, or a file is broken.
+    """
+    if not (folder / REPORT).exists():
+        raise Mistake(f"{folder}: this run was not finished: there is {STREAM}, but no {REPORT}")
+    run = files.read(folder / REPORT, Written)
+    known = Outcome.__members__.get(run.outcome)
+    kept = len(run.expect) - len(run.missed)
+    facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", _tone(run)))]
+    facts += [
+        Fact(MEANINGS[name][1], f"{shown(run.measures[name])} {MEANINGS[name][0]}", name)
+        for name in KEY_MEASURES
+        if run.measures.get(name) is not None
+    ]
+    return Section(
+        "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
+        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome, run.outcome), facts,
+        [_bounds(run), Block("Over time", figures=_figures(folder, run)), _pictures(folder),
+         _command(folder, run)], str(folder),
+    )  # fmt: skip
+
+
+def _tone(run: Written) -> Tone:
+    if not run.expect:
+        return Tone.PLAIN
+    return Tone.BAD if run.missed else Tone.GOOD
+
+
+def _bounds(run: Written) -> Block:
+    missed = {sentence.split(" is ")[0] for sentence in run.missed}
+    rows: list[list[str | Badge]] = []
+    for name, value in {"outcome": run.outcome, **run.measures}.items():
+        unit, meaning = MEANINGS.get(name, ("", "how the run ended"))
+        bound = run.expect.get(name)
+        held = "" if bound is None else Badge.of(name not in missed, "kept", "missed")
+        most = (
+            ""
+            if bound is None
+            else bound
+            if isinstance(bound, str)
+            else f"\N{LESS-THAN OR EQUAL TO} {bound:g}"
+        )
+        rows.append([name, shown(value), unit, most, held, meaning])
+    rows.sort(key=lambda row: row[3] == "")
+    head = ("measure", "value", "unit", "bound", "", "meaning")
+    text = ["Every bound is kept."] if run.expect and not run.missed else []
+    if not run.expect:
+        text = ["This scenario has no bounds."]
+    return Block("Measures and bounds", text, run.missed, [Table(head, rows, words=(0, 2, 4, 5))])
+
+
+def _figures(folder: Path, run: Written) -> list[Figure]:
+    errors = {name: _column("error", name, ending(unit)) for name, unit in run.features.items()}
+    moving = [name for name in run.feed_forward or run.features if name in run.features]
+    motions = {
+        name: [_column(f"motion_{which}", name, ending_of_rate(run.features[name]))
+               for which in ("measured", "estimated", "true")] for name in moving
+    }  # fmt: skip
+    wanted = ["time_s", "servo_error_px", "tracking_error_px", "fresh", "status", *errors.values(),
+              *(column for columns in motions.values() for column in columns)]  # fmt: skip
+    table = files.table(folder / TABLE, wanted)
+    column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
+    time, across = column["time_s"], Axis("time [s]")
+    unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))
+    note = SHADED if unseen[1].any() else ""
+    distances = [
+        Curve("true centre to goal", time, column["servo_error_px"], colour=colour(0)),
+        Curve("estimate to true centre", time, column["tracking_error_px"], colour=colour(1)),
+    ]
+    parts = [
+        Curve(f"{name} [{run.features[name]}]", time, column[error], colour=colour(i))
+        for i, (name, error) in enumerate(errors.items())
+    ]
+    return [
+        curves("Distance from goal, and of the estimate", across,
+               Axis("distance [px]", low=0, log_from=ERRORS), distances, shaded=unseen, note=note),
+        curves("Feature errors", across, Axis("s - s*"), parts, shaded=unseen, note=note),
+        *(_motion(name, run.features[name], time, [column[c] for c in columns], unseen)
+          for name, columns in motions.items()),
+    ]  # fmt: skip
+
+
+def _column(prefix: str, name: str, ending: str) -> str:
+    return "_".join(filter(None, (prefix, name, ending)))
+
+
+def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade) -> Figure:
+    """The target's own motion in the image: measured, estimated, true."""
+    measured, estimated, true = found
+    true = true.copy()
+    true[:1] = np.nan  # before the first frame there is no motion
+    finite = measured[np.isfinite(measured)]
+    middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(0)
+    every = np.concatenate([middle, estimated, true])
+    low, high = float(np.nanmin(every, initial=0)), float(np.nanmax(every, initial=0))
+    room = 0.1 * max(high - low, 0.02)
+    drawn = [
+        Curve("measured", time, measured, colour=colour(3)),
+        Curve("estimated", time, estimated, colour=colour(2)),
+        Curve("true", time, true, colour=INK, dashed=True),
+    ]
+    axis = Axis(f"d{name}/dt [{unit}/s]", low - room, high + room)
+    return curves(f"The target's own motion: {name}", Axis("time [s]"), axis, drawn, shaded=unseen)
+
+
+def _pictures(folder: Path) -> Block:
+    title = "What the camera saw"
+    path = folder / RECORDING
+    if not path.exists():
+        return Block(title, ["There is no recording in this folder, so there are no pictures."])
+    from servo.output.recording.pictures import pictures  # rerun takes half a second to import
+
+    found = pictures(path, TILES)
+    if not found:
+        return Block(title, ["There are no pictures in this recording."])
+    tiles = [tile(Shown(f"{p.time:.1f} s", p.time, p.image), p.truth, p.estimate) for p in found]
+    whole: Any = page(tiles)
+    encoded = cv2.imencode(".png", cv2.cvtColor(whole, cv2.COLOR_RGB2BGR))[1].tobytes()
+    return Block(title, ["Truth white, estimate green."],
+                 pictures=[Picture.of("", encoded, str(path), sheet=True)])  # fmt: skip
+
+
+def _command(folder: Path, run: Written) -> Block:
+    found = again.command(run.scenario, run.seed, run.settings, run.expect)
+    told = versions(run.versions)
+    if found is not None:
+        return Block("Again", tables=[told], code=[found])
+    text = [f"Its settings are no shipped scenario's; save this as {run.scenario}.toml beside you."]
+    try:
+        lines = again.scenario_file(run.settings, run.expect)
+    except TypeError as error:
+        raise Mistake(f"{folder / REPORT}: settings: {error}") from None
+    return Block("Again", text, tables=[told],
+                 code=[f"servobench run {run.scenario}.toml --seed {run.seed}", lines])  # fmt: skip

@@ -1,0 +1,210 @@
+"""The section about a study: bounds and comparisons, errors over time and axes, sheets, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from servo.loop.run_measures import MEANINGS, Outcome
+from servo.report import page, study_axes, study_time
+from servo.report.page import Badge, Block, Cell, Fact, Figure, Picture, Section, Table, Tone
+from servo.report.study_data import SUCCESS, Row, Study, interval, load, median
+from servo.report.words import NOTHING, cut, listed, shown, spread
+from servo.study.results import grouped, missed
+
+MOST_SHEETS, MOST_ROWS, MOST_FAILURES, MOST_TOLD = 24, 500, 12, 12
+TIME = "track_ms"
+COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
+"""Measures in the tables; the files have all."""
+SURE = 0.05
+
+
+def section(folder: Path) -> Section:
+    """All about a study's folder.
+
+    Raises:
+        Mistake: A file is missing or broken.
+    """
+    study = load(folder)
+    plan = study.plan
+    broken = missed(list(study.axes), plan.expect, study.rows)
+    blocks = [
+        _overview(study, broken),
+        *(_shown(study) if study.rows else []),
+        *_failures(study),
+        Block("Again", tables=[page.versions(plan.versions)], code=[plan.command]),
+    ]
+    verdict, facts = _verdict(study, broken), _facts(study, broken)
+    return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
+
+
+def _shown(study: Study) -> list[Block]:
+    return [
+        *_compared(study),
+        *_figures("Over time", study_time.figures(study)),
+        *_figures("Against the axes", study_axes.against(study)),
+        *_figures("Over two axes", study_axes.heat_maps(study)),
+        *_sheets(study),
+        *_cells(study),
+        *_runs(study),
+    ]
+
+
+def _verdict(study: Study, broken: Sequence[str]) -> Badge:
+    done, runs = len(study.rows), study.plan.runs
+    if done < runs:
+        return Badge(f"{done} of {runs} runs", Tone.BAD if study.failures else Tone.PLAIN)
+    if study.plan.expect:
+        return Badge.of(not broken, "bounds kept", "bounds missed")
+    return Badge(f"{runs} runs", Tone.PLAIN)
+
+
+def _facts(study: Study, broken: Sequence[str]) -> list[Fact]:
+    plan, rows = study.plan, study.rows
+    facts = [Fact("runs", f"{len(rows)} of {plan.runs}", f"{len(plan.seeds)} seeds a cell")]
+    if rows:
+        rate = interval(rows, SUCCESS)
+        if rate is not None:
+            said = f"95 % interval: {shown(rate.low)} to {shown(rate.high)}"
+            facts.append(Fact("success rate", shown(rate.value), said))
+        for name in ("servo_rms_px", "tracking_rms_px"):
+            unit, meaning = MEANINGS[name]
+            facts.append(Fact(f"{meaning}, median", f"{shown(median(rows, name))} {unit}", name))
+    if plan.expect and rows:
+        facts.append(Fact("bounds", Badge.of(not broken, "all kept", f"{len(broken)} missed")))
+    if study.failures:
+        facts.append(Fact("runs that failed", Badge(str(len(study.failures)), Tone.BAD)))
+    return facts
+
+
+def _overview(study: Study, broken: Sequence[str]) -> Block:
+    plan, text = study.plan, list[str]()
+    if len(study.rows) < plan.runs:
+        text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
+    if study.broken:
+        text.append(f"Files of runs that could not be read: {study.broken}.")
+    rows = [["axis", key, ", ".join(map(shown, values))] for key, values in plan.axes.items()]
+    for key, laws in plan.draws.items():
+        told = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
+        rows.append(["drawn for each seed", key, "; ".join(told)])
+    rows += [["bound", name, f"at {'least' if name == 'success_rate' else 'most'} {bound:g}"]
+             for name, bound in plan.expect.items()]  # fmt: skip
+    rows.append(["seeds", "", ", ".join(map(str, plan.seeds[:MOST_TOLD]))
+                 + (" ..." if len(plan.seeds) > MOST_TOLD else "")])  # fmt: skip
+    if plan.expect and study.rows and not broken:
+        text.append("Every cell keeps every bound.")
+    text += filter(None, [cut("missed bounds", broken, MOST_TOLD)])
+    table = Table(("what", "setting", "values"), rows, words=range(3))
+    return Block("What was varied, and what held", text, broken[:MOST_TOLD], [table])
+
+
+def _compared(study: Study) -> list[Block]:
+    groups = study.groups(study.compared)
+    outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
+    rows: list[list[Cell]] = []
+    for name, group in groups.items():
+        ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
+        medians = [shown(median(group, m)) for m in COLUMNS]
+        rows.append(
+            [name, str(len(group)), spread(interval(group, SUCCESS)), *map(str, ended), *medians]
+        )
+    head = (study.compared or "runs", "runs", "success (95 %)", *outcomes, *COLUMNS)
+    note = "Outcomes are counts of runs, measures are medians over runs."
+    tables = [Table(head, rows[:MOST_ROWS], note=note)]
+    if study.comparisons:
+        names = ("first", "second", "wins", "losses", "ties", "z", "p", "p_holm")
+        pairs = [[_number(pair.get(n)) for n in names] for pair in study.comparisons[:MOST_ROWS]]
+        told = (
+            "McNemar's test on success, paired over all else; p_holm is corrected for their number."
+        )
+        tables.append(Table(names, pairs, words=range(2), note=told))
+    return [Block("Compared", points=_sure(study), tables=tables)]
+
+
+def _sure(study: Study) -> list[str]:
+    found = [pair for pair in study.comparisons if _float(pair.get("p_holm")) < SURE]
+    return [
+        f"{pair['first']} succeeds more often than {pair['second']}: {pair['wins']} to "
+        f"{pair['losses']} (p = {_float(pair['p_holm']):.2g} after Holm)."
+        for pair in found[:MOST_TOLD]
+        if _float(pair.get("wins")) > _float(pair.get("losses"))
+    ]
+
+
+def _figures(title: str, figures: list[Figure]) -> list[Block]:
+    return [Block(title, figures=figures)] if figures else []
+
+
+def _sheets(study: Study) -> list[Block]:
+    found = [
+        Picture.of(
+            f"{_named(study, row)}: {row['outcome']}",
+            encoded,
+            f"{study.folder}: the sheet of run {row['run']}",
+            sheet=True,
+        )
+        for row, encoded in study.sheets(MOST_SHEETS)
+    ]
+    if not found:
+        return []
+    text = ["Truth white, estimate green; runs that did not succeed first."]
+    if len(found) == MOST_SHEETS:
+        text.append(f"At most {MOST_SHEETS} are shown.")
+    return [Block("Contact sheets", text, pictures=found)]
+
+
+def _named(study: Study, row: Row) -> str:
+    settings = {key: row[key] for key in study.axes}
+    return f"run {row['run']}, {listed(settings | {'seed': row.get('seed')})}"
+
+
+def _cells(study: Study) -> list[Block]:
+    found = grouped(list(study.axes), study.rows)
+    rows = [
+        [*(shown(v) for v in settings.values()), str(len(group)),
+         *(spread(interval(group, name)) for name in (SUCCESS, *COLUMNS))]
+        for settings, group in found[:MOST_ROWS]
+    ]  # fmt: skip
+    head = (*study.axes, "runs", "success", *COLUMNS)
+    text = ["Means with 95 % bootstrap intervals.", *filter(None, [cut("cells", found, MOST_ROWS)])]
+    return [
+        Block("Cells", text, tables=[Table(head, rows, words=range(len(study.axes)))], folded=True)
+    ]
+
+
+def _runs(study: Study) -> list[Block]:
+    left_out = ("version_", "sheet")
+    names = [n for n in study.rows[0] if not n.startswith(left_out)]
+    rows = [[shown(row.get(n)) for n in names] for row in study.rows[:MOST_ROWS]]
+    text = list(filter(None, [cut("runs", study.rows, MOST_ROWS)]))
+    return [Block("Runs", text, tables=[Table(names, rows, words=())], folded=True)]
+
+
+def _failures(study: Study) -> list[Block]:
+    if not study.failures:
+        return []
+    points: list[str] = []
+    for failure in study.failures[:MOST_FAILURES]:
+        last = [NOTHING, *failure.error.strip().splitlines()][-1]
+        points.append(f"run {failure.run}, {listed(failure.settings)}: {last}")
+    text = list(filter(None, [cut("failures", study.failures, MOST_FAILURES)]))
+    code = [f"{f.command}\n\n{f.error.strip()}" for f in study.failures[:1]]
+    return [Block("Runs that failed", text, points, code=code)]
+
+
+def _number(text: str | None) -> str:
+    """A number as tables have it; other words stay."""
+    value = _float(text)
+    if text is None or np.isnan(value):
+        return text or NOTHING
+    return str(int(value)) if value.is_integer() and "." not in text else shown(value)
+
+
+def _float(text: Any) -> float:
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        return float("nan")

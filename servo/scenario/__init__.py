@@ -1,0 +1,1 @@
+"""Scenario files: TOML read, overridden, checked, and filled into frozen values."""

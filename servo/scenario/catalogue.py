@@ -1,0 +1,41 @@
+"""What there is to choose from, by name: the tables of a scenario that have a kind, and the shipped
+scenarios. Nothing heavy is imported to look.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+from importlib.resources.abc import Traversable
+
+PLUGINS = {
+    "robot": ("sim.robots", "gantry"),
+    "motion": ("sim.motions", "still"),
+    "tracker": ("tracking.trackers", "pf_ssd"),
+    "features": ("servo.features", "moments"),
+    "estimator": ("servo.estimators", "kalman_cv"),
+    "controller": ("servo.controllers", "ibvs"),
+}
+"""Tables with a `kind`: the folder it is looked up in, and the kind where none is given."""
+LISTS = {"disturbances": "sim.disturbances"}
+
+
+def shipped() -> list[str]:
+    """Names of the scenarios in the package, sorted."""
+    return _names(resources.files("scenes"))
+
+
+def studies() -> list[str]:
+    """Names of the studies in the package, sorted."""
+    return _names(resources.files("scenes") / "studies")
+
+
+def sentence(text: str) -> str:
+    """A scenario's or a study's second line, a comment that says what it shows; or nothing."""
+    second = [*text.splitlines(), "", ""][1]
+    return second.removeprefix("# ") if second.startswith("# ") else ""
+
+
+def _names(folder: Traversable) -> list[str]:
+    return sorted(
+        f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
+    )

@@ -1,0 +1,95 @@
+"""TOML tables into frozen dataclasses, strictly: a wrong key, type or range is one sentence."""
+
+from __future__ import annotations
+
+import functools
+import json
+from typing import Any
+
+from pydantic import ConfigDict, ValidationError, create_model
+
+from servo.mistake import Mistake, unknown
+from sim import kinds
+
+STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+MESSAGES = {
+    "unexpected_keyword_argument": "there is no such key",
+    "missing": "a value is missing",
+    "tuple_type": "this should be a list",
+    "dataclass_type": "this should be a table of settings",
+}
+"""Our words where pydantic's speak of Python."""
+
+
+def fill(config: type[Any], table: Any, place: str) -> Any:
+    """An instance of a dataclass from a table.
+
+    Raises:
+        Mistake: A key is unknown, or a value has the wrong type or is out of range.
+    """
+    if not isinstance(table, dict):
+        raise Mistake(f"{place} should be a table of settings, not {table!r}")
+    fields = list(config.__dataclass_fields__)
+    for key in table:
+        if key not in fields:
+            raise Mistake(f"{place}: {unknown(key, fields)}")
+    try:
+        # By way of JSON, in which lists may become tuples and strings enums though types are
+        # strict.
+        text = json.dumps({"it": table}, default=str)
+        return _section(config).model_validate_json(text).it
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise Mistake(_sentence(first, place)) from None
+
+
+def _sentence(error: Any, place: str) -> str:
+    """What pydantic found, with the place of the value."""
+    where = "".join(f".{part}" for part in error["loc"][1:])
+    if error["type"] == "value_error":  # a `Config` refused several values together
+        return f"{place}{where}: {error['ctx']['error']}"
+    said = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
+    found = "" if error["type"] == "missing" else f" = {error['input']!r}"
+    return f"{place}{where}{found}: {said}"
+
+
+@functools.cache  # building one takes longer than a hundred uses
+def _section(config: type[Any]) -> Any:
+    return create_model("Section", __config__=STRICT, it=(config, ...))
+
+
+def fill_plugin(folder: str, table: Any, place: str, default: str | None = None) -> Any:
+    """The `Config` of the kind that a table names, filled from the rest of the table.
+
+    A `preset` gives the settings that the table leaves open.
+
+    Raises:
+        Mistake: As for `fill`, or the kind or preset is unknown.
+    """
+    if not isinstance(table, dict):
+        raise Mistake(f"{place} should be a table with a kind, not {table!r}")
+    kind = table.get("kind", default)
+    if kind is None:
+        raise Mistake(f"{place} needs a kind: one of {', '.join(kinds.names(folder))}")
+    try:
+        config = kinds.config_of(folder, str(kind))
+    except kinds.UnknownKind as error:
+        raise Mistake(f"{place}.kind: {error}") from None
+    try:
+        name = table.get("preset")
+        begin = {} if name is None else kinds.preset(folder, str(kind), str(name))
+    except kinds.UnknownKind as error:
+        raise Mistake(f"{place}.preset: {error}") from None
+    given = {k: v for k, v in table.items() if k not in ("kind", "preset")}
+    return fill(config, begin | given, place)
+
+
+def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:
+    """One `Config` for each table of a list.
+
+    Raises:
+        Mistake: As for `fill_plugin`.
+    """
+    if not isinstance(tables, list):
+        raise Mistake(f"{place} should be a list of tables, not {tables!r}")
+    return tuple(fill_plugin(folder, t, f"{place}[{i}]") for i, t in enumerate(tables))

@@ -1,0 +1,197 @@
+"""A scenario is a TOML file: parsed once, strictly, into frozen values; every mistake is named with
+its place.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from servo.mistake import Mistake, unknown
+from servo.scenario import toml
+from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.fill import fill, fill_plugin, fill_plugins
+from servo.scenario.override import override, put
+from servo.scenario.sections import (
+    MOST_FRAMES,
+    GoalConfig,
+    MeasureConfig,
+    RegionConfig,
+    RunConfig,
+    StartConfig,
+)
+from servo.sight.estimate_to_sight import SightConfig
+from sim.render import CameraConfig
+from sim.world import WorldConfig
+
+Table = dict[str, Any]
+SECTIONS: dict[str, type[Any]] = {
+    "run": RunConfig,
+    "world": WorldConfig,
+    "camera": CameraConfig,
+    "goal": GoalConfig,
+    "start": StartConfig,
+    "region": RegionConfig,
+    "sight": SightConfig,
+    "measure": MeasureConfig,
+}
+KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """Everything a run depends on."""
+
+    name: str
+    table: Table = field(repr=False)
+    """The TOML table it was parsed from, overrides included."""
+    run: RunConfig
+    world: WorldConfig
+    camera: CameraConfig
+    goal: GoalConfig
+    start: StartConfig
+    region: RegionConfig
+    sight: SightConfig
+    measure: MeasureConfig
+    robot: Any
+    motion: Any
+    tracker: Any
+    features: Any
+    estimator: Any
+    controller: Any
+    disturbances: tuple[Any, ...]
+    expect: dict[str, float | str]
+    """Bounds on measures by name, and `outcome`."""
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of a run."""
+        return max(1, round(self.run.duration * self.camera.rate))
+
+    def settings(self) -> Table:
+        """Every value the run uses, the defaults included."""
+        names = [
+            f.name for f in dataclasses.fields(self) if f.name not in ("name", "table", "expect")
+        ]
+        plain = {name: _plain(getattr(self, name)) for name in names}
+        for name in LISTS:
+            given = self.table.get(name, [])
+            plain[name] = [{"kind": g["kind"]} | p for g, p in zip(given, plain[name], strict=True)]
+        for name, (_, default) in PLUGINS.items():
+            plain[name] = {"kind": self.table.get(name, {}).get("kind", default)} | plain[name]
+        return plain
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return dataclasses.asdict(value)
+
+
+def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+    """A scenario by its shipped name or by the path of a TOML file.
+
+    Args:
+        name: Such as "reversal" or "mine/slow.toml".
+        overrides: Such as "tracker.kind=frozen" (the command line's --set); the last one of a key
+            holds.
+        seed: Replaces run.seed.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    table, place = read(name)
+    for item in overrides:
+        override(table, item)
+    if seed is not None:
+        put(table, "run.seed", seed, f"--seed {seed}")
+    try:
+        return parse(table, Path(name).stem, place)
+    except Mistake:
+        culprit = _culprit(name, overrides)
+        if culprit is None:
+            raise
+        place = f"--set {culprit}"
+    return parse(table, Path(name).stem, place)
+
+
+def _culprit(name: str, overrides: Sequence[str]) -> str | None:
+    """The override from which on a scenario is wrong; None where its file is."""
+    table, place = read(name)
+    culprit, right = None, _is_right(table, place)
+    for item in overrides:
+        override(table, item)
+        before, right = right, _is_right(table, place)
+        if before and not right:
+            culprit = item
+    return None if right else culprit
+
+
+def _is_right(table: Table, place: str) -> bool:
+    try:
+        parse(table, place, place)
+    except Mistake:
+        return False
+    return True
+
+
+def read(name: str) -> tuple[Table, str]:
+    """The TOML table of a scenario, not looked at yet, and the name of its file for messages.
+
+    Raises:
+        Mistake: There is no such file, or it is no TOML.
+    """
+    path = path_of(name)
+    return toml.decode(toml.read(path, "scenario"), path.name), path.name
+
+
+def parse(table: Table, name: str, place: str) -> Scenario:
+    """The scenario of a TOML table; place names it in messages.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    toml.check(table, place)
+    for key in table:
+        if key not in KEYS:
+            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
+    for key, (folder, default) in PLUGINS.items():
+        values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
+    for key, folder in LISTS.items():
+        values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
+    expect = table.get("expect", {})
+    if not isinstance(expect, dict):
+        raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
+    if not isinstance(table.get("sweep", {}), dict):
+        raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
+    _check_frames(values["run"], values["camera"], place)
+    return Scenario(name=name, table=table, expect=expect, **values)
+
+
+def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:
+    """Refuse a run whose steps would not fit into memory, which are kept until its end."""
+    frames = run.duration * camera.rate
+    if frames > MOST_FRAMES:
+        raise Mistake(
+            f"{place}: run.duration = {run.duration:g} s at camera.rate = {camera.rate:g} Hz is "
+            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
+        )
+
+
+def path_of(name: str) -> Path:
+    """The file of a scenario, by its shipped name or by its path.
+
+    Raises:
+        Mistake: There is no such name.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        return path
+    if name not in shipped():
+        raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
+    return Path(str(resources.files("scenes") / f"{name}.toml"))

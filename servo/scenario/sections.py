@@ -1,0 +1,101 @@
+"""The sections of a scenario that have no kinds: run, goal, start, region, measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.ranges import LONGEST, Degrees, Interval, Time
+
+MOST_FRAMES = 360_000
+"""An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
+MOST_SEED = (1 << 63) - 1
+"""The largest integer that TOML has."""
+MOST_LATENCY = 100
+Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
+Depth = Annotated[float, Ge(0.01), Le(100)]
+
+
+@dataclass(frozen=True, slots=True)
+class RunConfig:
+    """The episode as a whole."""
+
+    duration: Annotated[float, Ge(0.001), Le(LONGEST)] = 10.0
+    """Simulated time [s]."""
+    seed: Annotated[int, Ge(0), Le(MOST_SEED)] = 0
+    """Seed of every random stream."""
+    latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
+    """Frames until a command acts: what frame k asks for moves the camera from frame k + latency
+    on.
+    """
+    ego: bool = False
+    """Tell the tracker how the measured camera motion has moved the target in the image: its
+    prediction then needs to guess the target's own motion only."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalConfig:
+    """Where the target shall be seen."""
+
+    x: Pixels = 0.0
+    """To the right of the image's centre [px]."""
+    y: Pixels = 0.0
+    """Below the image's centre [px]."""
+    angle_deg: Degrees = 0.0
+    """Direction of the target's nose, from right towards down [deg]."""
+    depth: Depth = 1.0
+    """Distance of the target's reference rectangle [m]."""
+    depth_to: Depth | None = None
+    """Another distance to go to [m]; by default the goal stays."""
+    change_start: Time = 3.0
+    """When the goal begins to change [s]."""
+    change_duration: Interval = 3.0
+    """How long it changes, at constant speed [s]."""
+
+    def depth_at(self, time: float) -> float:
+        """The distance asked for at a time [s]."""
+        done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
+        return self.depth + done * ((self.depth_to or self.depth) - self.depth)
+
+
+@dataclass(frozen=True, slots=True)
+class StartConfig:
+    """How the first picture differs from the goal."""
+
+    x: Pixels = 0.0
+    """Target this far to the right of the goal [px]."""
+    y: Pixels = 0.0
+    """Target this far below the goal [px]."""
+    angle_deg: Degrees = 0.0
+    """Target turned by this, from right towards down [deg]."""
+    scale: Annotated[float, Ge(0.01), Le(100)] = 1.0
+    """Target this many times as large as at the goal."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionConfig:
+    """The region given to the tracker in the first frame: the truth, unless changed here."""
+
+    x: Pixels = 0.0
+    """Shifted to the right [px]."""
+    y: Pixels = 0.0
+    """Shifted down [px]."""
+    angle_deg: Degrees = 0.0
+    """Turned [deg]."""
+    width: Annotated[float, Ge(0), Le(100)] = 1.0
+    """Factor on its width."""
+    height: Annotated[float, Ge(0), Le(100)] = 1.0
+    """Factor on its height."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureConfig:
+    """What counts in the measures."""
+
+    after: Time = 0.0
+    """Time from which errors count [s]."""
+    above: Annotated[float, Ge(0), Le(10_000)] = 4.0
+    """Servo error above which the camera counts as off the target [px]."""

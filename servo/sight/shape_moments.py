@@ -1,0 +1,78 @@
+"""Exact moments of polygons and rectangles, and of the rectangle that a tracker reports."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import numpy as np
+
+from servo.types import Moments
+from sim.types import Array, Camera
+from tracking.types import Region, State
+
+BARYCENTRIC = np.array([[1, 1, 1], [1.8, 0.6, 0.6], [0.6, 1.8, 0.6], [0.6, 0.6, 1.8]]) / 3
+WEIGHTS = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
+"""A quadrature that is exact for cubic polynomials over a triangle."""
+
+
+def of_polygon(polygon: Array) -> Moments:
+    """Moments up to third order of a simple polygon (n, 2) in normalised coordinates, whatever its
+    sense.
+    """
+    middle = polygon.mean(axis=0)
+    corners = polygon - middle
+    areas, after = _triangles(corners)
+    area = float(areas.sum())
+    offset = areas @ (corners + after) / (3 * area)
+    centre = middle + offset
+    corners = corners - offset
+    areas, after = _triangles(corners)
+    nodes = BARYCENTRIC[:, 1, None, None] * corners + BARYCENTRIC[:, 2, None, None] * after
+    x, y = nodes[..., 0].ravel(), nodes[..., 1].ravel()
+    xx, yy = x * x, y * y
+    powers = np.array([xx, x * y, yy, xx * x, xx * y, x * yy, yy * y])
+    mu = powers @ np.outer(WEIGHTS, areas).ravel() * np.sign(area)
+    return Moments(abs(area), *centre.tolist(), *mu.tolist())
+
+
+def of_rectangle(
+    x: float, y: float, width: float, height: float, theta: float, stretch: tuple[float, float]
+) -> Moments:
+    """Moments of a turned rectangle, stretched along the axes afterwards.
+
+    Args:
+        x: Centre, stretched.
+        y: Centre, stretched.
+        width: Along its own x axis.
+        height: Along its own y axis.
+        theta: From +x towards +y [rad].
+        stretch: Factors along x and y, such as 1 / fx and 1 / fy for a rectangle in pixels.
+    """
+    c, s = cos(theta), sin(theta)
+    long, short, (fx, fy) = width**2 / 12, height**2 / 12, stretch
+    area = width * height * fx * fy
+    return Moments(
+        area=area, xg=x, yg=y,
+        mu20=area * fx * fx * (long * c * c + short * s * s),
+        mu11=area * fx * fy * (long - short) * s * c,
+        mu02=area * fy * fy * (long * s * s + short * c * c),
+        mu30=0.0, mu21=0.0, mu12=0.0, mu03=0.0,
+    )  # fmt: skip
+
+
+def of_corners(corners: Array, camera: Camera) -> Moments:
+    """The moments of a polygon (n, 2) [px], in normalised image coordinates."""
+    return of_polygon(camera.normalise(corners))
+
+
+def of_state(state: State, region: Region, camera: Camera) -> Moments:
+    """The moments of the rectangle in which a tracker sees the target."""
+    x, y = (state.x - camera.cx) / camera.fx, (state.y - camera.cy) / camera.fy
+    width, height = state.scale * region.width, state.scale * region.height
+    return of_rectangle(x, y, width, height, state.theta, (1 / camera.fx, 1 / camera.fy))
+
+
+def _triangles(corners: Array) -> tuple[Array, Array]:
+    """Signed areas (n,) of the triangles from the origin to each edge, and the edges' ends."""
+    after = np.concatenate([corners[1:], corners[:1]])
+    return (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2, after

@@ -1,0 +1,74 @@
+"""Contact sheets: some pictures of a sequence side by side, with truth and estimate drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.evaluation.sequences.sources import Picture, Source
+
+TRUE, FOUND = (255, 255, 255), (60, 220, 60)
+TILE = 240
+"""Width of a picture on the sheet [px]."""
+GAP = 4
+SUBPIXEL_BITS = 4
+
+
+def outline(image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1) -> None:
+    """Draw corners (4, 2) in place; the edge that the target's nose looks over is thicker."""
+    if not np.isfinite(corners).all():
+        return
+    unit = 1 << SUBPIXEL_BITS
+    at = np.round((corners * factor - 0.5) * unit).clip(-(2**30), 2**30).astype(np.int32)
+    cv2.polylines(image, [at], True, (0, 0, 0), 3, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.polylines(image, [at], True, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS)
+
+
+def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:
+    """A picture of `count` pictures at even distances, in rows of four.
+
+    Args:
+        source: The pictures.
+        truth: Corners (n, 4, 2), drawn white.
+        found: The same of an estimate, drawn green.
+        count: How many.
+    """
+    wanted = set(np.linspace(0, len(truth) - 1, min(count, len(truth))).astype(int).tolist())
+    return page(
+        [
+            tile(picture, truth[i], None if found is None or i >= len(found) else found[i])
+            for i, picture in enumerate(source)
+            if i in wanted
+        ]
+    )
+
+
+def page(tiles: Sequence[Image]) -> Image:
+    """A picture of tiles, in rows of four."""
+    height, width = max(t.shape[0] for t in tiles), TILE
+    columns = min(4, len(tiles))
+    rows = -(-len(tiles) // columns)
+    whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
+    for i, one in enumerate(tiles):
+        y, x = GAP + i // columns * (height + GAP), GAP + i % columns * (width + GAP)
+        whole[y : y + one.shape[0], x : x + width] = one
+    return whole
+
+
+def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
+    """A named picture at the width TILE, with the corners (4, 2) of truth and estimate; black where
+    it could not be read.
+    """
+    image = np.zeros((TILE * 3 // 4, TILE, 3), np.uint8) if picture.image is None else picture.image
+    factor = TILE / image.shape[1]
+    size = (TILE, max(1, round(image.shape[0] * factor)))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    outline(small, truth, TRUE, factor)
+    if found is not None:
+        outline(small, found, FOUND, factor)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 3)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, TRUE, 1)
+    return small

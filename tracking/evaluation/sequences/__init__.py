@@ -1,0 +1,1 @@
+"""Pictures with their truth: folders, videos, cameras, truth files, painted sequences."""

@@ -1,0 +1,117 @@
+"""Clutter: a disc of four colours jumps over a ground of discs like it (Naeem, Pridmore, Mills,
+artificial sequences, levels a to d).
+
+320x240 px, 140 frames, white ground. The target, radius 14 px, has four sectors of different
+colours. It follows a smooth path (a sum of two sines in each axis) and is thrown off it in every
+frame by Gaussian noise of 4, 8, 12, 14 px on each axis. On the ground lie 100, 300, 500, 600 discs
+of radius 7 to 14 px; each keeps two of the target's colours and draws two at random, unless it
+shall share all four; the order is drawn anew for each. The target lies on top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.types import Array, Image
+from tracking.evaluation.sequences.sequence import Sequence
+from tracking.evaluation.sequences.sources import Painted
+from tracking.types import Region
+
+LEVELS = {"a": (4.0, 100), "b": (8.0, 300), "c": (12.0, 500), "d": (14.0, 600)}
+"""Noise of the position [px], and number of discs."""
+WIDTH, HEIGHT, RADIUS = 320, 240, 14
+SMALLEST = 7
+SECTORS = 4
+SUBPIXEL_BITS = 4
+LEAST_APART = 100.0
+"""Colours of the target differ at least by this (Euclidean, RGB)."""
+CYCLES = (0.6, 1.6)
+"""Least and most oscillations of the path in a period."""
+PERIOD = 139
+"""Frames: the length of the paper's sequences."""
+SWING = 0.6
+"""Share of the free room that the smooth path uses."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Level and length."""
+
+    level: Literal["a", "b", "c", "d"] = "a"
+    """How wild and how crowded."""
+    frames: Annotated[int, Ge(2), Le(100_000)] = 140
+    """Number of pictures."""
+    share_all: bool = False
+    """The discs on the ground share all four of the target's colours, in another order."""
+
+    def build(self, rng: np.random.Generator) -> Sequence:
+        """The sequence that the generator draws."""
+        sigma, count = LEVELS[self.level]
+        colours = _apart(rng)
+        ground = _ground(rng, colours, count, share_all=self.share_all)
+        centres = _path(rng, self.frames, sigma)
+
+        def paint(index: int) -> Image:
+            image = ground.copy()
+            _disc(image, centres[index], RADIUS, colours)
+            return image
+
+        states = np.column_stack([centres, np.zeros(self.frames), np.ones(self.frames)])
+        name = f"clutter-{self.level}"
+        return Sequence.of_states(
+            name, name, Painted(paint, self.frames), Region(2 * RADIUS, 2 * RADIUS), states
+        )
+
+
+def _apart(rng: np.random.Generator) -> Array:
+    """Four colours (4, 3) that are easy to tell apart, from each other and from white."""
+    while True:
+        colours = rng.integers(0, 256, (SECTORS, 3)).astype(float)
+        others = np.vstack([colours, [255.0] * 3])
+        far = np.linalg.norm(others[:, None] - others, axis=2) + 1e3 * np.eye(SECTORS + 1)
+        if far.min() > LEAST_APART:
+            return colours
+
+
+def _ground(rng: np.random.Generator, colours: Array, count: int, *, share_all: bool) -> Image:
+    image = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
+    kept = SECTORS if share_all else SECTORS // 2
+    for _ in range(count):
+        mixed = np.vstack(
+            [
+                colours[rng.permutation(SECTORS)[:kept]],
+                rng.integers(0, 256, (SECTORS - kept, 3)).astype(float),
+            ]
+        )
+        centre, radius = rng.uniform((0, 0), (WIDTH, HEIGHT)), rng.uniform(SMALLEST, RADIUS)
+        _disc(image, centre, radius, mixed[rng.permutation(SECTORS)])
+    return image
+
+
+def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
+    """Centres (n, 2) of the target, wholly inside the picture."""
+    room = np.array([WIDTH, HEIGHT]) / 2 - RADIUS
+    time = 2 * np.pi * np.arange(frames)[:, None] / PERIOD
+    smooth = sum(
+        share * np.sin(rng.uniform(*CYCLES, 2) * time + rng.uniform(0, 2 * np.pi, 2))
+        for share in (0.7, 0.3)
+    )
+    thrown = SWING * room * smooth + rng.normal(0, sigma, (frames, 2))
+    return thrown.clip(-room, room) + (WIDTH / 2, HEIGHT / 2)
+
+
+def _disc(image: Image, centre: Array, radius: float, colours: Array) -> None:
+    """Paint a disc of equal sectors; OpenCV's coordinates begin at a pixel's centre."""
+    unit = 1 << SUBPIXEL_BITS
+    x, y = np.round((centre - 0.5) * unit).astype(int).tolist()
+    axes = (round(radius * unit), round(radius * unit))
+    step = 360 / len(colours)
+    for i, colour in enumerate(colours.tolist()):
+        cv2.ellipse(
+            image, (x, y), axes, 0, step * i, step * (i + 1), colour, -1, cv2.LINE_AA, SUBPIXEL_BITS
+        )

@@ -1,0 +1,70 @@
+"""Texture: a textured car over a road of its own colour changes its size and its speed.
+
+For the third paper's claim (Nagy, Ahmed, Zayed): colour alone hardly tells the target from the
+ground, its texture does. The car, 56 x 32 px, drives along a smooth curve, now faster, now slower,
+and grows and shrinks as if it came nearer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.types import Array, Image
+from tracking.evaluation.sequences.generators._texture import blotches, paste
+from tracking.evaluation.sequences.sequence import Sequence
+from tracking.evaluation.sequences.sources import Painted
+from tracking.types import Region, State
+
+WIDTH, HEIGHT = 320, 240
+REGION = Region(56.0, 32.0)
+ROAD, SHADE = 24.0, 14.0
+"""Size of the ground's blotches [px], and their spread [grey levels]: smooth."""
+GRAIN, RELIEF = 1.4, 34.0
+"""The same for the car: fine and strong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Length, size, speed."""
+
+    frames: Annotated[int, Ge(20), Le(100_000)] = 160
+    """Number of pictures."""
+    zoom: Annotated[float, Ge(1), Le(3)] = 1.6
+    """Largest scale; the smallest is its inverse."""
+    speed: Annotated[float, Ge(0), Le(50)] = 6.0
+    """Largest speed [px per frame]; the car also stands still."""
+    noise: Annotated[float, Ge(0), Le(100)] = 2.0
+    """Noise of the pictures [grey levels]."""
+
+    def build(self, rng: np.random.Generator) -> Sequence:
+        """The sequence that the generator draws."""
+        colour = rng.uniform(80, 170, 3)
+        ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
+        size = (round(REGION.width), round(REGION.height))
+        patch = blotches(rng, *size, GRAIN, colour, RELIEF)
+        states = self._states(rng)
+        noise_seed = int(rng.integers(1 << 31))
+
+        def paint(index: int) -> Image:
+            image = paste(ground, patch, REGION, State(*states[index].tolist()))
+            draws = np.random.default_rng([noise_seed, index]).normal(0, self.noise, image.shape)
+            return np.clip(image + draws, 0, 255).round().astype(np.uint8)
+
+        return Sequence.of_states("texture", "texture", Painted(paint, self.frames), REGION, states)
+
+    def _states(self, rng: np.random.Generator) -> Array:
+        """x, y, theta, scale (n, 4): along an ellipse, at a speed that swells and ebbs."""
+        time = np.arange(self.frames)
+        pace = self.speed * np.sin(np.pi * time / self.frames * rng.uniform(3, 5)) ** 2
+        radius = np.array([0.28 * WIDTH, 0.24 * HEIGHT])
+        around = np.cumsum(pace) / radius.mean() + rng.uniform(0, 2 * np.pi)
+        turn = rng.choice([-1.0, 1.0])
+        x = WIDTH / 2 + radius[0] * np.cos(around)
+        y = HEIGHT / 2 + turn * radius[1] * np.sin(around)
+        wave = np.sin(2 * np.pi * time / self.frames * rng.uniform(1.2, 2.2) + rng.uniform(0, 6))
+        size = np.log(self.zoom) * (wave - wave[0]) / max(np.abs(wave - wave[0]).max(), 1.0)
+        return np.column_stack([x, y, np.zeros(self.frames), np.exp(size)])

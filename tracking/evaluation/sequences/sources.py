@@ -1,0 +1,143 @@
+"""Where pictures come from: a folder of images, a video file, a live camera, or a painter."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+
+from sim.quiet import silent_libraries
+from sim.types import Image
+from tracking.evaluation.sequences import video_file
+from tracking.evaluation.sequences.picture_file import SUFFIXES, read_image, rgb
+from tracking.files import reading
+
+RATE = 30.0
+"""Pictures a second of a folder, and of a camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One picture of a source, or the news that it cannot be read."""
+
+    name: str
+    """File name, or "frame 12"."""
+    time: float
+    """When it was taken, from the first on [s]."""
+    image: Image | None
+    """RGB (H, W, 3), read-only; None where it cannot be decoded."""
+    reason: str = "it cannot be decoded"
+    """Why there is no image, where there is none."""
+
+
+class Source(Protocol):
+    """Pictures in order; can be read again from the start unless it is live."""
+
+    @property
+    def count(self) -> int | None:
+        """How many there are, where that is known."""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """Pictures a second."""
+        ...
+
+    def __iter__(self) -> Iterator[Picture]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """Image files, sorted by name, the numbers in names by their value."""
+
+    files: tuple[Path, ...]
+    rate: float = RATE
+
+    @staticmethod
+    def of(folder: Path, rate: float = RATE) -> Folder:
+        """The images of a folder.
+
+        Raises:
+            ValueError: There are none, or the folder cannot be read.
+        """
+        files = [f for f in reading.names(folder) if f.suffix.lower() in SUFFIXES]
+        if not files:
+            raise ValueError(f"{folder}: there are no images in this folder")
+        return Folder(tuple(files), rate)
+
+    @property
+    def count(self) -> int:
+        """Number of files."""
+        return len(self.files)
+
+    def __iter__(self) -> Iterator[Picture]:
+        for index, file in enumerate(self.files):
+            time = index / self.rate
+            try:
+                yield Picture(file.name, time, read_image(file))
+            except ValueError as error:
+                yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
+
+
+@dataclass(frozen=True, slots=True)
+class Video:
+    """A video file."""
+
+    path: Path
+    rate: float
+    count: int
+
+    @staticmethod
+    def of(path: Path) -> Video:
+        """A video that can be read.
+
+        Raises:
+            ValueError: It is not one video of a known format.
+        """
+        return Video(path, *video_file.describe(path))
+
+    def __iter__(self) -> Iterator[Picture]:
+        for index, image in enumerate(video_file.images(self.path, self.count)):
+            yield Picture(f"frame {index}", index / self.rate, image)
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """A camera of this machine, until it is stopped."""
+
+    number: int
+    rate: float = RATE
+    count: int | None = None
+
+    def __iter__(self) -> Iterator[Picture]:
+        with silent_libraries():
+            capture = cv2.VideoCapture(self.number)
+        if not capture.isOpened():
+            raise ValueError(f"camera:{self.number}: there is no such camera")
+        began = time.monotonic()
+        for index in itertools.count():
+            more, image = capture.read()
+            if not more:
+                break
+            yield Picture(f"frame {index}", time.monotonic() - began, rgb(image))
+        capture.release()
+
+
+@dataclass(frozen=True, slots=True)
+class Painted:
+    """Pictures that a function paints, each from its number alone."""
+
+    paint: Callable[[int], Image]
+    count: int
+    rate: float = RATE
+
+    def __iter__(self) -> Iterator[Picture]:
+        for index in range(self.count):
+            image = self.paint(index)
+            image.setflags(write=False)
+            yield Picture(f"frame {index}", index / self.rate, image)

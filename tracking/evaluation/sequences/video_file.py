@@ -1,0 +1,183 @@
+"""Video files: which are accepted, and their pictures, decoded by FFmpeg (PyAV).
+
+A file is accepted by its first bytes and by FFmpeg's own judgement of its format, not by its name:
+playlists and other texts could make FFmpeg open further files, logs of robots hold many things.
+FFmpeg gets an open file without its name, so it reads no addresses and no numbered series.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import av
+import numpy as np
+from av.container import InputContainer
+from av.error import FFmpegError
+from av.stream import Disposition
+from av.video.stream import VideoStream
+
+from sim.types import Image
+from tracking.evaluation.sequences.picture_file import check_size
+from tracking.files import reading
+
+SLOWEST, FASTEST = 0.01, 10_000.0
+"""Accepted frames a second."""
+GIVEN_UP = 100
+"""A video with this many frames in a row that cannot be decoded has ended."""
+FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
+"""FFmpeg's names of the accepted formats."""
+KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
+BEGINNINGS = (
+    *((4, box) for box in (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot")),
+    (0, b"\x1aE\xdf\xa3"), (8, b"AVI "), (0, b"\0\0\1\xba"), (0, b"FLV\1"), (0, b"OggS"),
+    (0, b"0&\xb2u\x8ef\xcf\x11"), (0, b"GIF8"), (0, b"YUV4MPEG2 "),
+    (0, b"G"), (4, b"G"),
+)  # fmt: skip
+"""How the accepted formats begin: offset and bytes; FFmpeg judges MPEG-TS (G) by more packets."""
+ONE_CAMERA = "convert the pictures of one camera to a video or a folder of pictures"
+OTHERS = {
+    b"\x89MCAP": f"this is an MCAP log, not a video: {ONE_CAMERA}",
+    b"#ROSBAG": f"this is a ROS bag, not a video: {ONE_CAMERA}",
+    b"SQLite format 3": f"this is an SQLite file, perhaps a ROS 2 bag, not a video: {ONE_CAMERA}",
+    b"RRF2": f"this is a Rerun recording, not a video: {ONE_CAMERA}",
+    b"\xff\xd8\xff": "this is one picture, not a video: put the pictures in a folder and give that",
+    b"\x89PNG": "this is one picture, not a video: put the pictures in a folder and give that",
+    b"\0\0\0\1": "this is a bare stream without times, not a video: put it in an MP4 or Matroska",
+    b"\0\0\1": "this is a bare stream without times, not a video: put it in an MP4 or Matroska",
+}
+COVER = Disposition.attached_pic
+HEAD = 64
+"""So many first bytes decide [bytes]."""
+
+
+def check_beginning(head: bytes) -> None:
+    """Refuse what does not begin as a video does.
+
+    Raises:
+        ValueError: The first bytes are of something else; the sentence says of what.
+    """
+    if not head:
+        raise ValueError("this is an empty file")
+    if any(head.startswith(begin, at) for at, begin in BEGINNINGS):
+        return
+    for begin, sentence in OTHERS.items():
+        if head.startswith(begin):
+            raise ValueError(sentence)
+    if all(byte >= 32 or byte in b"\t\r\n" for byte in head):
+        raise ValueError("this is a text, such as a playlist, not a video: give the video itself")
+    raise ValueError(f"this is not a video; known are {KNOWN}")
+
+
+def describe(path: Path) -> tuple[float, int]:
+    """Frames a second, and how many frames there are.
+
+    Raises:
+        ValueError: The file cannot be read, or is not one video.
+    """
+    with reading.opened(path, "video") as file:
+        try:
+            check_beginning(file.read(HEAD))
+            with _container(file) as container:
+                stream = _stream(container)
+                rate = float(stream.average_rate or stream.guessed_rate or 0)
+                if not SLOWEST <= rate <= FASTEST:
+                    raise ValueError(
+                        f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
+                        f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
+                    )
+                return rate, stream.frames or _counted(container, stream)
+        except FFmpegError:
+            raise ValueError(f"{path}: this video is damaged, or not of a known format") from None
+        except OSError as error:
+            reason = f"cannot read this video: {error.strerror}"
+            raise ValueError(f"{path}: {reason}") from None
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+
+def images(path: Path, count: int) -> Iterator[Image | None]:
+    """The frames as RGB (H, W, 3), read-only; None where one cannot be decoded.
+
+    Args:
+        path: A video that `describe` accepts.
+        count: How many frames it has: of a video that is cut off, the missing ones are None.
+
+    Raises:
+        ValueError: The file cannot be read any more.
+    """
+    given = failures = 0
+    with reading.opened(path, "video") as file, _container(file) as container:
+        for found in _decoded(container, _stream(container)):
+            failures = failures + 1 if found is None else 0
+            if failures > GIVEN_UP:
+                return
+            given += 1
+            yield found
+    yield from itertools.repeat(None, min(max(count - given, 0), GIVEN_UP - failures))
+
+
+def _decoded(container: InputContainer, stream: VideoStream) -> Iterator[Image | None]:
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets)
+        except (StopIteration, FFmpegError, OSError):
+            return
+        try:
+            frames = packet.decode()
+        except (FFmpegError, OSError):
+            yield None
+            continue
+        yield from map(_rgb, frames)
+
+
+def _rgb(frame: av.VideoFrame) -> Image | None:
+    """A frame as it is to be seen: turned as its file says."""
+    try:
+        check_size(frame.width, frame.height, "frame")
+        image = np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90))
+    except (ValueError, FFmpegError):
+        return None
+    image = np.ascontiguousarray(image, np.uint8)
+    image.setflags(write=False)
+    return image
+
+
+class _Nameless:
+    """An open file without its name, by which FFmpeg would judge the format."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.read, self.seek, self.tell = file.read, file.seek, file.tell
+
+
+def _container(file: BinaryIO) -> InputContainer:
+    file.seek(0)
+    options = {"format_whitelist": FORMATS, "protocol_whitelist": "pipe"}
+    return av.open(_Nameless(file), mode="r", options=options)
+
+
+def _stream(container: InputContainer) -> VideoStream:
+    """The one stream of pictures; covers of albums are none."""
+    streams = [s for s in container.streams.video if not s.disposition & COVER]
+    if len(streams) != 1:
+        there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
+        raise ValueError(f"{there} in this file; give a file with one video")
+    stream = streams[0]
+    if not stream.width or not stream.height:
+        raise ValueError("not one frame of this video can be decoded")
+    check_size(stream.width, stream.height, "first frame")
+    return stream
+
+
+def _counted(container: InputContainer, stream: VideoStream) -> int:
+    """How many frames a file holds that does not say so."""
+    count = 0
+    try:
+        for packet in container.demux(stream):
+            count += packet.size > 0
+    except (FFmpegError, OSError):
+        pass
+    return count

@@ -1,0 +1,186 @@
+"""How well a track follows the truth; each measure knows its name, unit, and better direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array
+from tracking.evaluation.sequences.quadrilateral import boxes
+from tracking.evaluation.track import Track
+
+OVERLAPS = np.linspace(0, 1, 21)
+"""Thresholds of the success curve, as OTB has them (Wu, Lim, Yang 2013)."""
+PIXELS = np.arange(51.0)
+"""Thresholds of the precision curve [px]."""
+SHARES = np.linspace(0, 0.5, 51)
+"""Thresholds of the normalised precision curve, over the target's size (Mueller et al. 2018)."""
+NEAR = 20
+"""The precision that is quoted is that at this error [px]."""
+LOSS_RUN = 5
+"""This many frames in a row away from the target are a loss."""
+ON_TARGET = 0.1
+"""Overlap from which on a box counts as on the target, when its confidence is judged."""
+HALF, MOST = 0.5, 0.9
+"""The fixed criterion of success: this overlap in this share of the frames."""
+
+
+class Better(Enum):
+    """Which way is better."""
+
+    HIGHER = "higher"
+    LOWER = "lower"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A track beside its truth, for the frames in which the target is present."""
+
+    track: Track
+    truth: Array
+    """(n, 4, 2); nan where the target is absent."""
+    states: Array | None
+    """x, y, theta, scale (n, 4), where they are known exactly."""
+    present: NDArray[np.bool_]
+    """(n,)."""
+    errors: Array
+    """Distances (m,) of the centres [px]."""
+    sizes: Array
+    """Width and height (m, 2) of the true upright boxes [px]."""
+    overlaps: Array
+    """Intersection over union (m,) of the upright boxes."""
+    turned_overlaps: Array
+    """The same of the rectangles as they are turned."""
+
+    @staticmethod
+    def of(track: Track, truth: Array, states: Array | None = None) -> Comparison:
+        """Compare frame by frame; frames beyond the shorter of the two do not count."""
+        count = min(len(track.states), len(truth))
+        truth, present = truth[:count], seen_in(truth[:count])
+        seen, true = track.corners[:count][present], truth[present]
+        a, b = boxes(seen), boxes(true)
+        centres = a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2
+        return Comparison(
+            track, truth, None if states is None else states[:count], present,
+            np.hypot(*centres.T), b[:, 2:], box_overlaps(a, b), _turned_overlaps(seen, true),
+        )  # fmt: skip
+
+    def success(self) -> Array:
+        """Share of frames (21,) whose upright overlap exceeds each of `OVERLAPS`."""
+        return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
+
+    def precision(self) -> Array:
+        """Share of frames (51,) whose error is at most each of `PIXELS`."""
+        return np.mean(self.errors <= PIXELS[:, None], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One number about a track."""
+
+    name: str
+    unit: str
+    better: Better
+    meaning: str
+    of: Callable[[Comparison], float]
+
+
+def seen_in(corners: Array) -> NDArray[np.bool_]:
+    """Whether the target is present (n,) in a truth (n, 4, 2)."""
+    return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
+
+
+def box_overlaps(a: Array, b: Array) -> Array:
+    """Intersection over union (n,) of upright boxes (n, 4): left, top, width, height."""
+    low = np.maximum(a[:, :2], b[:, :2])
+    high = np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
+    shared = np.prod(np.maximum(high - low, 0), axis=1)
+    union = np.prod(a[:, 2:], axis=1) + np.prod(b[:, 2:], axis=1) - shared
+    return shared / np.maximum(union, 1e-12)
+
+
+def _turned_overlaps(a: Array, b: Array) -> Array:
+    """Intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
+    overlaps = np.zeros(len(a))
+    for i, (p, q) in enumerate(zip(a.astype(np.float32), b.astype(np.float32), strict=True)):
+        shared = float(cv2.intersectConvexConvex(p, q)[0])
+        overlaps[i] = shared / max(cv2.contourArea(p) + cv2.contourArea(q) - shared, 1e-12)
+    return overlaps
+
+
+def frames_until_loss(c: Comparison) -> float:
+    """Frames before the centre strays by the target's size for five frames in a row."""
+    away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
+    runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
+    return float(np.argmax(runs)) if runs.any() else float(len(away))
+
+
+def lost_signal(c: Comparison) -> float:
+    """Area under the ROC of 1 - confidence as a sign that the box is not on the target."""
+    off = ~c.present
+    off[c.present] = c.overlaps < ON_TARGET
+    doubt = 1 - c.track.confidence[: len(off)]
+    if off.all() or not off.any():
+        return float("nan")
+    from scipy import stats  # takes a second
+
+    rank = stats.mannwhitneyu(doubt[off], doubt[~off]).statistic
+    return float(rank / (off.sum() * (~off).sum()))
+
+
+def _state_rmse(c: Comparison, column: int) -> float:
+    if c.states is None:
+        return float("nan")
+    difference = c.track.states[: len(c.states), column] - c.states[:, column]
+    if column == 2:
+        return float(np.degrees(np.sqrt(np.mean(np.angle(np.exp(1j * difference)) ** 2))))
+    return float(np.sqrt(np.mean((difference / c.states[:, column]) ** 2)))
+
+
+H, L = Better.HIGHER, Better.LOWER
+MEASURES = (
+    Measure("auc", "", H, "success: area under the curve of upright box overlap",
+            lambda c: float(c.success().mean())),
+    Measure("auc_turned", "", H, "the same for rectangles as they are turned",
+            lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None]))),
+    Measure("precision_20", "", H, "share of frames with an error of at most 20 px",
+            lambda c: float(c.precision()[NEAR])),
+    Measure("precision_norm", "", H, "area under the curve of error over the target's size",
+            lambda c: float(np.mean(np.hypot(*_relative(c).T) <= SHARES[:, None]))),
+    Measure("rmse_px", "px", L, "root mean square error of the centre",
+            lambda c: float(np.sqrt(np.mean(c.errors**2)))),
+    Measure("mean_error_px", "px", L, "mean error of the centre",
+            lambda c: float(np.mean(c.errors))),
+    Measure("angle_rmse_deg", "deg", L, "root mean square error of theta",
+            lambda c: _state_rmse(c, 2)),
+    Measure("scale_rmse", "", L, "root mean square relative error of the size",
+            lambda c: _state_rmse(c, 3)),
+    Measure("frames_until_loss", "", H, "frames before five in a row off by the target's size",
+            frames_until_loss),
+    Measure("completed", "", H, "1 if it was never lost",
+            lambda c: float(frames_until_loss(c) == len(c.errors))),
+    Measure("held", "", H, "1 if the overlap exceeds 0.5 in 90 % of the frames",
+            lambda c: float(np.mean(c.overlaps > HALF) >= MOST)),
+    Measure("lost_auc", "", H, "area under the ROC of 1 - confidence as a sign of being off",
+            lost_signal),
+    Measure("milliseconds", "ms", L, "median time for a frame",
+            lambda c: float(np.median(c.track.milliseconds[1:])) if len(c.errors) > 1 else 0.0),
+    Measure("evaluations", "", L, "mean number of histograms read for a frame",
+            lambda c: float(np.mean(c.track.evaluations[1:])) if len(c.errors) > 1 else 0.0),
+)  # fmt: skip
+
+
+def _relative(c: Comparison) -> Array:
+    seen, true = boxes(c.track.corners[: len(c.present)][c.present]), boxes(c.truth[c.present])
+    offsets = seen[:, :2] + seen[:, 2:] / 2 - true[:, :2] - true[:, 2:] / 2
+    return offsets / np.maximum(c.sizes, 1e-12)
+
+
+def measure_all(comparison: Comparison) -> dict[str, float]:
+    """Every measure by its name; nan where it does not apply."""
+    return {measure.name: measure.of(comparison) for measure in MEASURES}
