@@ -14,11 +14,12 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim import placement
-from sim.assembly import TARGET, build_model, exposure_steps, outline_of, steps_between
+from sim.assembly import TARGET, build_model, outline_of
 from sim.geometry import log_se3
 from sim.render import CameraConfig, Renderer, Sensor, camera_pose, pinhole
 from sim.robot import EYE, Design, Robot
 from sim.stage import Disturbance, Motion, Stage
+from sim.timing import exposure_steps, steps_between
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
 

@@ -75,7 +75,7 @@ BAD = {
     "a kind that does not exist": (
         ["list", "magic"],
         "there is no kind 'magic'; there is arm, gantry, circle, line, reversal, sine, spin, "
-        f"still, stop_and_go, wander, {TRACKERS}, difference, error_kalman, imm, jump, kalman_ca, "
+        f"still, stop_and_go, wander, {TRACKERS}, moments, difference, error_kalman, imm, jump, kalman_ca, "
         "kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, spot, "
         "clutter, similarity, texture",
     ),

@@ -64,6 +64,8 @@ def ends(hint):
         return [*([choice] for choice in ends(parts[0])), ends(parts[0])]
     if origin is tuple:
         return [list(values) for values in zip(*map(ends, parts), strict=True)]
+    if hint is str:
+        return ["xn"]  # a feature of the default set
     return [False, True] if hint is bool else [member.value for member in hint]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from servoing import METRIC
 from commands import frames_in
 
 from servo.cli import run_command
@@ -57,7 +58,7 @@ def test_the_table_has_a_documented_row_for_each_frame(folder):
     assert table.num_rows == 60
     assert table["frame"].to_pylist() == list(range(60))
     robot = ("x", "y", "z", "yaw", "pitch", "roll"), ("m",) * 3 + ("rad",) * 3
-    names = [column.name for quantity in quantities(*robot) for column in quantity.columns]
+    names = [column.name for quantity in quantities(METRIC, *robot) for column in quantity.columns]
     assert table.column_names == names
     assert len(set(names)) == len(names)
     assert all(table.schema.field(n).metadata[b"meaning"] for n in names)
@@ -176,8 +177,8 @@ def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):
     table = pq.read_table(folder / "steps.parquet").to_pydict()
     assert table["acting_vx_m_s"][1:] == table["command_vx_m_s"][:-1]
     # The car drives at 0.1 m/s along its nose, which the goal has at 30 degrees; xn is in metres.
-    np.testing.assert_allclose(table["motion_true_xn"][5:], 0.1 * np.cos(np.pi / 6), atol=2e-3)
-    np.testing.assert_allclose(table["motion_true_yn"][5:], 0.1 * np.sin(np.pi / 6), atol=2e-3)
+    np.testing.assert_allclose(table["motion_true_xn_m_s"][5:], 0.1 * np.cos(np.pi / 6), atol=2e-3)
+    np.testing.assert_allclose(table["motion_true_yn_m_s"][5:], 0.1 * np.sin(np.pi / 6), atol=2e-3)
 
 
 # Rerun warns that a cut file has no footer, which is what this test is about.

@@ -178,7 +178,7 @@ def test_the_job_of_a_closed_loop_has_its_series(tmp_path):
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     assert found["time"] == [s.frame.time for s in steps]
     assert found["servo_error"] == [s.servo_error for s in steps]
-    assert found["estimated"] == [s.command.target_motion[1] for s in steps]
+    assert found["estimated"] == [s.prediction.motion[1] for s in steps]
     assert found["true"][1:] == [s.target_motion_true[1] for s in steps[1:]]
     assert found["measures"]["servo_rms_px"] == report.value("servo_rms_px")
     assert (found["scenario"], found["estimator"], found["seed"], found["label"]) == (

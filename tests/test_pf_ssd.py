@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from sim.types import Frame
+from tracking.evaluation.track_measures import turned_overlaps
 from tracking.lock import LockConfig
 from tracking.trackers.frozen import Config as FrozenConfig
 from tracking.trackers.pf_ssd import Config
@@ -78,10 +79,11 @@ def test_a_hidden_target_is_not_replaced_by_what_hides_it():
 
 def test_beats_doing_nothing():
     frames = [paint(path(k), index=k) for k in range(30)]
-    ours, nothing = (track(c, frames)[-1].state for c in (Config(), FrozenConfig()))
-    truth = path(29)
-    assert REGION.iou(ours, truth) > 0.9
-    assert REGION.iou(nothing, truth) < 0.3
+    ends = [track(c, frames)[-1].state for c in (Config(), FrozenConfig())]
+    corners = np.stack([REGION.corners(state) for state in ends])
+    ours, nothing = turned_overlaps(corners, np.stack([REGION.corners(path(29))] * 2))
+    assert ours > 0.9
+    assert nothing < 0.3
     assert track(FrozenConfig(), frames)[-1].status is Status.UNSURE  # nobody looked
 
 

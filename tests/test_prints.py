@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from servoing import METRIC
 from rich.console import Console
 
 from servo.cli import check_command, doctor_command, run_command
@@ -125,7 +126,7 @@ def plan(item):
     return str(item)
 
 
-@pytest.mark.parametrize(("name", "blueprint"), [("run", parts.blueprint),
+@pytest.mark.parametrize(("name", "blueprint"), [("run", lambda: parts.blueprint(METRIC.names)),
                                                  ("track", track_log._blueprint)])  # fmt: skip
 def test_the_viewer_is_laid_out_so(name, blueprint, approved):
     approved(f"prints/viewer-{name}", plan(blueprint()))

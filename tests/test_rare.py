@@ -13,8 +13,7 @@ from servo.cli.options import Commands
 from servo.cli.sweep_command import Request
 from servo.mistake import Mistake, unknown
 from servo.report import bench_again, papers_section, run_section, study_data
-from servo.scenario.sections import FeaturesConfig
-from servo.sight.estimate_to_sight import Eyes
+from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import run_file
 from sim import gl, kinds
 from sim.types import Camera, Pose
@@ -32,8 +31,8 @@ def test_a_kind_without_settings_says_so():
 def test_before_the_target_was_seen_no_camera_motion_moves_it():
     camera = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)
     outline = np.array([[-0.1, 0.05, 0], [0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, -0.05, 0.0]])
-    eyes = Eyes(FeaturesConfig(), camera, Region(58.0, 29.0), outline)
-    assert eyes.ego(State(1.0, 2.0, 0.0, 1.0), np.ones(6), 0.1).tolist() == [0.0] * 4
+    to_sight = EstimateToSight(SightConfig(), camera, Region(58.0, 29.0), outline)
+    assert to_sight.ego(State(1.0, 2.0, 0.0, 1.0), np.ones(6), 0.1).tolist() == [0.0] * 4
 
 
 def test_a_pose_out_of_reach_is_not_reached():

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from sim.types import Frame
+from tracking.evaluation.track_measures import turned_overlaps
 from tracking.types import Region, State, check_region
 
 FRAME = Frame(np.zeros((100, 200, 3), np.uint8), 0.0, 0)
@@ -33,7 +34,8 @@ def test_state_vector_round_trip():
     ],
 )
 def test_iou_of_rotated_rectangles(other, iou):
-    assert Region(40.0, 20.0).iou(State(100.0, 50.0), other) == pytest.approx(iou, abs=1e-6)
+    a, b = (Region(40.0, 20.0).corners(s)[None] for s in (State(100.0, 50.0), other))
+    assert turned_overlaps(a, b) == pytest.approx(iou, abs=1e-6)
 
 
 def test_an_empty_region_is_refused():

@@ -121,7 +121,7 @@ def test_these_events_happen(scripted, approved):
 def test_the_plots_show_this(scripted, drawn, approved):
     steps, _, _ = scripted
     for name, figure in (("motion", plots._motion_figure), ("errors", plots._error_figure)):
-        approved(f"run/plot-{name}", drawn(figure(steps[::2], "title", "m")), ROUNDING)
+        approved(f"run/plot-{name}", drawn(figure(steps[::2], "title")), ROUNDING)
 
 
 def test_the_recording_holds_these_values(scripted, approved):
@@ -162,13 +162,13 @@ TILTED = ("start.x=30.0", "start.angle_deg=15.0", "start.scale=0.9", "motion.kin
 ALL_DOF = 'controller.dof=["vx", "vy", "vz", "wx", "wy", "wz"]'
 VARIANTS = {
     "arm": ("robot.kind=arm", ALL_DOF, "run.latency=2"),
-    "level": (ALL_DOF, 'controller.secondary=["level", "centre"]', "features.plane=known"),
+    "level": (ALL_DOF, 'controller.secondary=["level", "centre"]', "sight.plane=known"),
     "limits": (ALL_DOF, 'controller.secondary=["avoid_limits"]', "robot.kind=arm",
                "controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]"),
-    "desired": ("controller.matrix=desired", "features.depth=known", "controller.gain_far=0.8"),
-    "mean": ("controller.matrix=mean", "features.depth_factor=1.3", "features.scaling=paper"),
+    "desired": ("controller.matrix=desired", "sight.depth=known", "controller.gain_far=0.8"),
+    "mean": ("controller.matrix=mean", "sight.depth_factor=1.3", "features.scaling=paper"),
     "slow start": ("controller.smooth_start=3.0", "controller.fastest=0.1",
-                   "controller.fastest_turn=0.1", "features.plane=estimated"),
+                   "controller.fastest_turn=0.1", "sight.plane=estimated"),
     "nearer": ("goal.depth_to=0.8", "goal.change_start=0.1", "goal.change_duration=0.5",
                "estimator.kind=error_kalman", "run.latency=3"),
     "lost": ("controller.coast=0.05", "controller.search_after=0.05", "goal.x=20.0"),
@@ -184,8 +184,8 @@ def test_a_loop_with_other_settings_moves_like_this(name, approved):
     scenario = replace(load("still", changes, seed=5), tracker=Script())
     with Episode(scenario) as episode:
         rows = [
-            {"joints": s.joints, "twist": s.command.twist, "features": s.command.features,
-             "error": s.command.error, "motion": s.command.target_motion, "mode": s.command.mode,
+            {"joints": s.joints, "twist": s.command.twist, "features": s.features,
+             "error": s.error, "motion": s.prediction.motion, "mode": s.command.mode,
              "true": [*s.truth.centre, s.truth.theta, s.truth.size], "tilt": s.tilt,
              "saturated": [s.command.saturated, s.limited]}
             for s in episode

@@ -47,7 +47,7 @@ def test_six_degrees_of_freedom_tilt_the_camera_while_the_error_looks_fine():
 
 
 def test_known_planes_and_the_papers_scaling_close_the_loop_too():
-    for change in ("features.plane=known", "features.scaling=paper"):
+    for change in ("sight.plane=known", "features.scaling=paper"):
         scenario = load("still", [change])
         assert violations(report_of(scenario), scenario.expect) == [], change
 

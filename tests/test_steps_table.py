@@ -20,15 +20,16 @@ def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tm
     right = Ibvs.command
 
     def other(self, *seen):
-        return replace(right(self, *seen), features=np.zeros(count))
+        command = right(self, *seen)
+        return replace(command, trace=replace(command.trace, features=np.zeros(count)))
 
     monkeypatch.setattr(Ibvs, "command", other)
     with pytest.raises(Mistake) as refused:
         run_command.run_scenario("still", [], 0, tmp_path / "out", quiet=True, rerun=False)
     assert str(refused.value) == (
-        "the table of steps has 4 columns for 'feature' (feature_xn, feature_yn, feature_an, "
-        f"feature_theta_rad), but there are {count} values: a controller with other features "
-        "cannot be logged"
+        "the table of steps has 4 columns for 'feature' (feature_xn_m, feature_yn_m, feature_an_m, "
+        f"feature_theta_rad), but the controller gives {count} values: it has other features than "
+        "the scenario"
     )
 
 

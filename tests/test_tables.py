@@ -152,10 +152,10 @@ def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
 def test_the_list_has_every_scenario_study_and_kind(printed):
     list_command.show_all()
     listed = [tuple(line.split()[:2]) for line in lines(printed) if not line.startswith(" ")]
-    kinds = [(section, kind) for section, folder in list_command.FOLDERS.items()
+    every = [(section, kind) for section, folder in list_command.FOLDERS.items()
              for kind in kinds.names(folder)]  # fmt: skip
     assert (
-        listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + kinds
+        listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + every
     )
 
 
@@ -169,7 +169,7 @@ def test_the_options_of_every_command_begin_so(approved):
     found = {
         name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
                         p.required, *(getattr(p.type, bound, None) for bound in ("min", "max"))]
-               for p in sweep_command.params}
+               for p in command.params}
         for name, command in app.commands.items()
     }  # fmt: skip
     approved("tables/options", found)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from sim import placement
-from sim.assembly import steps_between
 from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.render import CameraConfig
 from sim.robots import gantry
+from sim.timing import steps_between
 from sim.world import World, WorldConfig
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())

@@ -65,13 +65,6 @@ class Region:
         """Area [px^2]."""
         return self.width * self.height * state.scale**2
 
-    def iou(self, a: State, b: State) -> float:
-        """Intersection over union of the rectangle in two places."""
-        shared, _ = cv2.intersectConvexConvex(
-            self.corners(a).astype(np.float32), self.corners(b).astype(np.float32)
-        )
-        return float(shared) / (self.area(a) + self.area(b) - float(shared))
-
 
 class Status(Enum):
     """How sure a tracker is; each member carries its sentence."""

@@ -120,7 +120,7 @@ def _fed_forward(config: Config, features: FeatureSet) -> Array:
     names, chosen = features.names, config.feed_forward
     for name in chosen or ():
         if name not in names:
-            raise ValueError(f"feed_forward: {unknown(name, names, 'feature')}")
+            raise ValueError(f"controller.feed_forward: {unknown(name, names, 'feature')}")
     fed = features.feed_forward if chosen is None else chosen
     return np.array([float(name in fed) for name in names])
 

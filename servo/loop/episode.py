@@ -77,7 +77,7 @@ class Episode:
         try:
             self.loop.start(first, region, given)
         except ValueError as error:
-            raise Mistake(f"{scenario.name}: first frame: {error}") from None
+            raise Mistake(f"{scenario.name}: {error}") from None
         self._first = first, truth
         self._scene = Scene(
             world.camera, world.outline, region, truth.size, self.loop.features, world.period

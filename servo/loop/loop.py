@@ -73,7 +73,10 @@ class Loop:
             ValueError: The region is none, or a setting does not fit the features.
         """
         scenario = self._scenario
-        self.tracker.start(frame, region, state)
+        try:
+            self.tracker.start(frame, region, state)
+        except ValueError as error:
+            raise ValueError(f"first frame: {error}") from None
         # The tracker has not reported yet what it follows: angle and size wait for that.
         self.estimate = Estimate(
             state, unknown_covariance(), 0.0, Status.LOCKED, follows=(False, False)

@@ -46,7 +46,7 @@ BUDGET = {"condensation": {"particles": 1000}, "annealed": {"particles": 200},
 """Settings with which each reads about as many histograms as KAMS with 40 particles: 1000."""
 SMALL, SMALL_D, OF_D = 3.0, 8.0, 0.8
 """Largest mean error on levels a to c and on d [px], and the share of d to be completed."""
-WARM_UP, LAYERS = 5, 5
+WARM_UP = 5
 
 
 def clutter(level: str) -> Generated:

@@ -39,6 +39,8 @@ SECTIONS: dict[str, type[Any]] = {
     "sight": SightConfig,
     "measure": MeasureConfig,
 }
+MOVED = ("plane", "depth", "depth_factor")
+"""Settings that were in [features] in version 0.1, and are in [sight] now."""
 KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
 
 
@@ -159,6 +161,7 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    _check_moved(table.get("features"), place)
     values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
     for key, (folder, default) in PLUGINS.items():
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
@@ -171,6 +174,12 @@ def parse(table: Table, name: str, place: str) -> Scenario:
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
     _check_frames(values["run"], values["camera"], place)
     return Scenario(name=name, table=table, expect=expect, **values)
+
+
+def _check_moved(features: Any, place: str) -> None:
+    for key in MOVED:
+        if isinstance(features, dict) and key in features:
+            raise Mistake(f"{place}: features.{key} is called sight.{key} now")
 
 
 def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:

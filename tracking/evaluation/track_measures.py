@@ -67,7 +67,7 @@ class Comparison:
         centres = a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2
         return Comparison(
             track, truth, None if states is None else states[:count], present,
-            np.hypot(*centres.T), b[:, 2:], box_overlaps(a, b), _turned_overlaps(seen, true),
+            np.hypot(*centres.T), b[:, 2:], box_overlaps(a, b), turned_overlaps(seen, true),
         )  # fmt: skip
 
     def success(self) -> Array:
@@ -104,7 +104,7 @@ def box_overlaps(a: Array, b: Array) -> Array:
     return shared / np.maximum(union, 1e-12)
 
 
-def _turned_overlaps(a: Array, b: Array) -> Array:
+def turned_overlaps(a: Array, b: Array) -> Array:
     """Intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
     overlaps = np.zeros(len(a))
     for i, (p, q) in enumerate(zip(a.astype(np.float32), b.astype(np.float32), strict=True)):

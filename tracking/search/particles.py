@@ -32,7 +32,8 @@ class ParticleFilter:
                 area), of theta [rad], of ln scale.
             rng: Where all draws come from.
         """
-        size = float(np.sqrt(region.area(state)))
+        self.size = size = float(np.sqrt(region.area(state)))
+        """Root of the target's area at the start [px]."""
         self._noise = np.array([noise[0] * size, noise[0] * size, noise[1], noise[2]])
         self._rng = rng
         self.samples = np.tile(state.vector, (count, 1))

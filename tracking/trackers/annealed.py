@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, final
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Array, Frame
+from sim.types import Array
 from tracking.appearance.bins import Labelled
-from tracking.lock import Lock
+from tracking.appearance.model import SampledModel
 from tracking.search.annealing import Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
-from tracking.search.velocity import Velocity
 from tracking.settings import CloudSettings
 from tracking.trackers import condensation
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.trackers._cloud import CloudTracker
 
 CLIMB_TOLERANCE = 0.5
 """A particle whose shift is shorter has arrived [px]."""
-
-
 LAYERS: dict[str, Any] = condensation.FILTER | {
     "velocity_memory": 1.0,
     "schedule": "fixed",
     "layers": 5,
 }
-"""The first paper's annealing: no motion model; M = 4, so five layers."""
+"""The annealing of the KAMS paper: no motion model; M = 4, so five layers."""
 PRESETS = {"paper": LAYERS | condensation.SAME}
 
 
@@ -56,60 +53,35 @@ class Config(CloudSettings):
     climb: Annotated[int, Ge(0), Le(100)] = 0
     """Mean-shift histograms for each particle in each layer; 0: none (that is `kams`)."""
 
-    def build(self, rng: np.random.Generator) -> Annealed:
+    def build(self, rng: np.random.Generator) -> CloudTracker:
         """The tracker; its samples are drawn from the generator."""
-        return Annealed(self, rng)
+        return CloudTracker(self, self.search, rng)
 
-
-@final
-class Annealed:
-    """Layers of diffusion, measurement and selection, each sharper than the one before."""
-
-    def __init__(self, config: Config, rng: np.random.Generator) -> None:
-        self._config, self._rng = config, rng
-
-    def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histogram and put all particles on the target."""
-        check_region(frame, region, state)
-        c = self._config
-        self._model = c.model(frame.image, region, state)
-        self._reach = float(np.sqrt(region.area(state)))
-        noise = (c.noise, c.turn_noise, c.scale_noise)
-        self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
-        self._velocity = Velocity(state, c.velocity_memory)
-        self._lock, self._status = Lock(c.lock), Status.LOCKED
-
-    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Anneal, estimate, resample."""
-        c, image = self._config, self._model.label(frame.image)
-        self._evaluations = 0
+    def search(
+        self,
+        cloud: ParticleFilter,
+        model: SampledModel,
+        image: Labelled,
+        velocity: Array,
+        widen: float,
+    ) -> int:
+        """Layers of diffusion, climb, measurement and selection, each sharper than the one before:
+        see `tracking.trackers._cloud.Search`.
+        """
+        evaluations = 0
 
         def likelihood(cloud: ParticleFilter) -> Array:
-            if c.climb > 0:
-                self._climb(image, cloud)
-            self._evaluations += len(cloud.samples)
-            return c.log_likelihood(self._model.energy(image, cloud.samples))
+            nonlocal evaluations
+            if self.climb > 0:
+                cloud.samples, _, climbed = model.climb(
+                    image, cloud.samples, most=self.climb, tolerance=CLIMB_TOLERANCE,
+                    reach=cloud.size,
+                )  # fmt: skip
+                evaluations += climbed
+            evaluations += len(cloud.samples)
+            return self.log_likelihood(model.energy(image, cloud.samples))
 
-        widen = c.widen_when_lost if self._status is Status.LOST else 1.0
-        layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
-        anneal(self._cloud, self._velocity.step(ego), likelihood, layers, widen)
-        state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
-        distance = float(self._model.distances(image, state.vector[None])[0])
-        self._status = self._lock.judge(distance, frame.time)
-        found = self._cloud.estimate(state, distance, self._status, self._evaluations + 1)
-        self._velocity.learn(state, seen=self._status is Status.LOCKED)
-        self._cloud.resample()
-        if self._status is Status.LOCKED:
-            self._model.learn(image, state)
-        return found
-
-    def _climb(self, image: Labelled, cloud: ParticleFilter) -> None:
-        """Move all particles to the nearest modes."""
-        cloud.samples, _, evaluations = self._model.climb(
-            image,
-            cloud.samples,
-            most=self._config.climb,
-            tolerance=CLIMB_TOLERANCE,
-            reach=self._reach,
-        )
-        self._evaluations += evaluations
+        schedule = Schedule(self.schedule)
+        layers = Annealing(self.layers, schedule, self.survival, self.ratio, self.cooling)
+        anneal(cloud, velocity, likelihood, layers, widen)
+        return evaluations

@@ -5,16 +5,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
-from sim.types import Array, Frame
-from tracking.lock import Lock
+from sim.types import Array
+from tracking.appearance.bins import Labelled
+from tracking.appearance.model import SampledModel
 from tracking.search.particles import ParticleFilter
-from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN, CloudSettings
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.trackers._cloud import CloudTracker
 
 FILTER: dict[str, Any] = PLAIN | {
     "noise": 1.0,
@@ -35,40 +35,19 @@ PRESETS = {"paper": FILTER | SAME}
 class Config(CloudSettings):
     """Particles and histogram."""
 
-    def build(self, rng: np.random.Generator) -> Condensation:
+    def build(self, rng: np.random.Generator) -> CloudTracker:
         """The tracker; its samples are drawn from the generator."""
-        return Condensation(self, rng)
+        return CloudTracker(self, self.search, rng)
 
-
-@final
-class Condensation:
-    """Select, predict, measure."""
-
-    def __init__(self, config: Config, rng: np.random.Generator) -> None:
-        self._config, self._rng = config, rng
-
-    def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histogram and put all particles on the target."""
-        check_region(frame, region, state)
-        c = self._config
-        self._model = c.model(frame.image, region, state)
-        noise = (c.noise, c.turn_noise, c.scale_noise)
-        self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
-        self._velocity = Velocity(state, c.velocity_memory)
-        self._lock, self._status = Lock(c.lock), Status.LOCKED
-
-    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Predict, weigh, estimate, resample."""
-        c, image = self._config, self._model.label(frame.image)
-        widen = c.widen_when_lost if self._status is Status.LOST else 1.0
-        self._cloud.predict(self._velocity.step(ego), widen)
-        self._cloud.weigh(c.log_likelihood(self._model.energy(image, self._cloud.samples)))
-        state = self._cloud.best() if c.estimate == "best" else self._cloud.mean()
-        distance = float(self._model.distances(image, state.vector[None])[0])
-        self._status = self._lock.judge(distance, frame.time)
-        found = self._cloud.estimate(state, distance, self._status, c.particles + 1)
-        self._velocity.learn(state, seen=self._status is Status.LOCKED)
-        self._cloud.resample()
-        if self._status is Status.LOCKED:
-            self._model.learn(image, state)
-        return found
+    def search(
+        self,
+        cloud: ParticleFilter,
+        model: SampledModel,
+        image: Labelled,
+        velocity: Array,
+        widen: float,
+    ) -> int:
+        """Predict and weigh: see `tracking.trackers._cloud.Search`."""
+        cloud.predict(velocity, widen)
+        cloud.weigh(self.log_likelihood(model.energy(image, cloud.samples)))
+        return len(cloud.samples)

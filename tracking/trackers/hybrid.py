@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from tracking.trackers import annealed, condensation
@@ -29,7 +28,3 @@ class Config(annealed.Config):
     """"fixed" with one layer weighs with the likelihood as it is."""
     climb: Annotated[int, Ge(1), Le(100)] = 6
     """Mean-shift histograms for each particle."""
-
-    def build(self, rng: np.random.Generator) -> annealed.Annealed:
-        """The tracker; its samples are drawn from the generator."""
-        return annealed.Annealed(self, rng)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from tracking.settings import Sharpness
@@ -39,7 +38,3 @@ class Config(annealed.Config):
     """The weighted mean of the particles, or the best of them."""
     climb: Annotated[int, Ge(1), Le(100)] = 6
     """Mean-shift histograms for each particle in each layer."""
-
-    def build(self, rng: np.random.Generator) -> annealed.Annealed:
-        """The tracker; its samples are drawn from the generator."""
-        return annealed.Annealed(self, rng)

@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Le
 
-from tracking.trackers import condensation, mk_pf
+from tracking.trackers import mk_pf
 
 PRESETS = {"paper": mk_pf.PRESETS["paper"] | {"density": 48}}
 
@@ -24,7 +23,3 @@ class Config(mk_pf.Config):
     """Points along each side of the template at which a particle reads the image."""
     cells: Annotated[int, Ge(1), Le(8)] = 1
     """Cells along each side: one kernel."""
-
-    def build(self, rng: np.random.Generator) -> condensation.Condensation:
-        """The tracker; its samples are drawn from the generator."""
-        return condensation.Condensation(self, rng)

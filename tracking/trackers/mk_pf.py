@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Image
@@ -50,7 +49,3 @@ class Config(condensation.Config):
             image, region, state, ColourBins(self.levels), self,
             per_side=self.cells, density=self.density,
         )  # fmt: skip
-
-    def build(self, rng: np.random.Generator) -> condensation.Condensation:
-        """The tracker; its samples are drawn from the generator."""
-        return condensation.Condensation(self, rng)

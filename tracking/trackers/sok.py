@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from tracking.settings import PLAIN
@@ -24,7 +23,3 @@ class Config(mean_shift.Config):
 
     confidence: Annotated[float, Ge(0), Le(1)] = 0.8
     """T: below this 1 - d, eight more climbs begin around the target."""
-
-    def build(self, rng: np.random.Generator) -> mean_shift.MeanShift:
-        """The tracker; draws nothing."""
-        return mean_shift.MeanShift(self)

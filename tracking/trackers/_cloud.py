@@ -1,0 +1,72 @@
+"""The skeleton of all particle filters on one model of the target: search, estimate, resample."""
+
+from __future__ import annotations
+
+from typing import Protocol, final
+
+import numpy as np
+
+from sim.types import Array, Frame
+from tracking.appearance.bins import Labelled
+from tracking.appearance.model import SampledModel
+from tracking.lock import Lock
+from tracking.search.particles import ParticleFilter
+from tracking.search.velocity import Velocity
+from tracking.settings import CloudSettings
+from tracking.types import Estimate, Region, State, Status, check_region
+
+
+class Search(Protocol):
+    """How the particles of one frame find the target."""
+
+    def __call__(
+        self,
+        cloud: ParticleFilter,
+        model: SampledModel,
+        image: Labelled,
+        velocity: Array,
+        widen: float,
+    ) -> int:
+        """Move and weigh the particles; the number of histograms that were read.
+
+        Args:
+            cloud: The particles.
+            model: How the target looks.
+            image: The picture.
+            velocity: The expected change (4,) since the last frame.
+            widen: Factor on all noise.
+        """
+        ...
+
+
+@final
+class CloudTracker:
+    """A particle filter; `search` is what tells one method from another."""
+
+    def __init__(self, config: CloudSettings, search: Search, rng: np.random.Generator) -> None:
+        self._config, self._search, self._rng = config, search, rng
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histogram and put all particles on the target."""
+        check_region(frame, region, state)
+        c = self._config
+        self._model = c.model(frame.image, region, state)
+        noise = (c.noise, c.turn_noise, c.scale_noise)
+        self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
+        self._velocity = Velocity(state, c.velocity_memory)
+        self._lock, self._status = Lock(c.lock), Status.LOCKED
+
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Search, estimate, resample."""
+        c, image, cloud = self._config, self._model.label(frame.image), self._cloud
+        widen = c.widen_when_lost if self._status is Status.LOST else 1.0
+        evaluations = self._search(cloud, self._model, image, self._velocity.step(ego), widen)
+        state = cloud.best() if c.estimate == "best" else cloud.mean()
+        distance = float(self._model.distances(image, state.vector[None])[0])
+        self._status = self._lock.judge(distance, frame.time)
+        found = cloud.estimate(state, distance, self._status, evaluations + 1)
+        self._velocity.learn(state, seen=self._status is Status.LOCKED)
+        cloud.resample()
+        if self._status is Status.LOCKED:
+            self._model.learn(image, state)
+        return found

@@ -1,0 +1,34 @@
+"""The joint histogram of colour and texture, as its two trackers use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, cast
+
+from annotated_types import Ge, Le
+
+from sim.types import Image
+from tracking.appearance.local_patterns import THRESHOLD, TextureBins, texture_or_colour
+from tracking.appearance.model import SampledModel, disc_model
+from tracking.types import Region, State
+
+
+@dataclass(frozen=True)
+class TextureSettings:
+    """The texture's settings, over those of a tracker on one histogram."""
+
+    levels: Literal[2, 4, 8, 16] = 8
+    """Colour bins a channel: five times as many joint bins must have a number of 16 bits."""
+    density: Annotated[int, Ge(2), Le(256)] = 24
+    """Points along the kernel's diameter at which the image is read."""
+    threshold: Annotated[float, Ge(-255), Le(255)] = THRESHOLD
+    """How much brighter a neighbour must be for its bit to be 1 [grey levels]."""
+    least_texture: Annotated[float, Ge(0), Le(1)] = 0.25
+    """With a smaller share of textured pixels in the target, colour alone is counted."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """How the target looks: one joint histogram; of colour alone if the target is smooth."""
+        joint = TextureBins(self.levels, self.threshold)
+        bins = texture_or_colour(image, region, state, joint, self.least_texture)
+        learning = cast(Any, self)  # the other base of every subclass
+        return disc_model(image, region, state, bins, learning, density=self.density)
