@@ -1,0 +1,127 @@
+"""A feature set that is not ours, from a file, through everything that loops over features."""
+
+import importlib
+import sys
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import servo.features
+from servo.cli import run_command
+from servo.mistake import Mistake
+from servo.report import run_section
+from servo.scenario.load import load
+
+FILE = '''"""Centroid and size of the silhouette, not normalised."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, outline):
+        return Centroid()
+
+
+class Centroid:
+    names, units = ("u", "v", "grown"), ("1", "1", "px")
+    noise, feed_forward, sole_dof = np.full(3, 1e-4), ("u", "v"), {"grown": "vz"}
+
+    def values(self, sight):
+        m = sight.moments
+        return np.array([m.xg, m.yg, -np.log(m.area) / 2])
+
+    def matrix(self, sight):
+        m, Z = sight.moments, 1 / sight.plane.C
+        x, y = m.xg, m.yg
+        return np.array([
+            [-1 / Z, 0, x / Z, x * y, -(1 + x * x), y],
+            [0, -1 / Z, y / Z, 1 + y * y, -x * y, -x],
+            [0, 0, -1 / Z, -1.5 * y, 1.5 * x, 0],
+        ])
+
+    def error(self, values, goal):
+        return values - goal
+
+    def known(self, sight):
+        return np.array([True, True, sight.size_known])
+
+    def scales(self, goal):
+        return np.ones(3)
+'''
+CHANGES = ("features.kind=centroid", "run.duration=1.5", "expect={}", "start.x=30",
+           'controller.dof=["vx", "vy", "vz"]')  # fmt: skip
+
+
+@pytest.fixture
+def centroid(tmp_path, monkeypatch):
+    """The kind "centroid", for the time of a test."""
+    (tmp_path / "plugins").mkdir()
+    (tmp_path / "plugins" / "centroid.py").write_text(FILE)
+    servo.features.__path__.append(str(tmp_path / "plugins"))
+    importlib.invalidate_caches()
+    yield
+    servo.features.__path__.remove(str(tmp_path / "plugins"))
+    sys.modules.pop("servo.features.centroid", None)
+
+
+@pytest.mark.parametrize("estimator", ["kalman_cv", "kalman_ca", "jump", "error_kalman", "imm"])
+def test_every_estimator_takes_a_set_of_three(centroid, estimator):
+    from servo.loop.episode import measured_run
+
+    changes = [*CHANGES, f"estimator.kind={estimator}"]
+    steps, report = measured_run(load("line", changes))
+    assert steps[-1].error.shape == steps[-1].prediction.nis.shape == (3,)
+    assert steps[0].servo_error > 25
+    assert steps[-1].servo_error < 6  # the camera has followed 1.5 s with gain 2: e^-3 of 30 px
+    assert report.value("lost_pct") == 0
+
+
+def test_table_plots_recording_and_report_have_its_three_features(centroid, tmp_path):
+    folder = tmp_path / "out"
+    run_command.run_scenario("line", CHANGES, 0, folder, quiet=True, rerun=True)
+    names = pq.read_table(folder / "steps.parquet").column_names
+    assert [n for n in names if n.startswith(("feature_", "motion_true_", "nis_"))] == [
+        "feature_u", "feature_v", "feature_grown_px", "motion_true_u_per_s", "motion_true_v_per_s",
+        "motion_true_grown_px_s", "nis_u", "nis_v", "nis_grown",
+    ]  # fmt: skip
+    assert (folder / "target_motion.png").stat().st_size > 10_000
+    assert {f"plots/motion/{n}" for n in ("u", "v", "grown")} <= entities(folder / "run.rrd")
+    assert "plots/motion/xn" not in entities(folder / "run.rrd")
+    section = run_section.section(folder)
+    figures = next(block for block in section.blocks if block.figures).figures
+    assert [f.title for f in figures][2:] == [
+        "The target's own motion: u", "The target's own motion: v",
+    ]  # fmt: skip
+    assert [key.label for key in figures[1].keys] == ["u [1]", "v [1]", "grown [px]"]
+
+
+def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid):
+    from servo.loop.episode import Episode
+
+    with pytest.raises(Mistake) as refused:
+        Episode(load("line", [*CHANGES, 'controller.feed_forward=["xn"]']))
+    assert str(refused.value) == (
+        "line: controller.feed_forward: there is no feature 'xn'; there is u, v, grown"
+    )
+
+
+def test_a_controller_without_features_leaves_their_columns_empty(tmp_path):
+    changes = ["controller.kind=hold", "run.duration=0.3", "expect={}"]
+    run_command.run_scenario("still", changes, 0, tmp_path / "out", quiet=True, rerun=True)
+    table = pq.read_table(tmp_path / "out" / "steps.parquet")
+    for name in ("feature_xn_m", "error_theta_rad", "motion_measured_xn_m_s", "nis_an"):
+        assert np.isnan(table[name].to_numpy()).all()
+    assert not table["command_vx_m_s"].to_numpy().any()
+    run_section.section(tmp_path / "out")
+
+
+def entities(path):
+    from rerun.chunk import RrdReader
+
+    return {chunk.entity_path.strip("/") for chunk in RrdReader(str(path)).stream()}
