@@ -1,16 +1,13 @@
-"""The values of servoing: what is seen, features, commands; what estimators and controllers are."""
+"""The values of servoing: what is seen, what is predicted, what is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.types import Array, Camera, Posture
+from sim.types import Array
 
 DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Names of the six parts of a camera twist, in order."""
@@ -59,61 +56,6 @@ class Sight:
     """Whether the size is measured."""
 
 
-class FeatureSet(Protocol):
-    """What is servoed: k named functions of the sight, and their interaction matrix."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the features, in order."""
-        ...
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Their units, such as "m", "rad", or "1" for a plain number."""
-        ...
-
-    @property
-    def noise(self) -> Array:
-        """Standard deviation (k,) of each feature from frame to frame, over `scales`: estimators
-        weigh the features by it.
-        """
-        ...
-
-    @property
-    def feed_forward(self) -> tuple[str, ...]:
-        """Features whose target motion a law compensates where the user names no others."""
-        ...
-
-    @property
-    def sole_dof(self) -> Mapping[str, str]:
-        """Degrees of freedom that one feature alone controls, by its name: such a part of the
-        twist is zero while the feature is not known.
-        """
-        ...
-
-    def values(self, sight: Sight) -> Array:
-        """The features (k,)."""
-        ...
-
-    def matrix(self, sight: Sight) -> Array:
-        """The interaction matrix (k, 6): ds/dt = L v for a target that stands still."""
-        ...
-
-    def error(self, values: Array, goal: Array) -> Array:
-        """The error (k,): values minus goal, angles wrapped."""
-        ...
-
-    def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Which features (k,) are measured; the others are left as they are."""
-        ...
-
-    def scales(self, goal: Array) -> Array:
-        """What estimators divide the features by (k,), at a goal (k,); 1 for angles. Their
-        constants then hold for any target and depth.
-        """
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class OwnMotion:
     """The part of de/dt that the camera's own motion causes."""
@@ -148,34 +90,6 @@ class Prediction:
         """Without innovations."""
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none)
-
-
-class Estimator(Protocol):
-    """Estimates the part of de/dt that the target's own motion causes.
-
-    All features are divided by `FeatureSet.scales`.
-    """
-
-    def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
-        ...
-
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction after a frame.
-
-        Args:
-            error: Feature error e_k (k,).
-            own: What the camera's own motion does to it.
-            dt: Time since the last frame [s].
-        """
-        ...
-
-    def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction after a frame in which the target was not seen.
-
-        Its error is zero where the estimator predicts none: nothing is servoed then.
-        """
-        ...
 
 
 class Mode(Enum):
@@ -215,47 +129,3 @@ class Command:
     """What the controller is doing."""
     trace: Trace | None = None
     """How it came to this; None for a controller without features."""
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What a controller is to do."""
-
-    goal: Sight
-    """How the target shall be seen."""
-    features: FeatureSet
-    """What is servoed."""
-    estimator: Estimator
-    """Where the target's own motion comes from; it has been started."""
-    camera: Camera
-    """Intrinsics and image size."""
-    outline: Array
-    """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
-    latency: int = 0
-    """Frames until a command acts."""
-
-
-class Controller(Protocol):
-    """Turns what is seen into camera twists."""
-
-    def start(self, task: Task) -> None:
-        """Begin a task.
-
-        Raises:
-            ValueError: A setting does not fit the features.
-        """
-        ...
-
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
-        ...
-
-    def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """The twist to ask for now.
-
-        Args:
-            seen: The target, None where it was not seen.
-            posture: What the robot knows of itself.
-            dt: Time since the last frame [s].
-        """
-        ...

@@ -75,8 +75,8 @@ BAD = {
     "a kind that does not exist": (
         ["list", "magic"],
         "there is no kind 'magic'; there is arm, gantry, circle, line, reversal, sine, spin, "
-        f"still, stop_and_go, wander, {TRACKERS}, moments, difference, error_kalman, imm, jump, kalman_ca, "
-        "kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, spot, "
+        f"still, stop_and_go, wander, {TRACKERS}, moments, difference, error_kalman, imm, jump, "
+        "kalman_ca, kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, spot, "
         "clutter, similarity, texture",
     ),
     "a folder that is full": (

@@ -12,8 +12,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from servoing import METRIC
 from commands import frames_in
+from servoing import METRIC
 
 from servo.cli import run_command
 from servo.output.steps_table import STREAM, quantities

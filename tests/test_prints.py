@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from servoing import METRIC
 from rich.console import Console
+from servoing import METRIC
 
 from servo.cli import check_command, doctor_command, run_command
 from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations

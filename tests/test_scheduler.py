@@ -14,8 +14,9 @@ import dask.config
 import pytest
 from commands import BIN, PATIENCE
 
-from servo.batch import cluster, workers
+from servo.batch import cluster as watched
 from servo.batch import local_cluster as processes
+from servo.batch import workers
 from servo.batch.ended import Lost
 from servo.batch.remote_cluster import check_address, remote
 from servo.batch.tasks import carry_out
@@ -99,7 +100,7 @@ def hangs_up(peer, kept):
     ],
 )
 def test_what_is_no_scheduler_is_given_up_at_the_deadline(monkeypatch, capfd, place, serve, reason):
-    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    monkeypatch.setattr(watched, "PATIENCE", 2.0)
     kept = []
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -165,7 +166,7 @@ def test_a_cluster_whose_workers_are_gone_is_given_up_and_one_without_any(
     with remote(address) as found:
         ends = carry_out(found, range(5), abs)
         assert next(ends)[1].value in range(5)
-        monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+        monkeypatch.setattr(watched, "PATIENCE", 2.0)
         started[1].kill()
         with pytest.raises(Lost) as lost:
             for _ in ends:

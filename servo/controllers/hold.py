@@ -7,7 +7,8 @@ from typing import final
 
 import numpy as np
 
-from servo.types import Command, Mode, Sight, Task
+from servo.parts import Task
+from servo.types import Command, Mode, Sight
 from sim.types import Posture
 
 

@@ -24,7 +24,8 @@ from servo.controllers._limits import Limits
 from servo.controllers._secondary import Secondary, twist_of
 from servo.controllers._target_loss import TargetLoss
 from servo.mistake import unknown
-from servo.types import DOF, Command, FeatureSet, Mode, OwnMotion, Prediction, Sight, Task, Trace
+from servo.parts import FeatureSet, Task
+from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.ranges import Time
 from sim.types import Array, Posture
 

@@ -12,7 +12,8 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
 from servo.estimators.difference import Difference
-from servo.types import FeatureSet, OwnMotion, Prediction
+from servo.parts import FeatureSet
+from servo.types import OwnMotion, Prediction
 from sim.geometry import inverse
 from sim.types import Array
 

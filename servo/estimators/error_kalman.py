@@ -14,7 +14,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from servo.estimators import _error
-from servo.types import FeatureSet, OwnMotion, Prediction
+from servo.parts import FeatureSet
+from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
 

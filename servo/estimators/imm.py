@@ -16,7 +16,8 @@ from filterpy.kalman import IMMEstimator
 
 from servo.estimators import _error
 from servo.estimators._kalman import Ratio
-from servo.types import FeatureSet, OwnMotion, Prediction
+from servo.parts import FeatureSet
+from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
 

@@ -7,7 +7,8 @@ from typing import final
 
 import numpy as np
 
-from servo.types import FeatureSet, OwnMotion, Prediction
+from servo.parts import FeatureSet
+from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
 

@@ -15,9 +15,10 @@ from time import perf_counter
 import numpy as np
 
 from servo.estimators.difference import Difference
+from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
-from servo.types import Command, Controller, Estimator, FeatureSet, Sight, Task
+from servo.types import Command, Sight
 from sim.types import Array, Camera, Frame, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from servo.parts import FeatureSet
 from servo.sight import shape_moments
 from servo.sight.planes import level_plane
-from servo.types import Command, FeatureSet, Prediction, Sight
+from servo.types import Command, Prediction, Sight
 from sim.geometry import tilt
 from sim.placement import truth
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth

@@ -14,8 +14,8 @@ from servo.mistake import Mistake, Refused, unwritable
 from servo.output import plots
 from servo.output.steps_table import STREAM, TABLE, StepsTable
 from servo.output.versions import versions
+from servo.parts import FeatureSet
 from servo.scenario.load import Scenario
-from servo.types import FeatureSet
 from tracking.files import atomic
 from tracking.files.json_text import number
 

@@ -19,7 +19,8 @@ import pyarrow.parquet as pq
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
-from servo.types import DOF, FeatureSet
+from servo.parts import FeatureSet
+from servo.types import DOF
 from sim.types import Array
 from tracking.files import atomic
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from servo.features.moments import MomentFeatures, Scaling
+from servo.parts import Task
 from servo.sight.planes import FACING, plane_of_size
-from servo.types import OwnMotion, Plane, Task
+from servo.types import OwnMotion, Plane
 from sim.types import Camera, Pose, Posture
 
 CAMERA = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)

@@ -1,0 +1,140 @@
+"""What feature sets, estimators and controllers are: the parts of a loop that have kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from servo.types import Command, OwnMotion, Prediction, Sight
+from sim.types import Array, Camera, Posture
+
+
+class FeatureSet(Protocol):
+    """What is servoed: k named functions of the sight, and their interaction matrix."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features, in order."""
+        ...
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units, such as "m", "rad", or "1" for a plain number."""
+        ...
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation (k,) of each feature from frame to frame, over `scales`: estimators
+        weigh the features by it.
+        """
+        ...
+
+    @property
+    def feed_forward(self) -> tuple[str, ...]:
+        """Features whose target motion a law compensates where the user names no others."""
+        ...
+
+    @property
+    def sole_dof(self) -> Mapping[str, str]:
+        """Degrees of freedom that one feature alone controls, by its name: such a part of the
+        twist is zero while the feature is not known.
+        """
+        ...
+
+    def values(self, sight: Sight) -> Array:
+        """The features (k,)."""
+        ...
+
+    def matrix(self, sight: Sight) -> Array:
+        """The interaction matrix (k, 6): ds/dt = L v for a target that stands still."""
+        ...
+
+    def error(self, values: Array, goal: Array) -> Array:
+        """The error (k,): values minus goal, angles wrapped."""
+        ...
+
+    def known(self, sight: Sight) -> NDArray[np.bool_]:
+        """Which features (k,) are measured; the others are left as they are."""
+        ...
+
+    def scales(self, goal: Array) -> Array:
+        """What estimators divide the features by (k,), at a goal (k,); 1 for angles. Their
+        constants then hold for any target and depth.
+        """
+        ...
+
+
+class Estimator(Protocol):
+    """Estimates the part of de/dt that the target's own motion causes.
+
+    All features are divided by `FeatureSet.scales`.
+    """
+
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        ...
+
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
+        """The prediction after a frame.
+
+        Args:
+            error: Feature error e_k (k,).
+            own: What the camera's own motion does to it.
+            dt: Time since the last frame [s].
+        """
+        ...
+
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
+        """The prediction after a frame in which the target was not seen.
+
+        Its error is zero where the estimator predicts none: nothing is servoed then.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What a controller is to do."""
+
+    goal: Sight
+    """How the target shall be seen."""
+    features: FeatureSet
+    """What is servoed."""
+    estimator: Estimator
+    """Where the target's own motion comes from; it has been started."""
+    camera: Camera
+    """Intrinsics and image size."""
+    outline: Array
+    """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
+    latency: int = 0
+    """Frames until a command acts."""
+
+
+class Controller(Protocol):
+    """Turns what is seen into camera twists."""
+
+    def start(self, task: Task) -> None:
+        """Begin a task.
+
+        Raises:
+            ValueError: A setting does not fit the features.
+        """
+        ...
+
+    def aim(self, goal: Sight) -> None:
+        """Go on with another goal."""
+        ...
+
+    def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
+        """The twist to ask for now.
+
+        Args:
+            seen: The target, None where it was not seen.
+            posture: What the robot knows of itself.
+            dt: Time since the last frame [s].
+        """
+        ...
