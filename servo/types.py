@@ -98,7 +98,7 @@ class Mode(Enum):
     SERVOING = "The target is seen and followed."
     COASTING = "The target is not seen: the camera goes on as the estimate says."
     HOLDING = "The target has not been seen for too long: the camera stands."
-    SEARCHING = "The camera looks for the target."
+    SEARCHING = "The camera searches for the target."
 
 
 @dataclass(frozen=True, slots=True)

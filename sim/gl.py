@@ -1,7 +1,7 @@
 """The OpenGL that renderers share, and a plain sentence where this machine has none.
 
 MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong
-thing, so this file looks first, without importing MuJoCo.
+thing, so this file checks first, without importing MuJoCo.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def backend() -> str:
 
 
 def check_environment() -> None:
-    """Look at what MuJoCo and PyOpenGL read when they are imported, where they would fail.
+    """Check what MuJoCo and PyOpenGL read when they are imported, and would fail on.
 
     Raises:
         NoRenderer: MUJOCO_GL names a back end that does not exist, or is not on this machine.

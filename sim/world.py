@@ -1,4 +1,4 @@
-"""The world in one object: look at it, step it, and ask it for the truth."""
+"""The simulated world: pictures, steps, the robot's posture, and the truth."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servo.batch.jobs import RESULTS
-from servo.batch.workers import Team
+from servo.batch.workers import Workers
 from servo.bench import ranking
 from servo.bench.sequence_jobs import SequenceJob
 from servo.cli import main
@@ -128,7 +128,7 @@ class Moody:
 
 
 def test_a_failed_job_is_told_and_the_others_go_on(tmp_path):
-    done = list(Team(1).results([Moody("a"), Moody("bad"), Moody("c")], tmp_path))
+    done = list(Workers(1).results([Moody("a"), Moody("bad"), Moody("c")], tmp_path))
     assert [d.result for d in done] == [{"said": "a"}, None, {"said": "c"}]
     assert "RuntimeError: out of paint" in done[1].error
     assert sorted(p.stem for p in (tmp_path / RESULTS).iterdir()) == ["a", "c"]

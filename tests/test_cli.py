@@ -76,8 +76,8 @@ BAD = {
         ["list", "magic"],
         "there is no kind 'magic'; there is arm, gantry, circle, line, reversal, sine, spin, "
         f"still, stop_and_go, wander, {TRACKERS}, moments, difference, error_kalman, imm, jump, "
-        "kalman_ca, kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, spot, "
-        "clutter, similarity, texture",
+        "kalman_ca, kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, "
+        "spot, clutter, similarity, texture",
     ),
     "a folder that is full": (
         ["run", "still", "--out", "full"],

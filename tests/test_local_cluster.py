@@ -26,20 +26,20 @@ def test_a_scheduler_is_waited_for_as_long_as_the_readme_says():
 
 def test_whole_workers_are_left_alone():
     cluster = Cluster(Status.running, Status.running)
-    local_cluster._Nurse(cluster, 2)(2)
+    local_cluster._Replacement(cluster, 2)(2)
     assert (sorted(cluster.workers), cluster.scaled) == ([0, 1], [])
 
 
 @pytest.mark.parametrize("status", [Status.closed, Status.failed])
 def test_a_dead_worker_is_replaced(status):
     cluster = Cluster(Status.running, status)
-    local_cluster._Nurse(cluster, 2)(1)
+    local_cluster._Replacement(cluster, 2)(1)
     assert (sorted(cluster.workers), cluster.scaled) == ([0], [2])
 
 
 def test_workers_that_die_again_and_again_are_not_replaced_for_ever():
     cluster = Cluster(Status.closed, Status.closed)
-    nurse = local_cluster._Nurse(cluster, 2, replaced=2 * local_cluster.MOST_REPLACED)
+    nurse = local_cluster._Replacement(cluster, 2, replaced=2 * local_cluster.MOST_REPLACED)
     with pytest.raises(Lost, match="the worker processes end before they can work; there may be"):
         nurse(0)
     nurse(1)  # one is at work
@@ -47,6 +47,6 @@ def test_workers_that_die_again_and_again_are_not_replaced_for_ever():
 
 
 def test_a_whole_crew_begins_the_count_anew():
-    nurse = local_cluster._Nurse(Cluster(Status.running, Status.running), 2, replaced=3)
+    nurse = local_cluster._Replacement(Cluster(Status.running, Status.running), 2, replaced=3)
     nurse(2)
     assert nurse.replaced == 0

@@ -159,7 +159,7 @@ def test_papers_on_sequences_of_ones_own_name_their_folder(make_papers, monkeypa
 
 
 def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
-    from servo.batch.workers import Team
+    from servo.batch.workers import Workers
     from servo.cli.job_progress import work
 
     class Job:
@@ -171,7 +171,7 @@ def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
         def run(self, _):
             raise ValueError("this job is wrong")
 
-    with Team(1) as team:
+    with Workers(1) as team:
         done, code = work([Job()], tmp_path, team, Console(quiet=True), "x")
     assert (code, [d.result for d in done]) == (1, [None])
     err = capfd.readouterr().err

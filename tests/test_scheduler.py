@@ -233,10 +233,10 @@ def test_names_of_jobs_are_compared_in_linear_time(tmp_path, monkeypatch):
     from rich.console import Console
 
     jobs = [Named(Counting(f"job-{i}")) for i in range(3000)]
-    monkeypatch.setattr(workers.Team, "results", lambda *_: iter(()))
-    job_progress.work(jobs, tmp_path, workers.Team(1), Console(quiet=True), "")
+    monkeypatch.setattr(workers.Workers, "results", lambda *_: iter(()))
+    job_progress.work(jobs, tmp_path, workers.Workers(1), Console(quiet=True), "")
     assert COMPARED["=="] < 10 * len(jobs)
     jobs.append(Named(Counting("job-7")))
     with pytest.raises(Mistake) as double:
-        job_progress.work(jobs, tmp_path, workers.Team(1), Console(quiet=True), "")
+        job_progress.work(jobs, tmp_path, workers.Workers(1), Console(quiet=True), "")
     assert str(double.value) == ("two runs are called 'job-7'; give the trackers different labels")

@@ -45,13 +45,13 @@ def test_the_table_and_the_missed_bounds_are_the_same_on_one_worker_and_on_two(m
 
 
 def test_measures_are_bit_for_bit_the_same_in_another_process():
-    from servo.batch.workers import Team
+    from servo.batch.workers import Workers
     from servo.cli.run_command import load
 
     checks = [check_command.Check(n, load("still", QUICK[1:6:2], n), "") for n in range(2)]
     found = []
     for workers in (1, 2):
-        with Team(workers) as team:
+        with Workers(workers) as team:
             ends = {done.number: end for done, end in team.ends(checks, check_command.perform)}
         reports = [ends[n].value.report.measures for n in range(2)]
         found.append([[m.value for m in measures if m.name not in TIMED] for measures in reports])
@@ -102,8 +102,8 @@ def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
         return task.upper()
 
     tasks = ["a", "deadly", "b", "wrong", "c", "d"]
-    with local(2) as crew:
-        found = dict(carry_out(crew, tasks, work))
+    with local(2) as cluster:
+        found = dict(carry_out(cluster, tasks, work))
     assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
     assert found["deadly"].error == (
         "3 workers died of it, one after the other: for want of memory, or somebody killed them\n"

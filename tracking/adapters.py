@@ -1,4 +1,4 @@
-"""Our trackers in other toolkits' clothes: OpenCV's, GOT-10k's, and the VOT toolkit's."""
+"""Our trackers with the interfaces of OpenCV, GOT-10k and the VOT toolkit."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class VotHandle(Protocol):
         ...
 
     def report(self, region: Any, confidence: float) -> None:
-        """Tell the toolkit where the target is."""
+        """Report the target's region to the toolkit."""
         ...
 
 

@@ -29,9 +29,9 @@ class DiscSettings(Learning):
     contrast: Annotated[float, Ge(0), Le(100)] = 0.25
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     discriminate: bool = True
-    """Weigh the reference's bins by how well they tell the target from its surroundings."""
+    """Weigh the reference's bins by how well they separate the target from its surroundings."""
     update: Annotated[float, Ge(0), Le(1)] = 0.05
-    """Share of the target's looks that is new in each picture where it was found; 0: the first
+    """Share of the target's appearance that is new in each picture where it was found; 0: the first
     picture decides."""
     levels: Literal[2, 4, 8, 16, 32] = 8
     """Colour bins a channel."""
@@ -41,7 +41,7 @@ class DiscSettings(Learning):
     """When the target counts as hidden or lost; a hard-binned distance is never near 0."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """How the target looks: one histogram under an Epanechnikov kernel."""
+        """The target's appearance: one histogram under an Epanechnikov kernel."""
         return disc_model(image, region, state, ColourBins(self.levels), self, density=self.density)
 
 

@@ -70,7 +70,9 @@ class Status(Enum):
     """How sure a tracker is; each member carries its sentence."""
 
     LOCKED = "The target is seen and followed."
-    UNSURE = "The target looks unlike itself, perhaps hidden; the estimate is a prediction."
+    UNSURE = (
+        "The target's appearance has changed, perhaps it is hidden: the estimate is a prediction."
+    )
     LOST = "The target has not been seen for a while; the estimate means nothing."
 
 
@@ -83,7 +85,7 @@ class Estimate:
     covariance: Array
     """Covariance (4, 4) of (x, y, theta, ln scale); nan where the tracker has none."""
     distance: float
-    """Bhattacharyya distance between the target as it looks here and as it first looked, 0..1."""
+    """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1."""
     status: Status
     """How sure the tracker is."""
     follows: tuple[bool, bool] = (True, True)
@@ -112,9 +114,9 @@ class Tracker(Protocol):
         """Find the target in the next frame.
 
         Args:
-            frame: It.
+            frame: The next frame.
             ego: How the camera's motion since the last frame has moved a target that stood still:
-                change (4,) of (x, y, theta, ln scale); None where nobody knows.
+                change (4,) of (x, y, theta, ln scale); None where it is unknown.
         """
         ...
 
@@ -165,9 +167,9 @@ def _check_numbers(region: Region, state: State) -> None:
     """Refuse numbers that are not finite or far too large, and a scale that is none."""
     numbers = (region.width, region.height, state.x, state.y, state.theta)
     if not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
-        told = ", ".join(f"{number:.6g}" for number in numbers)
+        given = ", ".join(f"{number:.6g}" for number in numbers)
         raise ValueError(
-            f"the region's width, height, x, y, theta are {told}; the limit is {FARTHEST:g}"
+            f"the region's width, height, x, y, theta are {given}; the limit is {FARTHEST:g}"
         )
     least, most = math.exp(-LARGEST_LOG), math.exp(LARGEST_LOG)
     if not least <= state.scale <= most:

@@ -18,7 +18,7 @@ DEATHS = 2
 PATIENCE = 20.0
 """Longest wait for a scheduler, or for workers of it [s]."""
 TICK = 0.5
-"""Interval between two looks at the workers [s]."""
+"""Interval between two checks of the workers [s]."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": DEATHS,
     "distributed.comm.timeouts.connect": PATIENCE,
@@ -34,7 +34,7 @@ LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 
 @dataclass(frozen=True, slots=True)
-class Crew:
+class Cluster:
     """A cluster as the tasks see it."""
 
     client: Client

@@ -17,7 +17,7 @@ from distributed import Client, LocalCluster, Status
 from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
-from servo.batch.cluster import TICK, Crew, silence
+from servo.batch.cluster import TICK, Cluster, silence
 from servo.batch.ended import Lost
 from servo.mistake import Mistake, Refused
 
@@ -74,8 +74,8 @@ def _allow_files(needed: int) -> None:
 
 
 @contextmanager
-def local(workers: int) -> Generator[Crew]:
-    """A cluster of worker processes on this machine, which nobody else can reach by network.
+def local(workers: int) -> Generator[Cluster]:
+    """A cluster of worker processes on this machine, which other machines cannot reach.
 
     Raises:
         Mistake: There are too many workers.
@@ -98,11 +98,11 @@ def local(workers: int) -> Generator[Crew]:
             raise Refused(f"the worker processes cannot be started: {_reason(error)}") from None
         with cluster, Client(cluster, set_as_default=False) as client:
             cluster.scale(workers)
-            yield Crew(client, "the local cluster", _Nurse(cluster, workers))
+            yield Cluster(client, "the local cluster", _Replacement(cluster, workers))
 
 
 @dataclass(slots=True)
-class _Nurse:
+class _Replacement:
     """Replaces workers that died before they could work; Dask itself restarts all others."""
 
     cluster: LocalCluster
@@ -131,7 +131,7 @@ class _Nurse:
 
 
 def _reason(error: BaseException) -> str:
-    """What the system said first."""
+    """The operating system's first reason."""
     while error.__cause__ is not None:
         error = error.__cause__
     return (isinstance(error, OSError) and error.strerror) or str(error)

@@ -14,7 +14,7 @@ from distributed.security import Security
 from distributed.utils import LoopRunner, sync
 
 from servo.batch import cluster
-from servo.batch.cluster import TICK, Crew, silence
+from servo.batch.cluster import TICK, Cluster, silence
 from servo.batch.ended import Lost
 from servo.mistake import Mistake
 
@@ -55,7 +55,7 @@ def check_settings(text: str) -> None:
 
 
 @contextmanager
-def remote(text: str) -> Generator[Crew]:
+def remote(text: str) -> Generator[Cluster]:
     """A client of a scheduler that runs already.
 
     Raises:
@@ -70,7 +70,7 @@ def remote(text: str) -> Generator[Crew]:
         try:
             client = sync(runner.loop, _reach, address, security)
             name = f"the scheduler {address}"
-            found = Crew(client, name, _Watch(name))
+            found = Cluster(client, name, _Watch(name))
             try:
                 found.workers()
                 yield found

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import cv2
 from distributed import Future, KilledWorker, as_completed
 
-from servo.batch.cluster import DEATHS, TICK, Crew
+from servo.batch.cluster import DEATHS, TICK, Cluster
 from servo.batch.ended import Ended, Lost, failed
 from servo.batch.local_cluster import ONE_THREAD
 
@@ -20,7 +20,7 @@ Task = TypeVar("Task")
 
 
 def carry_out(
-    crew: Crew, tasks: Iterable[Task], work: Callable[[Task], Any]
+    cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Any]
 ) -> Iterator[tuple[Task, Ended]]:
     """Do tasks, as many at once as there are workers; the order is that of their ends.
 
@@ -31,17 +31,17 @@ def carry_out(
     """
     waiting, session = iter(tasks), uuid.uuid4().hex
     under_way: dict[str, tuple[Task, Future[Any]]] = {}
-    ended = as_completed(loop=crew.client.loop)
+    ended = as_completed(loop=cluster.client.loop)
 
     def top_up() -> None:
-        there = crew.workers()
-        crew.watch(there)
+        there = cluster.workers()
+        cluster.watch(there)
         for _ in range(max(1, there) - len(under_way)):
             task = next(waiting, None)
             if task is None:
                 return
             key = f"servobench-{session}-{uuid.uuid4().hex}"
-            future = crew.client.submit(_work_alone, work, task, key=key, pure=False)
+            future = cluster.client.submit(_work_alone, work, task, key=key, pure=False)
             under_way[key] = task, future
             ended.add(future)
 
@@ -53,10 +53,10 @@ def carry_out(
                     ended.add(future)
                     continue
                 task, _ = under_way.pop(str(future.key))
-                yield task, _result(future, crew.name)
+                yield task, _result(future, cluster.name)
             top_up()
     except (OSError, CancelledError) as error:  # whatever was asked of it just then
-        raise Lost(f"{crew.name} is gone") from error
+        raise Lost(f"{cluster.name} is gone") from error
     finally:
         for _, future in under_way.values():
             future.cancel()

@@ -1,4 +1,4 @@
-"""Many jobs under one progress bar; what was finished is kept, failures are told at the end."""
+"""Worker processes on this machine, and the jobs they do."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def check_number(runs: int) -> None:
         raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
 
 
-class Team:
+class Workers:
     """Processes that do jobs, started when there is something to do; use it in a `with`."""
 
     def __init__(self, workers: int) -> None:
-        """Engage a team.
+        """Plan so many processes.
 
         Args:
             workers: Number of processes; 1: this one.
@@ -46,11 +46,11 @@ class Team:
 
             check_workers(workers)
 
-    def __enter__(self) -> Team:
+    def __enter__(self) -> Workers:
         return self
 
-    def __exit__(self, *told: Any) -> None:
-        self._open.__exit__(*told)
+    def __exit__(self, *error: Any) -> None:
+        self._open.__exit__(*error)
 
     def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
         """Do what has no result yet; the others give what they have. The order is that of ends."""

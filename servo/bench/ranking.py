@@ -17,7 +17,7 @@ from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 
 DECIDES = "frames_until_loss"
-"""What McNemar's test compares, as the first paper does: which of two tracked for longer."""
+"""What McNemar's test compares, as the KAMS paper does: which of two tracked for longer."""
 RANKS = "auc"
 SEED = 0
 """Of the bootstrap: the same results give the same intervals."""

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.batch.workers import Team, check_number
+from servo.batch.workers import Workers, check_number
 from servo.bench import ranking, suites
 from servo.bench.ranking import INTERVAL, LEGEND, SHEETS, SHOWN
 from servo.bench.sequence_jobs import SequenceJob, track_path
@@ -46,7 +46,7 @@ def run(
     check_number(len(chosen) * len(entries) * seeds)
     jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
     title = Path(name).stem
-    with Team(workers) as team, result_folder(folder, "bench"):
+    with Workers(workers) as team, result_folder(folder, "bench"):
         done, code = work(jobs, folder, team, console, f"bench {title}")
         results = [d.result for d in done if d.result is not None]
         if not results:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.batch.workers import Team, check_number
+from servo.batch.workers import Workers, check_number
 from servo.bench import loop_jobs
 from servo.bench.loop_jobs import LEGEND, RANKS, SHOWN, LoopJob, write
 from servo.bench.sequence_jobs import Contender
@@ -32,7 +32,7 @@ def run(
     jobs = [
         LoopJob(c, name, s) for c in chosen for name in loop_jobs.SCENARIOS for s in range(seeds)
     ]
-    with Team(workers) as team, result_folder(folder, "bench closed_loop"):
+    with Workers(workers) as team, result_folder(folder, "bench closed_loop"):
         done, code = work(jobs, folder, team, console, "bench closed loop")
         results = [d.result for d in done if d.result is not None]
         paths = write(results, folder) if results else []

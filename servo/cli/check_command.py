@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo.batch.ended import Ended
-from servo.batch.workers import Team, check_number
+from servo.batch.workers import Workers, check_number
 from servo.cli.run_command import command, load, print_missed
 from servo.cli.terminal import plain, progress_bar
 from servo.loop.episode import measured_run
@@ -105,7 +105,7 @@ def perform(check: Check) -> Checked:
 def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[Ended]:
     """The ends of all runs, in the order of the table."""
     ends: dict[int, Ended] = {}
-    with Team(min(workers, len(checks))) as team, progress_bar(console) as progress:
+    with Workers(min(workers, len(checks))) as team, progress_bar(console) as progress:
         task = progress.add_task("check", total=len(checks), note="")
         for check, ended in team.ends(checks, perform):
             ends[check.number] = ended

@@ -10,14 +10,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from servo.batch.jobs import Done, Job, damaged
-from servo.batch.workers import Team
+from servo.batch.workers import Workers
 from servo.cli.terminal import COMPILING, plain, progress_bar, stop
 from servo.mistake import FULL, Mistake
 from servo.output.result_folder import GOES_ON
 
 
 def work(
-    jobs: Sequence[Job], folder: Path, team: Team, console: Console, title: str
+    jobs: Sequence[Job], folder: Path, team: Workers, console: Console, title: str
 ) -> tuple[list[Done], int]:
     """Run jobs under a progress bar, in the order asked for; the exit code: 1 for failures.
 

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from servo.batch.jobs import Job
-from servo.batch.workers import Team
+from servo.batch.workers import Workers
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain
 from servo.mistake import Mistake, unknown
@@ -49,7 +49,7 @@ def run(
         gl.backend()
     verdicts: dict[str, Verdict] = {}
     failed = 0
-    with Team(workers) as team, result_folder(folder, "papers"):
+    with Workers(workers) as team, result_folder(folder, "papers"):
         for claim in chosen:
             done, code = work(jobs[claim.name], folder, team, console, claim.name)
             if code:

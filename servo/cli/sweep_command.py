@@ -119,9 +119,11 @@ def _work(study: Study, store: Store, request: Request, console: Console) -> lis
     missing = (r for r in study.runs() if r.number not in done)
     with (
         Board(console, study.name, study.size, len(done), request.workers) as board,
-        local(request.workers) if request.scheduler is None else remote(request.scheduler) as crew,
+        local(request.workers)
+        if request.scheduler is None
+        else remote(request.scheduler) as cluster,
     ):
-        for task, ended in carry_out(crew, missing, perform):
+        for task, ended in carry_out(cluster, missing, perform):
             if ended.error:
                 path = store.fail(task, ended.error, task.command(study.changes))
                 failed.append((path, ended.error.strip().splitlines()[-1]))

@@ -29,7 +29,7 @@ class Limits:
         self._last = np.zeros(6)
 
     def apply(self, twist: Array, dt: float) -> tuple[Array, bool]:
-        """The twist (6,) that is allowed now, and whether it is another one."""
+        """The twist (6,) that is allowed now, and whether it differs from the one asked for."""
         allowed = twist / max(1.0, _excess(twist, self._speed, self._turn))
         if self._most_change is not None:
             change = allowed - self._last

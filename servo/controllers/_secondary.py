@@ -1,4 +1,4 @@
-"""Secondary tasks: what the degrees of freedom that no feature needs are good for."""
+"""Secondary tasks, for the degrees of freedom that change no feature."""
 
 from __future__ import annotations
 

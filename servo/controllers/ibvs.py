@@ -6,7 +6,7 @@ task:
     v = -lambda L# e - L# de/dt + (I - L# L) z
 
 The paper prints both lines of its law without lambda. All six degrees of freedom with the
-minimum-norm pseudo-inverse tilt the camera while every error looks fine, so the default moves only
+minimum-norm pseudo-inverse tilt the camera while every error is small, so the default moves only
 vx, vy, vz and wz.
 """
 
@@ -158,8 +158,8 @@ class Ibvs:
         self._goal, self._goal_matrix = self._features.values(goal), self._features.matrix(goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """The twist for what is seen now; without a sight, what the estimate says, and in the end
-        nothing, or a search.
+        """The twist for what is seen now; where it is not seen, the estimated motion, then
+        none, or a search.
         """
         if seen is not None:
             self._known = self._features.known(seen)
@@ -180,7 +180,7 @@ class Ibvs:
         )
 
     def _twist(self, predicted: Prediction, mode: Mode, posture: Posture, dt: float) -> Array:
-        """What the law asks for, before any limit."""
+        """The twist (6,) that the law asks for, before any limit."""
         if mode is Mode.HOLDING:
             return np.zeros(6)
         if mode is Mode.SEARCHING:

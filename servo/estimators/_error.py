@@ -93,5 +93,5 @@ def look_ahead(states: Array, own: OwnMotion, rho: float, dt: float) -> tuple[Ar
 
 
 def unseen(states: Array, own: OwnMotion, rho: float, dt: float) -> Prediction:
-    """The outlook where nothing was measured."""
+    """The prediction where nothing was measured."""
     return Prediction.unmeasured(*look_ahead(states, own, rho, dt))

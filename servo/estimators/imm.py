@@ -23,7 +23,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config(_error.ErrorSettings):
-    """Constants of the smooth model, and what makes the other one another."""
+    """Constants of the smooth model, and the noise of the manoeuvring one."""
 
     jump: Ratio = 1.0
     """Noise of the velocity of a manoeuvring target over the measurement's, per frame."""

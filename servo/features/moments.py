@@ -85,7 +85,7 @@ class MomentFeatures:
         return interaction(sight.moments, sight.plane, self.scale)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (4,); moments do not tell front from back, so theta is wrapped to a half
+        """e = s - s* (4,). Moments do not distinguish front from back: theta is wrapped to a half
         turn.
         """
         e = values - goal

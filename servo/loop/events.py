@@ -12,7 +12,7 @@ from tracking.types import Status
 class Event(Enum):
     """Something worth a line in the log; each member carries its sentence."""
 
-    OCCLUDED = "The target looks unlike itself: occluded, perhaps."
+    OCCLUDED = "The target's appearance has changed: perhaps it is occluded."
     LOST = "The target is lost."
     FOUND = "The target is found again."
     DROPPED = "The camera delivered no picture."

@@ -21,7 +21,7 @@ from tracking.types import Status
 SETTLED_PX, SETTLED_RAD, SETTLED_SCALE = 2.0, np.radians(1.0), 0.02
 """Errors below which the camera counts as arrived."""
 FINAL_SPAN = 1.0
-"""The outcome looks at this last part of a run [s]."""
+"""The outcome is decided by this last part of a run [s]."""
 CONVERGED_PX = 10.0
 """Largest servo error in that part that still counts as holding the target."""
 

@@ -40,7 +40,7 @@ SEEDS_Z, SEEDS_ERROR, SEEDS_SPREAD = 16, 10, 10
 SIGNIFICANT = 2.58
 """z of the two-sided 1 % level."""
 PAPER_Z = {"condensation": 2.91, "mean_shift": 5.13, "annealed": 3.80, "hybrid": 4.83, "sok": 3.59}
-"""The first paper's table 1."""
+"""The KAMS paper's table 1."""
 BUDGET = {"condensation": {"particles": 1000}, "annealed": {"particles": 200},
           "hybrid": {"particles": 180}, "mean_shift": {}, "sok": {}}  # fmt: skip
 """Settings with which each reads about as many histograms as KAMS with 40 particles: 1000."""

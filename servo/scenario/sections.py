@@ -32,8 +32,8 @@ class RunConfig:
     on.
     """
     ego: bool = False
-    """Tell the tracker how the measured camera motion has moved the target in the image: its
-    prediction then needs to guess the target's own motion only."""
+    """Give the tracker the motion of the target's image that the measured camera motion caused: its
+    prediction then covers the target's own motion only."""
 
 
 @dataclass(frozen=True, slots=True)

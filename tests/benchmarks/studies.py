@@ -39,10 +39,10 @@ def carried(study, workers, kept):
     """Wall-clock seconds, seconds inside runs, and memory [MB] of client and workers by run."""
     memory, inside = [], 0.0
     runs = list(study.runs())
-    with local(workers) as crew:
-        list(carry_out(crew, runs[:workers], timed))  # imports, compiled loops
+    with local(workers) as cluster:
+        list(carry_out(cluster, runs[:workers], timed))  # imports, compiled loops
         began = time.perf_counter()
-        for _, ended in carry_out(crew, runs, timed):
+        for _, ended in carry_out(cluster, runs, timed):
             row, seconds, worker, rss = ended.value
             kept.add(row)
             inside += seconds

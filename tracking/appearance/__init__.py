@@ -1,1 +1,1 @@
-"""How a target looks: bins, histograms, kernels, distances."""
+"""A target's appearance: bins, histograms, kernels, distances."""

@@ -3,7 +3,7 @@
 
 A neighbour counts as 1 where it is at least `threshold` brighter than the centre; the pattern is
 uniform if it has at most two changes around the circle. Uniform patterns of two to six ones are the
-texture's five bins; all other pixels (flat, spots, noise) count as nothing. The third paper's
+texture's five bins; all other pixels (flat, spots, noise) count as nothing. The PFJCTH paper's
 equation 13 says "otherwise 0": it means discard, not bin 0.
 """
 

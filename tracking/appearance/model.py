@@ -47,7 +47,7 @@ class SampledModel:
             layout: Where states are read.
             around: The ring, for the contrast.
             bins: What is counted.
-            reference: How the target looks.
+            reference: The target's appearance.
         """
         self._bins, self._layout, self._ring = bins, layout, around
         self._reference = reference
@@ -93,7 +93,7 @@ class SampledModel:
         return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: Labelled, state: State) -> None:
-        """Take over how the target and its surroundings look now, as far as the settings want."""
+        """Take over the present appearance of target and surroundings, if the settings say so."""
         self._reference.learn(image, state)
 
     def _coefficients(self, window: hot.Window, states: Array) -> Array:

@@ -1,11 +1,11 @@
-"""How a target looks, as learned from the first picture and, if asked, from later ones.
+"""A target's appearance, learned from the first picture and, if asked, from later ones.
 
 Two things beyond the papers, both optional. `discriminate` weighs each bin of the reference by the
 share of the target among target and surroundings, q_u / (q_u + b_u): what the background also shows
 counts less (the ratio of Vojir, Noskova, Matas 2013, not the neutral weights of Comaniciu, which
-cancel from the mean-shift step). `update` lets the reference follow the target's looks, but only in
-pictures where it was found, and never farther than `ANCHOR` from its first looks (Nummiaro,
-Koller-Meier, Van Gool 2003).
+cancel from the mean-shift step). `update` lets the reference follow the target's appearance, but
+only in pictures where it was found, and never farther than `ANCHOR` from its first appearance
+(Nummiaro, Koller-Meier, Van Gool 2003).
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from tracking.appearance.layout import Layout, histograms, ring
 from tracking.types import Region, State
 
 ANCHOR = 0.7
-"""Share of the first looks in a reference that is updated."""
+"""Share of the first appearance in a reference that is updated."""
 SURROUNDINGS = 1.0
 """Width of the background that counts, both sides together, over the target's size."""
 SURROUNDINGS_DENSITY = 32
 SURROUNDINGS_RATE = 0.1
 """Share of the background that is new in each picture."""
 RARE = 1e-4
-"""A bin with less mass than this tells nothing."""
+"""A bin with less mass than this carries no information."""
 TINY = 1e-12
 
 
@@ -42,9 +42,9 @@ class Learning:
     ring: Annotated[float, Ge(0.25), Le(4)] = 0.4
     """Width of that ring, both sides together, over the target's size."""
     discriminate: bool = False
-    """Weigh the reference's bins by how well they tell the target from its surroundings."""
+    """Weigh the reference's bins by how well they separate the target from its surroundings."""
     update: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Share of the target's looks that is new in each picture where it was found; 0: the first
+    """Share of the target's appearance that is new in each picture where it was found; 0: the first
     picture decides."""
 
 
@@ -85,7 +85,7 @@ class Reference:
         return self._around.radius if self.learning.discriminate else self._layout.radius
 
     def learn(self, image: Labelled, state: State) -> None:
-        """Take over the looks at a state where the target was found."""
+        """Take over the appearance at a state where the target was found."""
         if self.learning.update > 0:
             self._now = _blend(self._now, histograms(image, self._layout, state),
                                self.learning.update)  # fmt: skip

@@ -16,7 +16,7 @@ from tracking.types import Estimate, Region, State, Status, Tracker, unknown_cov
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One picture with what the tracker said of it."""
+    """One picture with the tracker's estimate."""
 
     picture: Picture
     index: int
@@ -28,7 +28,7 @@ class Shot:
 
     @property
     def blind(self) -> bool:
-        """Whether there was no picture to look at."""
+        """Whether there was no picture."""
         return self.size is None
 
     @property

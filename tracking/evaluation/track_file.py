@@ -58,7 +58,7 @@ class TrackFile:
 
 
 def read(path: Path) -> Track:
-    """The track in a file; it does not tell how many histograms were read.
+    """The track in a file, which does not hold how many histograms were read.
 
     Raises:
         ValueError: The file cannot be read, or is no track.

@@ -2,7 +2,7 @@
 (Naeem, Pridmore, Mills).
 
 A likelihood w is first flattened to w^beta with a small beta, then sharpened layer by layer: layer
-M is the broadest, layer 0 the last, and the noise shrinks with it. The first paper's figure stops
+M is the broadest, layer 0 the last, and the noise shrinks with it. The KAMS paper's figure stops
 before w_0 is used; here the set that leaves layer 0 is weighed with it.
 """
 

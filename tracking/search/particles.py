@@ -101,7 +101,7 @@ class ParticleFilter:
 
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
         """Strew a share of the samples evenly over an image of this width and height [px], with a
-        state's angle and size: where nobody knows where the target is (Lenser, Veloso 2000).
+        state's angle and size: where it is unknown where the target is (Lenser, Veloso 2000).
         """
         count = round(share * len(self.samples))
         places = self._rng.uniform((0.0, 0.0), size, (count, 2))

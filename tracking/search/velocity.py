@@ -1,6 +1,6 @@
 """Constant velocity: how the target moved from frame to frame, remembered.
 
-Where the camera's own part of it is told (ego), only the rest is remembered.
+Where the camera's own part of it is given (ego), only the rest is remembered.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Velocity:
         self.value = np.zeros(4)
 
     def step(self, ego: Array | None) -> Array:
-        """The expected change (4,) until the next frame, the camera's part included if told."""
+        """The expected change (4,) until the next frame, with the camera's part if it is given."""
         if ego is None:
             return self.value
         self._last = self._last + ego

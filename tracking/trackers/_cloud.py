@@ -31,7 +31,7 @@ class Search(Protocol):
 
         Args:
             cloud: The particles.
-            model: How the target looks.
+            model: The target's appearance.
             image: The picture.
             velocity: The expected change (4,) since the last frame.
             widen: Factor on all noise.
@@ -41,7 +41,7 @@ class Search(Protocol):
 
 @final
 class CloudTracker:
-    """A particle filter; `search` is what tells one method from another."""
+    """A particle filter; `search` is what differs between the methods."""
 
     def __init__(self, config: CloudSettings, search: Search, rng: np.random.Generator) -> None:
         self._config, self._search, self._rng = config, search, rng

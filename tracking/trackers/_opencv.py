@@ -1,4 +1,4 @@
-"""What the references made of OpenCV's trackers share: boxes, hue histograms, and a distance."""
+"""Boxes, hue histograms and a distance, shared by the reference trackers made of OpenCV's."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class TextureSettings:
     """With a smaller share of textured pixels in the target, colour alone is counted."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """How the target looks: one joint histogram; of colour alone if the target is smooth."""
+        """The target's appearance: one joint histogram; of colour alone if the target is smooth."""
         joint = TextureBins(self.levels, self.threshold)
         bins = texture_or_colour(image, region, state, joint, self.least_texture)
         learning = cast(Any, self)  # the other base of every subclass

@@ -48,7 +48,7 @@ class Camshift:
         )
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Shift and fit the box; where nothing looks like the target it stays."""
+        """Shift and fit the box; where nothing resembles the target it stays."""
         if ego is not None:
             x, y, width, height = self._box
             self._box = (x + round(ego[0]), y + round(ego[1]), width, height)

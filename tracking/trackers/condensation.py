@@ -22,12 +22,12 @@ FILTER: dict[str, Any] = PLAIN | {
     "velocity_memory": 0.0,
     "scale_noise": 0.0,
 }
-"""The first paper's particle filters with constant velocity. It does not give the noise: this is
+"""The KAMS paper's particle filters with constant velocity. It does not give the noise: this is
 half the largest motion per frame of its wildest sequences, for all filters alike. Its weights 1 - d
 (`likelihood`) lose the target in every filter; these are the usual exp(-20 d^2).
 """
 SAME = {"particles": 40}
-"""The first paper compares its filters with the same number of particles."""
+"""The KAMS paper compares its filters with the same number of particles."""
 PRESETS = {"paper": FILTER | SAME}
 
 

@@ -57,8 +57,8 @@ class CvMil:
             ) from None
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Classify around the last box, which nobody can move: OpenCV's tracker takes no ego. A
-        picture of another size cannot be compared.
+        """Classify around the last box: OpenCV's tracker takes no ego motion. A picture of another
+        size cannot be compared.
         """
         if frame.image.shape == self._size:
             found, (x, y, width, height) = self._mil.update(np.ascontiguousarray(frame.image))

@@ -1,4 +1,4 @@
-"""Single-kernel particle filter of the second paper (Teuliere, Marchand, Eck).
+"""Single-kernel particle filter of the multi-kernel paper (Teuliere, Marchand, Eck).
 
 One histogram, four dimensions: orientation is hardly observable, which is why the paper has nine.
 """

@@ -58,7 +58,7 @@ class MeanShift:
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Climb, and around the target if it looks wrong; keep the best."""
+        """Climb from where the target was, and from around it if that is far off; keep the best."""
         c, image = self._config, self._model.label(frame.image)
         begin = self._state.vector + self._velocity.step(ego)
         found, distances, evaluations = self._climb(image, self._sizes(begin))

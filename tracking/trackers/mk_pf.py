@@ -39,12 +39,12 @@ class Config(condensation.Config):
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     discriminate: bool = False
-    """Weigh the reference's bins by how well they tell the target from its surroundings."""
+    """Weigh the reference's bins by how well they separate the target from its surroundings."""
     update: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Share of the target's looks that is new in each picture where it was found."""
+    """Share of the target's appearance that is new in each picture where it was found."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """How the target looks: a histogram for each cell."""
+        """The target's appearance: a histogram for each cell."""
         return cell_model(
             image, region, state, ColourBins(self.levels), self,
             per_side=self.cells, density=self.density,

@@ -1,4 +1,4 @@
-"""Structured octal kernel (Naeem, Mills, Pridmore 2006): mean shift that looks around when unsure.
+"""Structured octal kernel (Naeem, Mills, Pridmore 2006): mean shift from nine places when unsure.
 
 Where 1 - d falls below T, eight more climbs begin on a ring at twice the target's radius, so that
 the nine kernels cover nine times its area; the best of nine is the target.
@@ -19,7 +19,7 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(mean_shift.Config):
-    """Mean shift's settings, with the confidence below which it looks around."""
+    """Mean shift's settings, with the confidence below which it searches around the target."""
 
     confidence: Annotated[float, Ge(0), Le(1)] = 0.8
     """T: below this 1 - d, eight more climbs begin around the target."""

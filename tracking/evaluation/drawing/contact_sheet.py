@@ -18,7 +18,7 @@ SUBPIXEL_BITS = 4
 
 
 def outline(image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1) -> None:
-    """Draw corners (4, 2) in place; the edge that the target's nose looks over is thicker."""
+    """Draw corners (4, 2) in place; drawn in two widths."""
     if not np.isfinite(corners).all():
         return
     unit = 1 << SUBPIXEL_BITS

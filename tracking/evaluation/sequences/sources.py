@@ -23,7 +23,7 @@ RATE = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture of a source, or the news that it cannot be read."""
+    """One picture of a source, or why it cannot be read."""
 
     name: str
     """File name, or "frame 12"."""

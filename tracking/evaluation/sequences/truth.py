@@ -44,7 +44,7 @@ REMEDY = (
 class Format(Enum):
     """What the numbers of a line mean."""
 
-    AUTO = "told by the file's name and header, refused where they do not decide"
+    AUTO = "decided by the file's name and header, refused where they do not decide"
     OTB = "x,y,w,h, pixels counted from 1"
     VOT = "x,y,w,h, or the x,y of four corners, pixels counted from 0"
     TLD = "x1,y1,x2,y2: top left and bottom right corner, pixels counted from 0"
@@ -144,8 +144,8 @@ def _of_tld(row: Array, place: str) -> Array:
     if len(row) != BOX:
         raise ValueError(f"{place}: a line of TLD has 4 numbers, not {len(row)}")
     if (row[2:] <= row[:2]).any():
-        told = ",".join(f"{number:g}" for number in row)
-        raise ValueError(f"{place}: {told} is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold")
+        given = ",".join(f"{number:g}" for number in row)
+        raise ValueError(f"{place}: {given} is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold")
     return corners_of(np.concatenate([row[:2], row[2:] - row[:2]]))
 
 

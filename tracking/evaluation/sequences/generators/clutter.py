@@ -69,7 +69,7 @@ class Config:
 
 
 def _apart(rng: np.random.Generator) -> Array:
-    """Four colours (4, 3) that are easy to tell apart, from each other and from white."""
+    """Four colours (4, 3) that are easy to distinguish, from each other and from white."""
     while True:
         colours = rng.integers(0, 256, (SECTORS, 3)).astype(float)
         others = np.vstack([colours, [255.0] * 3])
