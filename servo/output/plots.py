@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,10 @@ from tracking.evaluation.drawing.figures import literal, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
+ABOVE: dict[str, Any] = {
+    "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1, "frameon": False,
+}  # fmt: skip
+"""A legend above its axes, where it hides no curve."""
 MOTION, ERRORS = "target_motion.png", "errors.png"
 MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot must show; its outliers may leave it."""
@@ -62,8 +67,8 @@ def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
         ax.set_ylim(shown.min() - room, shown.max() + room)
         ax.set_ylabel(f"d{name}/dt of the target [{features.units[i]}/s]")
         _shade_unseen(ax, steps)
-    axes[0].legend(loc="upper right", ncols=3, frameon=False)
-    axes[0].set_title(f"{title}: the target's own motion")
+    axes[0].legend(ncols=3, **ABOVE)
+    axes[0].set_title(f"{title}: the target's own motion", loc="left")
     return figure
 
 
@@ -76,8 +81,8 @@ def _error_figure(steps: Sequence[Step], title: str) -> Figure:
         error, colour = [s.error[i] for s in steps], COLOURS[i % len(COLOURS)]
         axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
-    axes[0].legend(loc="upper right", ncols=4, frameon=False)
-    axes[0].set_title(f"{title}: errors")
+    axes[0].legend(ncols=4, **ABOVE)
+    axes[0].set_title(f"{title}: errors", loc="left")
     axes[1].plot(
         time, [s.servo_error for s in steps], color=COLOURS[0], lw=1.5, label="true centre to goal"
     )
@@ -90,7 +95,7 @@ def _error_figure(steps: Sequence[Step], title: str) -> Figure:
     )
     axes[1].set_ylabel("distance [px]")
     axes[1].set_ylim(bottom=0)
-    axes[1].legend(loc="upper right", ncols=2, frameon=False)
+    axes[1].legend(ncols=2, **ABOVE)
     for ax in axes:
         _shade_unseen(ax, steps)
     return figure

@@ -1,8 +1,8 @@
 """Similarity: a textured rectangle moves, turns, scales, blurs and is hidden, over clutter.
 
-For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly. The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curves;
-pictures are blurred over the exposure. In the middle its speed doubles; later a bar hides it
-wholly.
+For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly.
+The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curves; pictures are
+blurred over the exposure. In the middle its speed doubles; later a bar hides it wholly.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Texture: a textured car over a road of its own colour changes its size and its speed.
 
-For the claim of the PFJCTH paper: colour alone hardly separates the target from the ground, its texture does. The car, 56 x 32 px, drives along a smooth curve, now faster, now slower,
-and grows and shrinks as if it came nearer.
+For the claim of the PFJCTH paper: colour alone hardly separates the target from the ground, its
+texture does. The car, 56 x 32 px, drives along a smooth curve, now faster, now slower, and grows
+and shrinks as if it came nearer.
 """
 
 from __future__ import annotations
