@@ -20,6 +20,12 @@ FOLDERS = ("scenes", "servo", "sim", "tests", "tracking")
 MANUALS = sorted([*ROOT.glob("*.md"), *(p for f in FOLDERS for p in (ROOT / f).rglob("*.md"))])
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
+NAME = r"[A-Z][a-z]+(?:-[A-Z][a-z]+)?"
+CITED = re.compile(
+    rf"({NAME})(?:(?:,| and) {NAME}(?: [A-Z][a-z]+)?)*(?: et al\.)?,? ((?:19|20)\d\d)\b"
+)
+"""Such as "Isard and Blake 1998" or "Perez et al. 2002"."""
+
 
 def name(path):
     return str(path.relative_to(ROOT))
@@ -123,7 +129,8 @@ def test_the_manuals_name_every_scenario_study_measure_and_kind():
     )
     folders = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
     asked = [(scenes, [*shipped(), *studies(), *MEANINGS])]
-    asked += [(scenes, kinds.names(folders[part])) for part in ("robot", "motion", "disturbances")]
+    listed = scenes.partition("### Kinds")[2].partition("\n## ")[0]
+    asked += [(listed, kinds.names(folders[part])) for part in ("robot", "motion", "disturbances")]
     asked += [
         (tracking, kinds.names(folders["tracker"])),
         (tracking, kinds.names(generators.__name__)),
@@ -144,3 +151,12 @@ def test_every_file_named_in_the_guide_exists():
     text = (ROOT / "CONTRIBUTING.md").read_text()
     for path in re.findall(r"`((?:servo|tracking|sim|tests)/[\w/.]+)`", text):
         assert path.endswith("NAME_command.py") or (ROOT / path).exists(), path
+
+
+def test_every_source_that_the_code_cites_is_in_the_references():
+    entries = (ROOT / "tracking" / "REFERENCES.md").read_text().split("\n- ")
+    code = [p.read_text() for f in ("servo", "sim", "tracking") for p in (ROOT / f).rglob("*.py")]
+    cited = {m.groups() for text in code for m in CITED.finditer(" ".join(text.split()))}
+    assert ("Perez", "2002") in cited
+    missing = {c for c in cited if not any(c[0] in e and c[1] in e for e in entries)}
+    assert not missing
