@@ -3,8 +3,10 @@
 import ast
 import re
 import subprocess
+import tomllib
 
 import pytest
+import yaml
 
 TOP = {
     "pyproject.toml",
@@ -18,9 +20,10 @@ TOP = {
     ".gitignore",
     "LICENSE",
     "CHANGELOG.md",
+    "CITATION.cff",
     "CONTRIBUTING.md",
 }
-MOST_LINES, MOST_FUNCTION = 250, 40
+MOST_LINES, MOST_FUNCTION, MOST_README = 250, 40, 200
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +62,28 @@ def test_every_module_opens_with_a_sentence(root, files):
 
 def test_nothing_names_a_package_index_or_a_home(files):
     pattern = re.compile(r"index[-_]url|https?://(pypi|files\.pythonhosted)|/home/|/root/")
-    for path in (f for f in files if f.suffix in {".py", ".toml", ".md", ".xml"}):
+    for path in (f for f in files if f.suffix in {".py", ".toml", ".md", ".xml", ".cff"}):
         if path.name != "test_project.py":
             assert not pattern.search(path.read_text()), path
 
 
-def test_ci_runs_the_readmes_test_command(root):
+def test_the_readme_stays_short(root):
+    assert (root / "README.md").read_text().count("\n") <= MOST_README
+
+
+def test_ci_runs_the_readmes_two_commands(root):
     readme, ci = (root / "README.md").read_text(), (root / ".ci" / "run").read_text()
-    command = next(line for line in readme.splitlines() if "pytest" in line and "uv run" in line)
-    assert command.split("&& ")[-1].strip() in ci
+    shown = [line for line in readme.splitlines() if line.startswith("pip install uv && ")]
+    job, tests = (line.removeprefix("pip install uv && ") for line in shown)
+    assert (job, tests) == ("uv run servobench run reversal", "uv run --extra test pytest")
+    assert job in ci
+    assert tests in ci
+
+
+def test_the_citation_is_of_this_version(root):
+    cited = yaml.safe_load((root / "CITATION.cff").read_text())
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    assert [cited["version"], cited["title"]] == [project["version"], project["name"]]
+    assert cited["authors"] == [{"name": "The servobench developers"}]
+    first = [reference["authors"][0]["family-names"] for reference in cited["references"]]
+    assert first == ["Naeem", "Teuliere", "Nagy"]
