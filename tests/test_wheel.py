@@ -45,6 +45,7 @@ def test_the_wheel_has_our_packages_with_their_data_and_nothing_else(wheel, root
     listed = subprocess.run(["git", "ls-files", *PACKAGES], cwd=root, capture_output=True,
                             text=True, check=True).stdout.splitlines()  # fmt: skip
     assert set(listed) <= ours  # models, scenarios, studies, the page's template
+    assert {f"{package}/py.typed" for package in PACKAGES} | {"scenes/scenario.schema.json"} <= ours
 
 
 def test_a_run_with_the_installed_wheel(installed, tmp_path):
