@@ -59,7 +59,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return __all__
 
 
 def _check_packages() -> None:
@@ -84,8 +84,9 @@ def _refuse(found: Path, name: str) -> None:
 
     what = "folder" if found.is_dir() else "file"
     error = Mistake(f"{found} hides servobench's package '{name}': rename this {what}")
-    is_module = sys.argv[0] == "-m" and not {"servo", "-mservo"}.isdisjoint(sys.orig_argv)
-    if not is_module and Path(sys.argv[0]).stem != "servobench":
+    program = next(iter(sys.argv), "")  # "-m" while Python looks for a module to run
+    is_module = program == "-m" and not {"servo", "-mservo"}.isdisjoint(sys.orig_argv)
+    if not is_module and Path(program).stem != "servobench":
         raise ImportError(str(error), name=name, path=str(found))
     if sys.stderr is not None:
         sys.stderr.write(f"servobench: {error}\n")

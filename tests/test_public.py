@@ -36,7 +36,7 @@ def test_names_types_and_homes_agree(root):
              if isinstance(n, ast.ImportFrom)}  # fmt: skip
     assert typed == servo.HOMES
     assert sorted([*sum(servo.HOMES.values(), ()), "__version__"]) == sorted(servo.__all__)
-    assert set(servo.__all__) <= set(dir(servo))
+    assert dir(servo) == sorted(servo.__all__)
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error():
