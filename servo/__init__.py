@@ -1,3 +1,96 @@
-"""Closing the loop: features, control laws, estimators, scenarios, runs, and everything a person
-starts.
+"""Closing the loop: features, control laws, estimators, scenarios, runs, and the command line.
+
+What a user imports is offered here and imported when it is first used:
+
+    import servo
+
+    errors = [step.servo_error for step in servo.run(servo.load("circle", seed=3))]
 """
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from servo.loop.episode import Episode, run
+    from servo.loop.loop import Loop
+    from servo.loop.step import Step
+    from servo.mistake import Mistake
+    from servo.scenario.load import Scenario, load
+    from servo.types import Command, Controller, Estimator, FeatureSet, Sight, Task
+    from sim.types import Camera, Frame, Posture
+    from tracking import create
+    from tracking.types import Estimate, Region, State, Status, Tracker
+
+    __version__: str
+
+__all__ = [
+    "Camera", "Command", "Controller", "Episode", "Estimate", "Estimator", "FeatureSet", "Frame",
+    "Loop", "Mistake", "Posture", "Region", "Scenario", "Sight", "State", "Status", "Step", "Task",
+    "Tracker", "__version__", "create", "load", "run",
+]  # fmt: skip
+HOMES = {
+    "servo.loop.episode": ("Episode", "run"),
+    "servo.loop.loop": ("Loop",),
+    "servo.loop.step": ("Step",),
+    "servo.mistake": ("Mistake",),
+    "servo.scenario.load": ("Scenario", "load"),
+    "servo.types": ("Command", "Controller", "Estimator", "FeatureSet", "Sight", "Task"),
+    "sim.types": ("Camera", "Frame", "Posture"),
+    "tracking": ("create",),
+    "tracking.types": ("Estimate", "Region", "State", "Status", "Tracker"),
+}
+"""The module that each public name is imported from."""
+PACKAGES = ("scenes", "sim", "tracking")
+"""The packages that are installed beside this one."""
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("importlib.metadata").version("servobench")
+    for home, names in HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module 'servo' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
+def _check_packages() -> None:
+    """Refuse a user's file or folder that Python finds in place of one of our packages.
+
+    Raises:
+        ImportError: It names the file. In the command it is the message, with exit code 2.
+    """
+    beside = Path(__file__).resolve().parents[1]
+    for name in PACKAGES:
+        spec = find_spec(name)
+        if spec is None:
+            continue
+        place = Path(spec.origin or next(iter(spec.submodule_search_locations or [name])))
+        found = place.parent if place.stem == "__init__" else place
+        if found.resolve() != beside / name:
+            _refuse(found, name)
+
+
+def _refuse(found: Path, name: str) -> None:
+    from servo.mistake import Mistake
+
+    what = "folder" if found.is_dir() else "file"
+    error = Mistake(f"{found} hides servobench's package '{name}': rename this {what}")
+    program = next(iter(sys.argv), "")  # "-m" while Python looks for a module to run
+    is_module = program == "-m" and not {"servo", "-mservo"}.isdisjoint(sys.orig_argv)
+    if not is_module and Path(program).stem != "servobench":
+        raise ImportError(str(error), name=name, path=str(found))
+    if sys.stderr is not None:
+        sys.stderr.write(f"servobench: {error}\n")
+    sys.exit(2)
+
+
+_check_packages()

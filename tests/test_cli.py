@@ -74,10 +74,10 @@ BAD = {
     ),
     "a kind that does not exist": (
         ["list", "magic"],
-        "there is no kind 'magic'; there is arm, gantry, circle, line, reversal, sine, spin, "
-        f"still, stop_and_go, wander, {TRACKERS}, moments, difference, error_kalman, imm, jump, "
-        "kalman_ca, kalman_cv, none, hold, ibvs, board, brightness, dropped_frames, second_car, "
-        "spot, clutter, similarity, texture",
+        "there is no part, section or kind 'magic'; there is scenario, study, robot, motion, "
+        "tracker, features, estimator, controller, disturbances, sequences, run, world, camera, "
+        "goal, start, region, sight, measure, expect, sweep, and the kinds that servobench list "
+        "shows",
     ),
     "a folder that is full": (
         ["run", "still", "--out", "full"],

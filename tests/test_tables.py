@@ -1,5 +1,6 @@
 """Tables as they are printed and written, from made-up results: bench, study, progress, lists."""
 
+import dataclasses
 import io
 import json
 
@@ -13,7 +14,8 @@ from servo.cli import bench_command, list_command, sweep_command, sweep_progress
 from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
-from servo.study.parse import load
+from servo.scenario.load import SECTIONS
+from servo.study.parse import KEYS, load
 from sim import kinds
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
@@ -159,9 +161,49 @@ def test_the_list_has_every_scenario_study_and_kind(printed):
     )
 
 
+@pytest.mark.parametrize("part", list_command.PARTS)
+def test_a_part_is_listed_with_all_its_kinds(part, printed):
+    list_command.show(part)
+    rows = [line.split(maxsplit=2) for line in lines(printed) if not line.startswith(" ")]
+    own = {"scenario": shipped, "study": studies}.get(part)
+    names = own() if own else kinds.names(list_command.FOLDERS[part])
+    assert [row[:2] for row in rows] == [[part, name] for name in names]
+    assert all(len(row) == 3 for row in rows)  # each with a sentence
+
+
+@pytest.mark.parametrize("section", [*SECTIONS, "expect", "sweep"])
+def test_a_section_is_listed_with_all_its_settings(section, printed):
+    list_command.show(section)
+    title, head, *rows = lines(printed)
+    assert title.startswith(f"[{section}]  ")
+    assert head.split() == ["setting", "default", "meaning"]
+    at = head.index("default"), head.index("meaning")
+    names = [row[: at[0]].strip() for row in rows]
+    config = SECTIONS.get(section)
+    known = {"expect": ["outcome", *MEANINGS], "sweep": KEYS}.get(section)
+    fields = dataclasses.fields(config) if config else ()
+    assert [n for n in names if n] == [f"{section}.{n}" for n in known or [f.name for f in fields]]
+    assert all(row[at[1] :].strip() for row in rows)
+    if config:
+        defaults = [str(getattr(config(), f.name)) for f in fields]
+        assert [
+            row[slice(*at)].strip() for row, n in zip(rows, names, strict=True) if n
+        ] == defaults
+
+
+def test_a_setting_is_listed_with_its_unit(printed):
+    list_command.show("camera")
+    assert lines(printed)[2] == "camera.width        320      Image width [px]."
+
+
+def test_a_name_that_is_a_scenario_only_is_listed_with_its_sentence(printed):
+    list_command.show("six_dof")
+    assert lines(printed)[0].startswith("scenario  six_dof  The paper's law on all six degrees")
+
+
 @pytest.mark.parametrize("kind", ["kams", "ibvs", "clutter"])
 def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
-    list_command.show_kind(kind)
+    list_command.show(kind)
     approved(f"tables/settings-{kind}", lines(printed))
 
 

@@ -45,6 +45,7 @@ def test_the_wheel_has_our_packages_with_their_data_and_nothing_else(wheel, root
     listed = subprocess.run(["git", "ls-files", *PACKAGES], cwd=root, capture_output=True,
                             text=True, check=True).stdout.splitlines()  # fmt: skip
     assert set(listed) <= ours  # models, scenarios, studies, the page's template
+    assert {f"{package}/py.typed" for package in PACKAGES} | {"scenes/scenario.schema.json"} <= ours
 
 
 def test_a_run_with_the_installed_wheel(installed, tmp_path):
@@ -64,6 +65,19 @@ def test_it_is_the_installed_code_that_runs(installed, tmp_path):
         env=os.environ | {"PYTHONPATH": str(installed)},
     )  # fmt: skip
     assert ended.stdout.split() == [str(installed / p / "__init__.py") for p in ("servo", "scenes")]
+
+
+@pytest.mark.parametrize(("name", "code"), [("sim.py", 2), ("scenes.py", 2), ("notes.py", 0)])
+def test_a_file_that_hides_an_installed_package_is_named(installed, tmp_path, name, code):
+    (tmp_path / name).write_text("")
+    (tmp_path / "tracking").mkdir()  # a folder without Python files hides no installed package
+    ended = subprocess.run(
+        [sys.executable, "-m", "servo", "--version"], cwd=tmp_path, capture_output=True, text=True,
+        check=False, env=os.environ | {"PYTHONPATH": str(installed)},
+    )  # fmt: skip
+    place = tmp_path / name
+    said = f"servobench: {place} hides servobench's package '{place.stem}': rename this file\n"
+    assert (ended.returncode, ended.stderr) == (code, said if code else "")
 
 
 def test_an_editable_install_offers_no_package_of_tests(tmp_path):

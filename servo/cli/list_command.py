@@ -1,16 +1,19 @@
-"""What there is to choose from: kinds by folder, scenarios, and the settings of one kind."""
+"""What there is to choose from: scenarios, kinds, and the settings of a kind or a section."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
+from difflib import get_close_matches
 from importlib import resources
+from itertools import chain
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import LISTS, PLUGINS, sentence, shipped, studies
 from sim import kinds
 
@@ -19,57 +22,99 @@ FOLDERS = {
     **LISTS,
     "sequences": "tracking.evaluation.sequences.generators",
 }
+PARTS = ("scenario", "study", *FOLDERS)
 
 
 def show_all() -> None:
     """Print every scenario and kind with its sentence."""
-    console = Console()
+    _show_names((part, name) for part in PARTS for name in _names(part))
+
+
+def show(name: str) -> None:
+    """Print the kinds of a part, or the settings of a section or a kind.
+
+    Raises:
+        Mistake: There is nothing of that name.
+    """
+    if name in PARTS:
+        _show_names((name, each) for each in _names(name))
+        return
+    found = [part for part in PARTS if name in _names(part)]
+    with_settings = [part for part in found if part in FOLDERS]
+    for part in with_settings:
+        _show_kind(part, name)
+    if not found:
+        _show_section(name)
+    elif not with_settings:
+        _show_names((part, name) for part in found)
+
+
+def _show_names(found: Iterable[tuple[str, str]]) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
-    for name in shipped():
-        table.add_row("scenario", f"[bold]{name}[/]", _sentence(name))
-    for name in studies():
-        table.add_row("study", f"[bold]{name}[/]", _sentence(f"studies/{name}"))
-    for section, folder in FOLDERS.items():
-        for kind in kinds.names(folder):
-            table.add_row(section, f"[bold]{kind}[/]", escape(kinds.summary(folder, kind)))
+    for part, name in found:
+        table.add_row(part, f"[bold]{name}[/]", escape(_sentence(part, name)))
+    Console().print(table)
+
+
+def _names(part: str) -> list[str]:
+    if part in FOLDERS:
+        return kinds.names(FOLDERS[part])
+    return studies() if part == "study" else shipped()
+
+
+def _sentence(part: str, name: str) -> str:
+    """What a scenario or a study shows, or what a kind is."""
+    if part in FOLDERS:
+        return kinds.summary(FOLDERS[part], name)
+    file = f"studies/{name}.toml" if part == "study" else f"{name}.toml"
+    return sentence((resources.files("scenes") / file).read_text(encoding="utf-8"))
+
+
+def _show_kind(part: str, kind: str) -> None:
+    folder = FOLDERS[part]
+    settings = _rows(part, kinds.config_of(folder, kind)())
+    _show_settings(f'{part}.kind = "{kind}"', kinds.summary(folder, kind), settings)
+    for name, changed in kinds.presets(folder, kind).items():
+        changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
+        Console().print(f'[bold]preset = "{name}"[/]  {escape(changes)}', highlight=False)
+
+
+def _show_section(name: str) -> None:
+    from servo.cli.schema_command import expect_schema, sweep_schema  # only now: these take time
+    from servo.scenario.load import KEYS, SECTIONS
+
+    tables = {"expect": expect_schema, "sweep": sweep_schema}
+    if name in SECTIONS:
+        config = SECTIONS[name]
+        _show_settings(f"[{name}]", config.__doc__ or "", _rows(name, config()))
+    elif name in tables:
+        table = tables[name]()
+        rows = [(f"{name}.{key}", str(item.get("default", "")), item["description"])
+                for key, item in table["properties"].items()]  # fmt: skip
+        _show_settings(f"[{name}]", table["description"], rows)
+    else:
+        near = get_close_matches(name, {*KEYS, *PARTS, *chain(*map(_names, PARTS))}, n=1)
+        known = near or dict.fromkeys((*PARTS, *KEYS))
+        more = "" if near else ", and the kinds that servobench list shows"
+        raise Mistake(unknown(name, known, "part, section or kind") + more)
+
+
+def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> None:
+    console = Console()
+    console.print(f"[bold]{escape(title)}[/]  {escape(about)}")
+    table = Table("setting", "default", "meaning", box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*map(escape, row))
     console.print(table)
 
 
-def show_kind(kind: str) -> None:
-    """Print the settings of a kind.
-
-    Raises:
-        Mistake: There is no such kind anywhere.
-    """
-    found = [(s, f) for s, f in FOLDERS.items() if kind in kinds.names(f)]
-    if not found:
-        everything = ", ".join(k for f in FOLDERS.values() for k in kinds.names(f))
-        raise Mistake(f"there is no kind '{kind}'; there is {everything}")
-    console = Console()
-    for section, folder in found:
-        config = kinds.config_of(folder, kind)
-        console.print(f'[bold]{section}.kind = "{kind}"[/]  {escape(kinds.summary(folder, kind))}')
-        table = Table(box=None, pad_edge=False)
-        for title in ("setting", "default", "meaning"):
-            table.add_column(title)
-        _add_settings(table, section, config())
-        console.print(table)
-        for name, settings in kinds.presets(folder, kind).items():
-            changes = ", ".join(f"{key} = {value}" for key, value in settings.items())
-            console.print(f'[bold]preset = "{name}"[/]  {escape(changes)}', highlight=False)
-
-
-def _add_settings(table: Table, prefix: str, settings: Any) -> None:
-    docs = kinds.field_docs(type(settings))
+def _rows(prefix: str, settings: Any) -> list[tuple[str, str, str]]:
+    """Name, default and meaning of every setting, those of nested tables too."""
+    docs, rows = kinds.field_docs(type(settings)), list[tuple[str, str, str]]()
     for f in dataclasses.fields(settings):
         value = getattr(settings, f.name)
         if dataclasses.is_dataclass(value):
-            _add_settings(table, f"{prefix}.{f.name}", value)
+            rows += _rows(f"{prefix}.{f.name}", value)
         else:
-            shown = escape(str(getattr(value, "value", value)))
-            table.add_row(f"{prefix}.{f.name}", shown, escape(docs[f.name]))
-
-
-def _sentence(name: str) -> str:
-    """What a scenario or a study shows."""
-    return sentence((resources.files("scenes") / f"{name}.toml").read_text(encoding="utf-8"))
+            rows.append((f"{prefix}.{f.name}", str(getattr(value, "value", value)), docs[f.name]))
+    return rows

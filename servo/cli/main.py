@@ -27,6 +27,7 @@ from servo.cli.options import (
 @click.group(
     cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
 )
+@click.version_option(package_name="servobench", message="servobench %(version)s")
 def app() -> None:
     """A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it."""
 
@@ -39,13 +40,9 @@ def app() -> None:
 @quiet_option
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
 def run(
-    scenario: str,
-    changes: tuple[str, ...],
-    seed: int | None,
-    out: Path | None,
-    quiet: bool,
+    scenario: str, changes: tuple[str, ...], seed: int | None, out: Path | None, quiet: bool,
     no_rerun: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Run a scenario; write recording, table, report and plots."""
     from servo.cli.run_command import run_scenario
 
@@ -97,20 +94,10 @@ def check(
 @click.option("--frames", type=FRAMES, help="Stop after this many.")
 @quiet_option
 def track(
-    source: str,
-    region: str | None,
-    tracker: str,
-    changes: tuple[str, ...],
-    seed: int,
-    truth: Path | None,
-    truth_format: str,
-    out: Path | None,
-    video: bool,
-    rerun: bool,
-    rate: float,
-    frames: int | None,
-    quiet: bool,
-) -> None:
+    source: str, region: str | None, tracker: str, changes: tuple[str, ...], seed: int,
+    truth: Path | None, truth_format: str, out: Path | None, video: bool, rerun: bool, rate: float,
+    frames: int | None, quiet: bool,
+) -> None:  # fmt: skip
     """Follow a target through any pictures; write its track."""
     from servo.cli.track_command import Request
     from servo.cli.track_command import run as run_track
@@ -155,14 +142,9 @@ def bench(
 @out_option("runs/sweep-STUDY, to go on in")
 @quiet_option
 def sweep(
-    study: str,
-    changes: tuple[str, ...],
-    seeds: int | None,
-    workers: int,
-    scheduler: str | None,
-    out: Path | None,
-    quiet: bool,
-) -> None:
+    study: str, changes: tuple[str, ...], seeds: int | None, workers: int, scheduler: str | None,
+    out: Path | None, quiet: bool,
+) -> None:  # fmt: skip
     """Run a scenario over axes, draws and seeds; a stopped study goes on where it was."""
     from servo.cli.sweep_command import Request
     from servo.cli.sweep_command import run as run_study
@@ -203,12 +185,24 @@ def report(folders: tuple[Path, ...], out: Path | None) -> None:
 
 
 @app.command("list")
-@click.argument("what", required=False, help="A kind: show its settings, units and defaults.")
+@click.argument(
+    "what", required=False,
+    help="A part of a scenario (tracker): its kinds. A section (camera) or a kind (kams): its "
+    "settings.",
+)  # fmt: skip
 def list_(what: str | None) -> None:
-    """List scenarios and kinds, or the settings of one kind."""
-    from servo.cli.list_command import show_all, show_kind
+    """List scenarios and kinds, or settings with their units and defaults."""
+    from servo.cli.list_command import show, show_all
 
-    show_all() if what is None else show_kind(what)
+    show_all() if what is None else show(what)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of the scenario format, for editors."""
+    from servo.cli.schema_command import text
+
+    click.echo(text())
 
 
 @app.command()

@@ -30,8 +30,12 @@ def studies() -> list[str]:
 
 
 def sentence(text: str) -> str:
-    """A scenario's or a study's second line, a comment that says what it shows; or nothing."""
-    second = [*text.splitlines(), "", ""][1]
+    """A scenario's or a study's second line, a comment that says what it shows; or nothing.
+
+    Directives to editors, "#:schema ...", are no lines of its own.
+    """
+    lines = [line for line in text.splitlines() if not line.startswith("#:")]
+    second = [*lines, "", ""][1]
     return second.removeprefix("# ") if second.startswith("# ") else ""
 
 

@@ -6,7 +6,7 @@ import re
 
 from hostile import LONG
 
-from servo.cli.list_command import FOLDERS
+from servo.cli.list_command import PARTS
 from servo.loop.run_measures import MEANINGS
 from servo.papers.claims import CLAIMS
 from servo.scenario.catalogue import PLUGINS, shipped, studies
@@ -16,7 +16,7 @@ from sim import kinds
 
 def _listed() -> dict[str, str]:
     lists = {
-        "ALL_KINDS": [kind for folder in FOLDERS.values() for kind in kinds.names(folder)],
+        "LISTED": dict.fromkeys((*PARTS, *KEYS)),
         "SCENARIOS": shipped(),
         "STUDIES": studies(),
         "MEASURES": MEANINGS,

@@ -1,0 +1,171 @@
+"""The JSON Schema of a scenario: it takes what the parser takes, and refuses what that refuses."""
+
+import copy
+import json
+import tomllib
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from servo.cli import schema_command
+from servo.mistake import Mistake
+from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.load import SECTIONS, parse
+from sim import kinds
+
+DIRECTIVE = "#:schema scenario.schema.json"
+
+
+@pytest.fixture(scope="module")
+def schema():
+    return json.loads(schema_command.text())
+
+
+@pytest.fixture(scope="module")
+def refused(schema):
+    validator = Draft202012Validator(schema)
+    return lambda table: not validator.is_valid(table)
+
+
+def refused_by_parser(table):
+    try:
+        parse(copy.deepcopy(table), "mine", "mine.toml")
+    except Mistake:
+        return True
+    return False
+
+
+def tables():
+    """Each section, and each kind of a part: its place in a scenario, as a function of settings."""
+    found = {name: lambda s, name=name: {name: s} for name in SECTIONS}
+    for part, (folder, _) in PLUGINS.items():
+        for kind in kinds.names(folder):
+            found[kind] = lambda s, part=part, kind=kind: {part: {"kind": kind} | s}
+    for part, folder in LISTS.items():
+        for kind in kinds.names(folder):
+            found[kind] = lambda s, part=part, kind=kind: {part: [{"kind": kind} | s]}
+    return found
+
+
+TABLES = tables()
+
+
+def settings_of(schema, name):
+    """The schema of a section's or a kind's settings."""
+    sections = schema["properties"]
+    if name in SECTIONS:
+        return sections[name]["properties"]
+    branches = [branch for part in (*PLUGINS, *LISTS)
+                for branch in sections[part].get("items", sections[part])["oneOf"]]  # fmt: skip
+    (found,) = [b for b in branches if b["properties"]["kind"] == {"const": name}]
+    return {key: item for key, item in found["properties"].items() if key not in ("kind", "preset")}
+
+
+def leaves(settings):
+    """Settings and how to put a value there, those of nested tables too."""
+    for key, item in settings.items():
+        if item.get("type") == "object":
+            for place, inner in leaves(item["properties"]):
+                yield (lambda v, key=key, place=place: {key: place(v)}), inner
+        else:
+            yield (lambda v, key=key: {key: v}), item
+
+
+def test_it_is_a_schema_and_the_file_is_what_the_command_prints(root, schema, capfd):
+    Draft202012Validator.check_schema(schema)
+    kept = (root / "scenes" / "scenario.schema.json").read_text(encoding="utf-8")
+    assert kept == schema_command.text() + "\n", (
+        "make it anew: servobench schema > scenes/scenario.schema.json"
+    )
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_shipped_scenario_is_valid_and_carries_the_schema(root, schema, name):
+    text = (root / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
+    head = text[: text.index("[")].splitlines()  # editors read comments before the first table only
+    assert [line for line in head if line.startswith("#:")] == [DIRECTIVE]
+    assert all(line.startswith("#") for line in head)
+    Draft202012Validator(schema).validate(tomllib.loads(text))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_setting_has_a_meaning_and_a_default_that_fits(schema, name):
+    at = TABLES[name]
+    for put, item in leaves(settings_of(schema, name)):
+        assert item["description"]
+        if "default" in item:
+            Draft202012Validator(schema).validate(at(put(item["default"])))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_schema_and_parser_refuse_the_same_values(schema, refused, name):
+    at = TABLES[name]
+    assert not refused(at({})) | refused_by_parser(at({}))
+    for put, item in leaves(settings_of(schema, name)):
+        wrong = [{}, [[]], "no such value" if item.get("type") != "array" else 1, True]
+        if item.get("type") == "boolean":
+            wrong[-1] = 1
+        for limit, beyond in (("minimum", -1), ("maximum", 1)):
+            if limit in item:
+                wrong.append(item[limit] + beyond)
+                assert not refused(at(put(item[limit]))), (name, item)
+        for limit in ("exclusiveMinimum", "exclusiveMaximum"):
+            wrong += [item[limit]] if limit in item else []
+        for value in wrong:
+            table = at(put(value))
+            assert refused(table), (name, item, value)
+            assert refused_by_parser(table), (name, item, value)
+
+
+@pytest.mark.parametrize("table", [
+    {"no_such_table": {}},
+    {"camera": {"no_such_key": 1}},
+    {"tracker": {"kind": "kams", "no_such_key": 1}},
+    {"tracker": {"kind": "kams", "lock": {"no_such_key": 1}}},
+    {"tracker": {"kind": "magic"}},
+    {"tracker": {"kind": "kams", "preset": "magic"}},
+    {"tracker": {"kind": "frozen", "preset": "paper"}},
+    {"motion": {"kind": "still", "speed": 0.1}},  # of another kind
+    {"motion": {"speed": 0.1}},  # a line's; the default kind is another
+    {"disturbances": [{"start": 1.0}]},
+    {"disturbances": {"kind": "board"}},
+    {"camera": []},
+    {"expect": 1.0},
+    {"sweep": []},
+])  # fmt: skip
+def test_a_wrong_table_is_refused_by_both(refused, table):
+    assert refused(table)
+    assert refused_by_parser(table)
+
+
+@pytest.mark.parametrize("expect", [
+    {"servo_rms": 1.0}, {"servo_rms_px": "low"}, {"outcome": "WON"}, {"outcome": 1.0},
+])  # fmt: skip
+def test_bounds_on_what_is_not_measured_are_refused(refused, expect):
+    assert refused({"expect": expect})
+    assert not refused({"expect": {"servo_rms_px": 1, "outcome": "CONVERGED"}})
+
+
+@pytest.mark.parametrize("sweep", [
+    {"axis": {}}, {"axes": {"run": {"latency": []}}}, {"axes": {"run": {"latency": 3}}},
+    {"axes": {"start": {"x": {"uniform": [1.0]}}}}, {"axes": {"start": {"x": {"uniform": []}}}},
+    {"axes": {"start": {"x": {"uniform": ["a", "b"]}}}}, {"axes": {"uniform": [1]}},
+    {"seeds": -1}, {"seeds": []}, {"seeds": [1, 1]}, {"seeds": 1.5}, {"compare": 3},
+    {"expect": {"success_rate": 2}}, {"expect": {"outcome": "CONVERGED"}}, {"scenario": []},
+])  # fmt: skip
+def test_a_wrong_study_is_refused(refused, sweep):
+    assert refused({"sweep": sweep})
+
+
+def test_the_shipped_studies_are_valid_as_studies_of_a_scenario(root, schema):
+    for path in sorted((root / "scenes" / "studies").glob("*.toml")):
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        Draft202012Validator(schema).validate({"sweep": table})
+
+
+def test_what_the_first_lines_say_is_found_beside_a_directive():
+    from servo.scenario.catalogue import sentence
+
+    for text in ("# run\n# It turns.\n#:schema s.json\n", "#:schema s.json\n# run\n# It turns.\n"):
+        assert sentence(text) == "It turns."
+    assert sentence("# run\n#:schema s.json\n") == ""
