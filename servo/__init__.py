@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from servo.loop.loop import Loop
     from servo.loop.step import Step
     from servo.mistake import Mistake
+    from servo.parts import Controller, Estimator, FeatureSet, Task
     from servo.scenario.load import Scenario, load
-    from servo.types import Command, Controller, Estimator, FeatureSet, Sight, Task
-    from sim.types import Camera, Frame, Posture
+    from servo.types import Command, Sight
+    from sim.types import Camera, Frame, Pose, Posture
     from tracking import create
     from tracking.types import Estimate, Region, State, Status, Tracker
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Camera", "Command", "Controller", "Episode", "Estimate", "Estimator", "FeatureSet", "Frame",
-    "Loop", "Mistake", "Posture", "Region", "Scenario", "Sight", "State", "Status", "Step", "Task",
+    "Loop", "Mistake", "Pose", "Posture", "Region", "Scenario", "Sight", "State", "Status", "Step", "Task",
     "Tracker", "__version__", "create", "load", "run",
 ]  # fmt: skip
 HOMES = {
@@ -39,8 +40,9 @@ HOMES = {
     "servo.loop.step": ("Step",),
     "servo.mistake": ("Mistake",),
     "servo.scenario.load": ("Scenario", "load"),
-    "servo.types": ("Command", "Controller", "Estimator", "FeatureSet", "Sight", "Task"),
-    "sim.types": ("Camera", "Frame", "Posture"),
+    "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
+    "servo.types": ("Command", "Sight"),
+    "sim.types": ("Camera", "Frame", "Pose", "Posture"),
     "tracking": ("create",),
     "tracking.types": ("Estimate", "Region", "State", "Status", "Tracker"),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import json
 from typing import Any
@@ -36,11 +37,25 @@ def fill(config: type[Any], table: Any, place: str) -> Any:
     try:
         # By way of JSON, in which lists may become tuples and strings enums though types are
         # strict.
-        text = json.dumps({"it": table}, default=str)
+        text = json.dumps({"it": _completed(config, table)}, default=str)
         return _section(config).model_validate_json(text).it
     except ValidationError as error:
         first = error.errors()[0]
         raise Mistake(_sentence(first, place)) from None
+
+
+def _completed(config: type[Any], table: dict[str, Any]) -> dict[str, Any]:
+    """A table whose inner tables have the values that this dataclass begins with, where they leave
+    some out: those may differ from the defaults of the inner dataclass itself.
+    """
+    complete = dict(table)
+    for field in dataclasses.fields(config):
+        given = table.get(field.name)
+        if isinstance(given, dict) and field.default_factory is not dataclasses.MISSING:
+            begin = field.default_factory()
+            if dataclasses.is_dataclass(begin) and not isinstance(begin, type):
+                complete[field.name] = dataclasses.asdict(begin) | given
+    return complete
 
 
 def _sentence(error: Any, place: str) -> str:
