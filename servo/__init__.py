@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Camera", "Command", "Controller", "Episode", "Estimate", "Estimator", "FeatureSet", "Frame",
-    "Loop", "Mistake", "Pose", "Posture", "Region", "Scenario", "Sight", "State", "Status", "Step", "Task",
-    "Tracker", "__version__", "create", "load", "run",
+    "Loop", "Mistake", "Pose", "Posture", "Region", "Scenario", "Sight", "State", "Status",
+    "Step", "Task", "Tracker", "__version__", "create", "load", "run",
 ]  # fmt: skip
 HOMES = {
     "servo.loop.episode": ("Episode", "run"),
