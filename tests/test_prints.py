@@ -11,7 +11,7 @@ from servoing import METRIC
 from servo.cli import check_command, doctor_command, run_command
 from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations
 from servo.loop.step import Seconds
-from servo.output.recording import parts, track_log
+from servo.output.recording import archetypes, track_log
 from servo.scenario.load import load
 from tracking.evaluation.drawing import contact_sheet
 from tracking.evaluation.sequences.sources import Painted, Picture
@@ -126,7 +126,12 @@ def plan(item):
     return str(item)
 
 
-@pytest.mark.parametrize(("name", "blueprint"), [("run", lambda: parts.blueprint(METRIC.names)),
-                                                 ("track", track_log._blueprint)])  # fmt: skip
+BLUEPRINTS = {
+    "run": lambda: archetypes.blueprint(METRIC.names),
+    "track": track_log._blueprint,
+}
+
+
+@pytest.mark.parametrize(("name", "blueprint"), BLUEPRINTS.items())
 def test_the_viewer_is_laid_out_so(name, blueprint, approved):
     approved(f"prints/viewer-{name}", plan(blueprint()))

@@ -134,7 +134,7 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
 def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
     clock = [100.0]
     monkeypatch.setattr(sweep_progress.time, "monotonic", lambda: clock[0])
-    board = sweep_progress.Board(printed, "mine", total=20, before=4, workers=3)
+    board = sweep_progress.StudyProgress(printed, "mine", total=20, before=4, workers=3)
     printed.print(board._drawn())
     for failed in (False, False, True, False):
         board.ended(failed=failed)

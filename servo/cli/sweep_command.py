@@ -19,7 +19,7 @@ from servo.batch.ended import Lost
 from servo.batch.local_cluster import check_workers, local
 from servo.batch.remote_cluster import check_settings, remote
 from servo.batch.tasks import carry_out
-from servo.cli.sweep_progress import Board
+from servo.cli.sweep_progress import StudyProgress
 from servo.cli.terminal import plain, stop
 from servo.mistake import Mistake, Refused
 from servo.output.versions import versions
@@ -118,7 +118,7 @@ def _work(study: Study, store: Store, request: Request, console: Console) -> lis
         return failed
     missing = (r for r in study.runs() if r.number not in done)
     with (
-        Board(console, study.name, study.size, len(done), request.workers) as board,
+        StudyProgress(console, study.name, study.size, len(done), request.workers) as board,
         local(request.workers)
         if request.scheduler is None
         else remote(request.scheduler) as cluster,

@@ -15,7 +15,7 @@ AGAIN = 4
 """How often the table is drawn anew [1/s]."""
 
 
-class Board:
+class StudyProgress:
     """A live table; use it in a `with`. It is gone when the work is done."""
 
     def __init__(self, console: Console, name: str, total: int, before: int, workers: int) -> None:
@@ -34,7 +34,7 @@ class Board:
         self._live = Live(console=console, refresh_per_second=AGAIN, transient=True,
                           get_renderable=self._drawn)  # fmt: skip
 
-    def __enter__(self) -> Board:
+    def __enter__(self) -> StudyProgress:
         self._live.__enter__()
         return self
 

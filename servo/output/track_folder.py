@@ -9,7 +9,7 @@ from typing import Protocol
 
 from servo.mistake import Refused
 from sim.types import Array
-from tracking.evaluation.drawing.annotated_video import Video
+from tracking.evaluation.drawing.annotated_video import AnnotatedVideo
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.types import Region
@@ -60,7 +60,7 @@ class TrackFolder:
         self._rows = TrackFile(folder / TRACK, region)
         self._extras: dict[Path, Extra] = {}
         if video:
-            self._extras[folder / VIDEO] = Video(folder / VIDEO, rate, region)
+            self._extras[folder / VIDEO] = AnnotatedVideo(folder / VIDEO, rate, region)
         if recording:
             from servo.output.recording.track_log import (
                 TrackLog,  # rerun takes half a second to import

@@ -35,8 +35,7 @@ import rerun as rr
 from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
-from servo.output.recording.file import RecordingFile
-from servo.output.recording.parts import (
+from servo.output.recording.archetypes import (
     IMAGE,
     LINE_RADIUS,
     blueprint,
@@ -44,6 +43,7 @@ from servo.output.recording.parts import (
     outline_strips,
     solids,
 )
+from servo.output.recording.file import RecordingFile
 from servo.types import DOF
 from sim.shapes import shapes_of, table_top
 from sim.types import Array

@@ -13,7 +13,7 @@ import numpy as np
 from rerun.chunk import RrdReader
 
 from servo.mistake import Mistake
-from servo.output.recording.parts import IMAGE
+from servo.output.recording.archetypes import IMAGE
 from servo.output.recording.view import check
 from sim.types import Array, Image
 
@@ -22,7 +22,7 @@ CORNERS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class RecordedFrame:
     """One frame of a recording."""
 
     time: float
@@ -35,7 +35,7 @@ class Recorded:
     """The same of the estimate."""
 
 
-def pictures(path: Path, count: int) -> list[Recorded]:
+def pictures(path: Path, count: int) -> list[RecordedFrame]:
     """Frames at even distances, the first and the last among them.
 
     Raises:
@@ -72,14 +72,18 @@ def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
             yield who, frame, float(times[row]), batch.column(component)[row]
 
 
-def _recorded(found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path) -> Recorded:
+def _recorded(
+    found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path
+) -> RecordedFrame:
     time, blob = found[BLOB][frame]
     raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
     image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
     if image is None:
         raise Mistake(f"{path}: frame {frame} is no picture")
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
-    return Recorded(time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate)
+    return RecordedFrame(
+        time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate
+    )
 
 
 def _corners(logged: tuple[float, Any] | None) -> Array:

@@ -8,9 +8,9 @@ import cv2
 import rerun as rr
 import rerun.blueprint as rrb
 
+from servo.output.recording.archetypes import outline
 from servo.output.recording.file import RecordingFile
 from servo.output.recording.log import JPEG_QUALITY
-from servo.output.recording.parts import outline
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import COLOURS
 from tracking.evaluation.track import Shot

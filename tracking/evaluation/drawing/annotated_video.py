@@ -33,7 +33,7 @@ LARGEST_DENOMINATOR = 65_535
 """Largest number that MPEG-4 keeps of a rate."""
 
 
-class Video:
+class AnnotatedVideo:
     """Writes one video; pictures of another size than the first are fitted into it."""
 
     def __init__(self, path: Path, rate: float, region: Region) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
-from tracking.evaluation.sequences.generators._texture import blotches, paste
+from tracking.evaluation.sequences.generators._painting import blotches, paste
 from tracking.evaluation.sequences.sequence import Sequence
 from tracking.evaluation.sequences.sources import Painted
 from tracking.types import Region, State
