@@ -14,9 +14,11 @@ from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.study.parse import load
+from servo.study.study_file import StudyFile
 from sim import kinds
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
+from tracking.files.json_text import as_json
 
 
 @pytest.fixture
@@ -123,7 +125,7 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
     found = {}
     for name in studies():
         study = load(name)
-        table = sweep_command.manifest(study, "again") | {"versions": "", "scenarios": ""}
+        table = as_json(StudyFile.of(study, "again")) | {"versions": "", "scenarios": ""}
         runs = [[r.number, r.scenario, r.seed, r.settings, r.pictured] for r in study.runs()]
         found[name] = table | {"first": runs[0], "last": runs[-1]}
     approved("tables/studies", found)

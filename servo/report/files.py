@@ -5,53 +5,15 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from annotated_types import Ge, Le
-from pydantic import TypeAdapter, ValidationError
 
 from servo.mistake import Mistake
-from tracking.files import reading
-
-Content = TypeVar("Content")
-HALF = "it may be half-written"
-ABSURD = 1e100
-"""No number of ours is larger; what is larger cannot be drawn."""
-Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
-LARGEST = 1_000_000_000
-"""Largest file [bytes]."""
-
-
-def read(path: Path, kind: type[Content]) -> Content:
-    """A JSON file as a dataclass; keys that it does not have are passed over.
-
-    Raises:
-        Mistake: The file cannot be read, is no JSON, or lacks something.
-    """
-    try:
-        return TypeAdapter(kind).validate_json(content(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        if first["type"] == "json_invalid":
-            raise Mistake(f"{path}: this is not JSON; {HALF}") from None
-        where = ".".join(str(part) for part in first["loc"]) or "all of it"
-        said = first["msg"][0].lower() + first["msg"][1:]
-        raise Mistake(f"{path}: {where}: {said}") from None
-
-
-def content(path: Path) -> bytes:
-    """A file's bytes.
-
-    Raises:
-        Mistake: It cannot be read, is not a regular file, or is too large.
-    """
-    try:
-        return reading.content(path, "file", LARGEST)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
+from servo.output import steps_table
+from servo.output.formats import ABSURD, HALF, check_format, content
 
 
 def table(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
@@ -81,6 +43,19 @@ def _absurd(column: pa.ChunkedArray) -> bool:
     """Whether a finite number is too large; inf and nan are said of what has no value."""
     values = np.asarray(column.to_numpy(), float)
     return bool((np.abs(values[np.isfinite(values)]) > ABSURD).any())
+
+
+def steps(path: Path, wanted: Sequence[str]) -> pa.Table:
+    """Some columns of the table of a run's steps.
+
+    Raises:
+        OtherFormat: It has another format number, or none.
+        Mistake: As for `table`.
+    """
+    found = table(path, wanted)
+    number = (found.schema.metadata or {}).get(b"format", b"").decode(errors="replace")
+    check_format(path, int(number) if number.isdecimal() else number or None, steps_table.FORMAT)
+    return found
 
 
 def rows(path: Path) -> list[dict[str, Any]]:
