@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from servo.cli import check_command, doctor_command, run_command
-from servo.cli.command_line import command_line
 from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations
 from servo.loop.step import Seconds
+from servo.output.command_line import command_line
 from servo.output.recording import parts, track_log
 from servo.scenario.load import load
 from tracking.evaluation.drawing import contact_sheet

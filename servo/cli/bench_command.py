@@ -16,9 +16,9 @@ from servo.bench import ranking, suites
 from servo.bench.ranking import INTERVAL, LEGEND, SHEETS, SHOWN
 from servo.bench.sequence_jobs import SequenceJob, track_path
 from servo.cli import bench_loop_command
-from servo.cli.command_line import command_line
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain
+from servo.output.command_line import command_line
 from servo.output.result_folder import result_folder
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.drawing.contact_sheet import sheet

@@ -12,12 +12,12 @@ from rich.table import Table
 
 from servo.batch.ended import Ended
 from servo.batch.workers import Team, check_number
-from servo.cli.command_line import command_line
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import plain, progress_bar
 from servo.loop.episode import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
+from servo.output.command_line import command_line
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario

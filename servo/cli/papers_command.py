@@ -11,10 +11,10 @@ from rich.table import Table
 
 from servo.batch.jobs import Job
 from servo.batch.workers import Team
-from servo.cli.command_line import command_line
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain
 from servo.mistake import Mistake, unknown
+from servo.output.command_line import command_line
 from servo.output.result_folder import result_folder
 from servo.output.versions import versions
 from servo.papers import estimator_study, servo_paper

@@ -11,11 +11,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.cli.command_line import command_line
 from servo.cli.terminal import COMPILING, WAITING, plain, progress_bar
 from servo.loop.episode import Episode
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
 from servo.loop.step import Step
+from servo.output.command_line import command_line
 from servo.output.run_folder import RunFolder, prepare
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario

@@ -19,10 +19,10 @@ from servo.batch.ended import Lost
 from servo.batch.local_cluster import check_workers, local
 from servo.batch.remote_cluster import check_settings, remote
 from servo.batch.tasks import carry_out
-from servo.cli.command_line import command_line
 from servo.cli.sweep_progress import Board
 from servo.cli.terminal import plain, stop
 from servo.mistake import Mistake, Refused
+from servo.output.command_line import command_line
 from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.plan import Study

@@ -13,10 +13,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.cli.command_line import command_line
 from servo.cli.signals import exit_code
 from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
 from servo.mistake import Mistake
+from servo.output.command_line import command_line
 from servo.output.run_folder import prepare
 from servo.output.track_folder import TrackFolder
 from servo.output.track_report import TrackReport

@@ -16,15 +16,32 @@ from servo.output import steps_table
 from servo.output.formats import ABSURD, HALF, check_format, content
 
 
-def table(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
-    """A Parquet file, or some of its columns.
+def steps(path: Path, wanted: Sequence[str]) -> pa.Table:
+    """Some columns of the table of a run's steps.
 
     Raises:
-        Mistake: It cannot be read, or lacks a column.
+        Mistake: As for `table`, or it has another format number, or none.
+    """
+    return table(path, wanted, steps_table.FORMAT)
+
+
+def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = None) -> pa.Table:
+    """A Parquet file, or some of its columns.
+
+    Args:
+        path: Where it is.
+        wanted: Columns; all of them for None.
+        number: Of its format, where it has one.
+
+    Raises:
+        Mistake: It cannot be read, has another format number, or lacks a column.
     """
     raw = content(path)
     try:
         file = pq.ParquetFile(pa.BufferReader(raw), page_checksum_verification=True)
+        if number is not None:
+            found = (file.schema_arrow.metadata or {}).get(b"format", b"").decode(errors="replace")
+            check_format(path, int(found) if found.isdecimal() else found or None, number)
         for name in wanted or ():
             if name not in file.schema_arrow.names:
                 raise Mistake(f"{path}: there is no column '{name}' in this table")
@@ -43,19 +60,6 @@ def _absurd(column: pa.ChunkedArray) -> bool:
     """Whether a finite number is too large; inf and nan are said of what has no value."""
     values = np.asarray(column.to_numpy(), float)
     return bool((np.abs(values[np.isfinite(values)]) > ABSURD).any())
-
-
-def steps(path: Path, wanted: Sequence[str]) -> pa.Table:
-    """Some columns of the table of a run's steps.
-
-    Raises:
-        OtherFormat: It has another format number, or none.
-        Mistake: As for `table`.
-    """
-    found = table(path, wanted)
-    number = (found.schema.metadata or {}).get(b"format", b"").decode(errors="replace")
-    check_format(path, int(number) if number.isdecimal() else number or None, steps_table.FORMAT)
-    return found
 
 
 def rows(path: Path) -> list[dict[str, Any]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import itertools
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ import numpy as np
 import tomli_w
 
 from servo.loop.run_measures import check_expect
+from servo.output.command_line import command_line
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario, Table
 from servo.scenario.override import assignment, put
@@ -69,10 +69,8 @@ class Run:
     def command(self, changes: dict[str, Value]) -> str:
         """What runs it alone; changes are those of the whole study."""
         every = changes | {k: v for k, v in self.settings.items() if k != SCENARIO}
-        sets = [f"--set {shlex.quote(f'{k}={_toml(v)}')}" for k, v in ordered(every).items()]
-        return " ".join(
-            ["servobench run", shlex.quote(self.scenario), f"--seed {self.seed}", *sets]
-        )
+        sets = [f"{k}={_toml(v)}" for k, v in ordered(every).items()]
+        return command_line("run", self.scenario, seed=self.seed, set=sets)
 
 
 @dataclass(frozen=True, slots=True)
