@@ -39,6 +39,22 @@ def config_of(folder: str, kind: str) -> type[Any]:
     return importlib.import_module(f"{folder}.{kind}").Config
 
 
+OWN = ("sim", "tracking", "servo")
+"""The packages whose folders of plugins name a kind by its file."""
+
+
+def kind_of(config: Any) -> str:
+    """The kind of a `Config`: its own attribute `kind` where it has one, the name of its file in
+    one of our folders, and module:Class from elsewhere.
+    """
+    own, of = getattr(config, "kind", None), type(config)
+    if isinstance(own, str):
+        return own
+    package, _, kind = of.__module__.rpartition(".")
+    ours = package.partition(".")[0] in OWN and of.__qualname__ == "Config"
+    return kind if ours else f"{of.__module__}:{of.__qualname__}"
+
+
 def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
     """The settings that a kind has under a name, such as the "paper" it comes from.
 

@@ -93,13 +93,17 @@ def ran(tmp_path_factory):
 def make_papers():
     """Writes what `servobench papers` leaves, with two claims and a figure, into a folder."""
 
+    from servo.papers.claims import Judged, PapersReport
+
     def make(folder):
         (folder / "figures").mkdir(parents=True)
-        told = {"says": "it is so", "measured": "1 & 2", "table": [["x"], ["7"]]}
-        told |= {"figures": ["figures/one.png"]}
-        claims = {"P0-1": told | {"holds": True}, "P2-2": told | {"holds": False}}
-        text = json.dumps({"version": "0.1.0", "quick": True, "claims": claims})
-        (folder / "papers.json").write_text(text)
+        claims = {
+            name: Judged("it is so", "1 & 2", holds, [["x"], ["7"]], ["figures/one.png"])
+            for name, holds in (("P0-1", True), ("P2-2", False))
+        }
+        line = "servobench papers P0-1 P2-2 --quick"
+        versions = {"servobench": "0.1.0"}
+        PapersReport(command=line, versions=versions, quick=True, claims=claims).write(folder)
         cv2.imwrite(str(folder / "figures" / "one.png"), np.zeros((30, 60, 3), np.uint8))
         return folder
 
@@ -133,15 +137,15 @@ def study_place(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
-    from servo.cli import sweep_command
     from servo.study import store
     from servo.study.parse import load
     from servo.study.perform import perform
+    from servo.study.study_file import StudyFile
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)
     study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, sweep_command.manifest(study, "me")) as kept:
+    with store.Store(there / "out", study, StudyFile.of(study, "me")) as kept:
         for run in study.runs():
             kept.add(perform(run))
     return there / "out"

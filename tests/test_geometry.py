@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from sim import geometry as g
 from sim.types import Pose
@@ -23,6 +24,19 @@ def test_exp_is_a_rigid_motion(xi):
     R = g.exp_se3(xi).rotation
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("xi", [*TWISTS, np.array([0.4, -1.0, 2.0, 1.2, -1.9, 1.5])])
+def test_exp_and_log_are_those_of_scipy(xi):
+    """SciPy has the rotation first. The numbers are of order one, and some ten operations round."""
+    theirs = RigidTransform.from_exp_coords(np.roll(xi, 3))
+    ours = g.exp_se3(xi)
+    np.testing.assert_allclose(ours.rotation, theirs.rotation.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(ours.translation, theirs.translation, atol=1e-14)
+    # Near no rotation both logarithms divide small differences: a relative 1e-9 is left.
+    np.testing.assert_allclose(
+        g.log_se3(ours), np.roll(theirs.as_exp_coords(), 3), rtol=1e-9, atol=1e-13
+    )
 
 
 def test_two_half_motions_make_a_whole_one():

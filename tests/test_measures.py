@@ -144,7 +144,7 @@ def test_violations_say_what_was_found_and_expected(steps):
     expect = {"servo_rms_px": 4.0, "servo_peak_px": 6.0, "settle_s": 3.0, "outcome": "TARGET_LOST"}
     assert [str(v) for v in violations(made, expect)] == [
         "servo_rms_px is 5, expected at most 4",
-        "settle_s is inf, expected at most 3",
+        "settle_s is not finite, expected at most 3",
         "outcome is CONVERGED, expected TARGET_LOST",
     ]
 

@@ -11,6 +11,7 @@ from servoing import METRIC
 from servo.cli import check_command, doctor_command, run_command
 from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations
 from servo.loop.step import Seconds
+from servo.output.command_line import command_line
 from servo.output.recording import archetypes, track_log
 from servo.scenario.load import load
 from tracking.evaluation.drawing import contact_sheet
@@ -81,7 +82,9 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
     scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
     run_command._print_report(console, scenario, report())
     missed = violations(report(), {"servo_rms_px": 0.1, "outcome": "TIMED_OUT", "lost_pct": 90.0})
-    run_command.print_missed(console, missed, run_command.command("reversal", ["a=b c"], 4))
+    run_command.print_missed(
+        console, missed, command_line("run", "reversal", set=["a=b c"], seed=4)
+    )
     console.print(check_command._table([
         (check_command.Check(n, scenario, ""), check_command.Checked(report(), misses, seconds))
         for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))

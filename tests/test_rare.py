@@ -12,7 +12,7 @@ from servo.cli import bench_loop_command, sweep_command
 from servo.cli.options import Commands
 from servo.cli.sweep_command import Request
 from servo.mistake import Mistake, unknown
-from servo.report import bench_again, papers_section, run_section, study_data
+from servo.report import run_section, study_data
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import run_file
 from sim import gl, kinds
@@ -137,25 +137,6 @@ def test_the_commands_are_listed_as_they_stand():
 
     group = Commands("x", commands={"b": click.Command("b"), "a": click.Command("a")})
     assert group.list_commands(None) == ["b", "a"]
-
-
-@pytest.mark.parametrize("name", ["clutter", "similarity", "texture"])
-def test_a_suite_is_known_by_its_sequences(name):
-    from servo.bench import suites
-
-    described = [entry.describe() for entry in suites.suite(name)[0]]
-    assert bench_again._suite(described) == name
-    assert bench_again._suite(described[1:] or [{"kind": "x"}]) is None
-    assert bench_again._suite([{"folder": "/a"}, {"folder": "/a"}]) == "/a"
-    assert bench_again._suite([{"folder": "/a"}, {"folder": "/b"}]) is None
-
-
-def test_papers_on_sequences_of_ones_own_name_their_folder(make_papers, monkeypatch, tmp_path):
-    folder = make_papers(tmp_path / "papers")
-    monkeypatch.setattr(papers_section, "_recorded", lambda folder: ["my sequences"])
-    again = papers_section.section(folder).blocks[-1]
-    line = "servobench papers P0-1 P2-2 --quick --sequences 'my sequences'"
-    assert list(again.code) == [line]
 
 
 def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):

@@ -14,6 +14,7 @@ import pytest
 from servo.cli import main
 from servo.cli.report_command import write
 from servo.report import study_section
+from servo.study.study_file import FailureFile, StudyFile
 
 EVIL = "<script>alert(1)</script>"
 AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
@@ -33,8 +34,9 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
         "versions": {"servobench": "0.1.0"}, "axes": AXES, "seeds": list(range(seeds)),
         "draws": {"start.x": {"uniform": [-80, 80]}}, "compare": "tracker.kind",
         "expect": {"success_rate": 0.9, "servo_rms_px": 6.6}, "runs": 4 * seeds, "table": {},
+        "scenarios": {},
     } | changes  # fmt: skip
-    (folder / "study.json").write_text(json.dumps(manifest))
+    StudyFile(**manifest).write(folder)
     rows = []
     for kind in AXES["tracker.kind"]:
         for rate in AXES["camera.rate"]:
@@ -42,7 +44,8 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
                 held = kind == "pf_ssd" or rate == 30.0
                 rows.append({
                     "run": len(rows), "scenario": "line", "seed": seed, "tracker.kind": kind,
-                    "camera.rate": rate, "start.x": 1.5, "success": held, "missed": "",
+                    "camera.rate": rate, "start.x": 1.5, "success": held,
+                    "missed": [] if held else [{"name": "settle_s", "found": None, "bound": "3"}],
                     "outcome": "CONVERGED" if held else "TARGET_LOST",
                     "servo_rms_px": float(len(rows)), "settle_s": None,
                 })  # fmt: skip
@@ -105,7 +108,7 @@ def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     (folder / "runs" / "000002.parquet").write_bytes(bytes(100))
     (folder / "failures").mkdir()
     failure = {"run": 1, "settings": {"seed": 1}, "command": "again", "error": "Trace\nOops: <b>"}
-    (folder / "failures" / "000001.json").write_text(json.dumps(failure))
+    FailureFile(**failure).write(folder / "failures", "000001.json")
     page = text_of(folder, tmp_path)
     assert "<p>This study is not finished: 6 of 8 runs.</p>" in page
     assert "<p>Files of runs that could not be read: 1.</p>" in page
@@ -128,7 +131,7 @@ def test_all_that_is_said_and_drawn_of_a_study(name, section, approved, tmp_path
         (folder / "failures").mkdir()
         for run, error in ((1, "Trace\nOops"), (2, "Other")):
             failure = {"run": run, "settings": {"seed": run}, "command": "again", "error": error}
-            (folder / "failures" / f"{run:06}.json").write_text(json.dumps(failure))
+            FailureFile(**failure).write(folder / "failures", f"{run:06}.json")
             (folder / "runs" / f"{run:06}.parquet").unlink()
     approved(f"report/study-{name}", section(folder))
 
@@ -148,7 +151,8 @@ def test_what_is_too_much_is_cut_and_said(tmp_path):
 
 def test_no_text_from_a_file_becomes_part_of_the_page(ran, tmp_path):
     shutil.copytree(ran, tmp_path / "run", ignore=shutil.ignore_patterns("*.rrd"))
-    report = json.loads((ran / "report.json").read_text()) | {"scenario": EVIL, "missed": [EVIL]}
+    report = json.loads((ran / "report.json").read_text()) | {"scenario": EVIL}
+    report["missed"] = [{"name": EVIL, "found": 2.0, "bound": 1.0}]
     (tmp_path / "run" / "report.json").write_text(json.dumps(report))
     axes = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
     folder = make_study(tmp_path / "study", title=EVIL, axes=axes, versions={EVIL: EVIL})

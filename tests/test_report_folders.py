@@ -5,19 +5,18 @@ import json
 import re
 import shlex
 import shutil
-import tomllib
 
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.cli.report_command import write
 from servo.mistake import Mistake
-from servo.report import again
 from servo.report.study_data import Series
 from servo.report.study_time import band, survival
-from servo.scenario import load as scenarios
+from tracking.evaluation.statistics import Interval, McNemar
 
 EVIL = "<script>alert(1)</script>"
 
@@ -34,13 +33,14 @@ def text_of(folder, tmp_path):
 def make_bench(folder):
     (folder / "sheets").mkdir(parents=True)
     trackers = [
-        {"tracker": name, "runs": 1, "measures": {"auc": {"mean": auc, "low": auc, "high": 0.9}},
-         "families": {"a": auc, "b": auc}, "against_best": test}
-        for name, auc, test in (("kams", 0.857, None), (EVIL, 0.25, {"z": 3.0, "p_holm": 0.01}))
-    ]  # fmt: skip
-    runs = [{"tracker": t["tracker"], "sequence": "a", "family": "a", "seed": 0, "frames": 9,
-             "measures": {"auc": 0.5}} for t in trackers]  # fmt: skip
-    (folder / "bench.json").write_text(json.dumps({"trackers": trackers, "runs": runs}))
+        Row(name, 1, {"auc": Interval(auc, auc, 0.9)}, {"a": auc, "b": auc}, test, p)
+        for name, auc, test, p in (("kams", 0.857, None, 1.0), (EVIL, 0.25, McNemar(0, 11), 0.01))
+    ]
+    runs = [SequenceRun(t.tracker, "a", "a", 0, 9, {"auc": 0.5}, [], []) for t in trackers]
+    SequenceBench(
+        command=f"servobench bench mine.toml --trackers kams,{EVIL} --seeds 1",
+        versions={"servobench": "0.1.0"}, measures={}, trackers=trackers, runs=runs,
+    ).write(folder)  # fmt: skip
     for name in ("success.png", "precision.png", "sheets/a.png"):
         (folder / name).write_bytes(encoded(".png"))
     return folder
@@ -51,17 +51,19 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
     report = json.loads((ran / "report.json").read_text())
     assert '<h1>still, seed 3</h1><span class="badge bad">TIMED_OUT</span>' in page
     assert '<span class="badge bad">1 of 2</span>' in page
-    assert f"<li>{report['missed'][0]}</li>" in page
+    assert [m["name"] for m in report["missed"]] == ["servo_rms_px"]
+    found = report["measures"]["servo_rms_px"]
+    assert f"<li>servo_rms_px is {found:.3g}, expected at most 0.5</li>" in page
     row = re.search(r"<tr><td>servo_rms_px</td>.*</tr>", page).group()
     assert f">{report['measures']['servo_rms_px']:.3g}</td>" in row
     assert row.count("missed") == 1
     assert page.count("<svg") == 4
     assert page.count('<img src="data:image/jpeg;base64,') == 1
-    command = html.unescape(re.search("<code>(.*)</code>", page).group(1))
+    command = html.unescape(re.findall("<code>(.*)</code>", page)[-1])
     assert shlex.split(command) == [
-        "servobench", "run", "still", "--set", "tracker.kind=mean_shift",
-        "--set", "run.duration=0.5", "--set", "expect={}", "--set", "expect.tilt_peak_deg=1.0",
-        "--set", "expect.servo_rms_px=0.5", "--seed", "3",
+        "servobench", "run", "still", "--set", "run.duration=0.5", "--set", "expect={}",
+        "--set", "expect.tilt_peak_deg=1.0", "--set", "expect.servo_rms_px=0.5",
+        "--set", "tracker.kind=mean_shift", "--seed", "3",
     ]  # fmt: skip
 
 
@@ -93,18 +95,6 @@ def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
     blocks = {block["title"]: block for block in section(ran)["blocks"]}
     told = blocks["What the camera saw"]
     assert (told["text"], told["pictures"]) == (["There are no pictures in this recording."], [])
-
-
-def test_the_settings_of_a_scenario_that_is_not_shipped_become_its_file():
-    changes = ["tracker.kind=kams", "disturbances.0.start=1.25"]
-    own = scenarios.load("occlusion", changes, 4)
-    settings = json.loads(json.dumps(own.settings(), default=lambda e: e.value))
-    assert again.command("mine", 4, settings, own.expect) is None
-    told = again.command("occlusion", 4, settings, own.expect)
-    assert "--set disturbances.0.start=1.25 --seed 4" in told
-    table = tomllib.loads(again.scenario_file(settings, own.expect))
-    parsed = scenarios.parse(table, "occlusion", "mine.toml")
-    assert (parsed.settings(), parsed.expect) == (own.settings(), own.expect)
 
 
 def test_survival_counts_who_was_never_off_the_target_after_the_first_second():
@@ -142,7 +132,7 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     )
     assert page.count("<img") == 3
     assert "<script" not in page
-    assert "Its trackers or sequences came from a file of your own" in page
+    assert "servobench bench mine.toml --trackers kams,&lt;script&gt;" in page
 
 
 def test_all_that_is_said_of_a_bench_and_the_papers(section, approved, make_papers, tmp_path):
@@ -158,8 +148,10 @@ def test_papers_tell_which_claims_hold(make_papers, tmp_path):
     assert "<code>servobench papers P0-1 P2-2 --quick</code>" in page
 
 
-STUDY = json.dumps({"name": "s", "title": "", "command": "", "versions": {}, "axes": {},
-                    "seeds": [0], "runs": 1}).encode()  # fmt: skip
+HEAD = {"format": 1, "kind": "sweep", "command": "", "versions": {}}
+STUDY = json.dumps(HEAD | {"name": "s", "title": "", "axes": {}, "draws": {}, "seeds": [0],
+                           "compare": None, "expect": {}, "runs": 1, "table": {},
+                           "scenarios": {}}).encode()  # fmt: skip
 BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (
@@ -174,12 +166,18 @@ BAD = {
         {"study.json": STUDY[:-9]},
         "{}/study.json: this is not JSON; it may be half-written",
     ),
-    "a value is missing": ({"papers.json": b"{}"}, "{}/papers.json: version: field required"),
+    "a value is missing": (
+        {"papers.json": b'{"format": 1, "kind": "papers"}'},
+        "{}/papers.json: command: field required",
+    ),
     "half a table": (
         {"study.json": STUDY, "results.parquet": b"PAR1"},
         "{}/results.parquet: this is no Parquet table; it may be half-written",
     ),
-    "an empty bench": ({"bench.json": b'{"runs": []}'}, "{}/bench.json: there are no runs in it"),
+    "an empty bench": (
+        {"bench.json": json.dumps(HEAD | {"kind": "bench closed_loop", "runs": []}).encode()},
+        "{}/bench.json: there are no runs in it",
+    ),
     "a run that was killed": (
         {"steps.arrows": b""},
         "{}: this run was not finished: there is steps.arrows, but no report.json",

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from servo.cli import main
-from servo.output.result_folder import BEGUN, only_writer, result_folder
+from servo.output.result_folder import Begun, only_writer, result_folder
 from servo.output.versions import SOURCE, source_digest
 
 BENCH = ("bench", "suite.toml", "--seeds", "2", "--workers", "1", "--out", "out")
@@ -84,7 +84,7 @@ def test_a_damaged_result_is_named_and_computed_again(monkeypatch, capfd, place,
     path = place / "out" / "results" / "frozen" / "clutter-a-1.json"
     path.write_text(DAMAGE[damage](path.read_text()))
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        0, "servobench: out/results/frozen/clutter-a-1.json: this result is damaged, and is "
+        0, "servobench: out/results/frozen/clutter-a-1.json: this result is damaged; it is "
         "computed again\n",
     )  # fmt: skip
     assert errors(place) == before
@@ -92,12 +92,12 @@ def test_a_damaged_result_is_named_and_computed_again(monkeypatch, capfd, place,
 
 
 def begun(place, **changed):
-    path = place / "out" / BEGUN
+    path = place / "out" / Begun.FILE
     path.write_text(json.dumps(json.loads(path.read_text()) | changed))
 
 
 def test_results_of_other_code_are_refused(monkeypatch, capfd, place):
-    versions = json.loads((place / "out" / BEGUN).read_text())["versions"]
+    versions = json.loads((place / "out" / Begun.FILE).read_text())["versions"]
     assert versions[SOURCE] == source_digest()
     begun(place, versions=versions | {SOURCE: "abc"})
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
@@ -115,23 +115,40 @@ def test_results_of_another_command_are_refused(monkeypatch, capfd, place):
 
 
 def test_a_folder_of_something_else_is_refused(monkeypatch, capfd, place):
-    (place / "out" / BEGUN).unlink()
+    (place / "out" / Begun.FILE).unlink()
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
         2, "servobench: out: there is something in this folder, but no begun.json of `servobench "
         "bench`; choose another folder with --out\n",
     )  # fmt: skip
 
 
+def test_a_result_of_another_format_is_named_and_computed_again(monkeypatch, capfd, place):
+    path = place / "out" / "results" / "frozen" / "clutter-a-1.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 2}))
+    assert call(monkeypatch, capfd, *BENCH, "-q") == (
+        0, "servobench: out/results/frozen/clutter-a-1.json: this file has format 2, and this "
+        "version of servobench reads format 1; it is computed again\n",
+    )  # fmt: skip
+
+
+def test_a_beginning_of_another_format_is_refused(monkeypatch, capfd, place):
+    begun(place, format=2)
+    assert call(monkeypatch, capfd, *BENCH, "-q") == (
+        2, "servobench: out/begun.json: this file has format 2, and this version of servobench "
+        "reads format 1; choose another folder with --out\n",
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("text", ["", "[]", "null", "3", "{"])
 def test_a_damaged_beginning_is_refused(monkeypatch, capfd, place, text):
-    (place / "out" / BEGUN).write_text(text)
+    (place / "out" / Begun.FILE).write_text(text)
     code, err = call(monkeypatch, capfd, *BENCH, "-q")
     assert code == 2
     assert err.startswith("servobench: out/begun.json: this file is damaged, so that nobody knows")
 
 
 def test_one_command_writes_into_a_folder_at_a_time(monkeypatch, capfd, place):
-    with only_writer(place / "out", BEGUN, "bench"):
+    with only_writer(place / "out", Begun, "bench"):
         assert call(monkeypatch, capfd, *BENCH, "-q") == (
             2, "servobench: out: another command is writing into this folder\n"
         )  # fmt: skip
@@ -142,7 +159,7 @@ def test_an_exception_in_the_block_lets_others_write(tmp_path):
     with pytest.raises(KeyError), result_folder(tmp_path / "new", "bench"):
         raise KeyError("a bug")
     with result_folder(tmp_path / "new", "bench"):
-        assert json.loads((tmp_path / "new" / BEGUN).read_text())["command"] == "bench"
+        assert json.loads((tmp_path / "new" / Begun.FILE).read_text())["holds"] == "bench"
 
 
 def test_the_digest_changes_with_the_source_and_not_with_the_readmes_pictures(

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.statistics import McNemar, holm, paired_bootstrap
+from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
 
 # The five z of Naeem, Pridmore and Mills, table 1, decode to these counts over 36 sequences.
 PAPER = {
@@ -52,18 +52,30 @@ def test_counts_come_from_paired_scores():
 
 def test_the_bootstrap_covers_the_true_difference_as_often_as_it_says():
     rng, covered = np.random.default_rng(0), 0
-    for _ in range(200):
+    for seed in range(200):
         common = rng.normal(0, 3, 40)
         first, second = common + rng.normal(1.0, 1, 40), common + rng.normal(0, 1, 40)
-        interval = paired_bootstrap(first, second, rng, confidence=0.9, draws=500)
+        interval = bootstrap(first - second, seed, confidence=0.9)
         covered += interval.low <= 1.0 <= interval.high
     # 200 trials at 0.9 have a standard deviation of 4.2; the percentile interval is a little short.
     assert 165 <= covered <= 195
 
 
-def test_the_bootstrap_refuses_what_is_not_paired():
-    with pytest.raises(ValueError, match="scores must be paired: 2 against 3"):
-        paired_bootstrap(np.zeros(2), np.zeros(3), np.random.default_rng())
+def test_the_bootstrap_has_the_percentiles_of_resampled_means():
+    scores, rng = np.random.default_rng(1).normal(size=12), np.random.default_rng(0)
+    means = scores[rng.integers(0, 12, (2000, 12))].mean(axis=1)
+    interval = bootstrap(scores)
+    # Means may differ in their last bit: they are summed in another order.
+    np.testing.assert_allclose(
+        [interval.low, interval.high], np.percentile(means, [2.5, 97.5]), rtol=1e-12
+    )
+
+
+def test_the_interval_of_a_single_score_is_its_value_and_none_has_none():
+    assert bootstrap(np.array([2.5])) == Interval(2.5, 2.5, 2.5)
+    assert bootstrap(np.array([3.0, 3.0])) == Interval(3.0, 3.0, 3.0)
+    with pytest.raises(ValueError, match="an interval needs at least one score"):
+        bootstrap(np.zeros(0))
 
 
 def test_holm_steps_down_and_never_falls():

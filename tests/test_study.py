@@ -14,6 +14,7 @@ from servo.study import results, store
 from servo.study.axes import Draw
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
+from servo.study.study_file import StudyFile
 from sim import kinds
 
 SMALL = """# mine
@@ -110,7 +111,7 @@ def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
 @pytest.fixture
 def kept(small, tmp_path):
     """The store of the small study with four runs in it."""
-    with store.Store(tmp_path / "out", small, sweep_command.manifest(small, "me")) as there:
+    with store.Store(tmp_path / "out", small, StudyFile.of(small, "me")) as there:
         for run in list(small.runs())[:4]:
             there.add(perform(run))
         yield there

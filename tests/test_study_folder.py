@@ -4,19 +4,21 @@ import json
 import os
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo.cli import main, sweep_command
+from servo.cli import main
 from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.run_file import RunFiles
+from servo.study.study_file import StudyFile
 
 
 @pytest.fixture
@@ -31,7 +33,7 @@ def folder(finished_study, study_place):
 
 
 def opened(study, folder, **changed):
-    return store.Store(folder, study, sweep_command.manifest(study, "me") | changed)
+    return store.Store(folder, study, replace(StudyFile.of(study, "me"), **changed))
 
 
 def refused(study, folder, **changed):
@@ -151,11 +153,13 @@ def test_a_damaged_description_is_refused(small, folder, text):
     )
 
 
-@pytest.mark.parametrize("versions", [None, [], {}, {"mujoco": None}, "x", 3])
+@pytest.mark.parametrize("versions", [None, [], {}, {"mujoco": None}, {"mujoco": "4"}, "x", 3])
 def test_a_description_without_versions_is_refused(small, folder, versions):
     about = json.loads((folder / "study.json").read_text()) | {"versions": versions}
     (folder / "study.json").write_text(json.dumps(about))
-    assert ": this was begun with servobench None, here is 0.1.0: its" in refused(small, folder)
+    other = "this was begun with servobench None, here is 0.1.0: its numbers would not compare"
+    damaged = "this file is damaged, so that nobody knows what the results beside it are"
+    assert (other if versions in ({}, {"mujoco": "4"}) else damaged) in refused(small, folder)
 
 
 def test_another_study_other_versions_and_other_code_are_refused(small, folder):
@@ -163,7 +167,7 @@ def test_another_study_other_versions_and_other_code_are_refused(small, folder):
         f"{folder}: another study is kept here (its seeds differs); choose another folder with "
         "--out"
     )
-    versions = sweep_command.manifest(small, "me")["versions"]
+    versions = StudyFile.of(small, "me").versions
     assert refused(small, folder, versions=versions | {"mujoco": "9.9"}) == (
         f"{folder}: this was begun with mujoco {versions['mujoco']}, here is 9.9: "
         "its numbers would not compare; choose another folder with --out"

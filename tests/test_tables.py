@@ -16,9 +16,11 @@ from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study.parse import KEYS, load
+from servo.study.study_file import StudyFile
 from sim import kinds
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
+from tracking.files.json_text import as_json
 
 
 @pytest.fixture
@@ -60,10 +62,10 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
     bench_command.print_rows(printed, rows)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
-        files = ranking.write(found, rows, tmp_path)
+        files = ranking.write(found, rows, tmp_path, "servobench bench x")
         texts = {path.name: path.read_text().splitlines() for path in files[:2]}
         approved("tables/bench-files", texts)
-        document = json.loads(files[2].read_text())
+        document = json.loads(files[2].read_text()) | {"versions": ""}
         assert document.pop("runs") == found
         approved("tables/bench-json", document)
 
@@ -125,7 +127,7 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
     found = {}
     for name in studies():
         study = load(name)
-        table = sweep_command.manifest(study, "again") | {"versions": "", "scenarios": ""}
+        table = as_json(StudyFile.of(study, "again")) | {"versions": "", "scenarios": ""}
         runs = [[r.number, r.scenario, r.seed, r.settings, r.pictured] for r in study.runs()]
         found[name] = table | {"first": runs[0], "last": runs[-1]}
     approved("tables/studies", found)

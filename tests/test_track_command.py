@@ -199,6 +199,8 @@ def test_a_mistake_is_one_sentence_and_leaves_nothing(monkeypatch, capfd, folder
 
 def test_what_is_no_track_is_refused(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(ValueError, match="this is not a track: its columns are a, b"):
+    with pytest.raises(
+        ValueError, match="format 1, which this version reads: its columns are a, b"
+    ):
         read(tmp_path / "t.csv")
     assert len(HEADER) == 19

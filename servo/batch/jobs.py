@@ -8,12 +8,13 @@ import traceback
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
-from tracking.files import atomic, reading
+from servo.mistake import Mistake
+from servo.output.formats import Document, OtherFormat
+from tracking.files.json_text import as_json
 
 RESULTS = "results"
-MOST_BYTES = 1_000_000_000
 
 
 class Job(Protocol):
@@ -33,6 +34,25 @@ class Job(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResultFile(Document):
+    """results/KEY.json: a result, and all that decides it."""
+
+    KIND: ClassVar[str] = "result"
+    FORMAT: ClassVar[int] = 1
+
+    job: dict[str, Any]
+    result: dict[str, Any]
+    sha256: str
+    """Of the two, as JSON."""
+
+    @staticmethod
+    def of(job: Job, result: dict[str, Any]) -> ResultFile:
+        """The file of a job that has just ended."""
+        described, found = as_json(job.describe()), as_json(result)
+        return ResultFile(job=described, result=found, sha256=_digest(described, found))
+
+
 @dataclass(frozen=True, slots=True)
 class Done:
     """How a job ended."""
@@ -50,7 +70,7 @@ def attempt(job: Job, folder: Path) -> Done:
     """Do a job, and keep its result in the folder."""
     try:
         result = job.run(folder)
-        atomic.write(folder, _name(job), json.dumps(_document(job, result), indent=1) + "\n")
+        ResultFile.of(job, result).write(folder, _name(job))
     except OSError as error:
         return Done(job, None, traceback.format_exc(), error)
     except Exception:
@@ -62,19 +82,21 @@ def known(job: Job, folder: Path) -> Done | None:
     """The result of this very job, if the folder has it whole."""
     try:
         result = _read(job, folder)
-    except ValueError:
+    except Mistake:
         return None
     return None if result is None else Done(job, result)
 
 
-def damaged(jobs: Iterable[Job], folder: Path) -> list[Path]:
-    """Files that should hold a result of these jobs, but cannot be read or were changed."""
-    found: list[Path] = []
+def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
+    """What is wrong with files that should hold a result of these jobs, a sentence each."""
+    found: list[str] = []
     for job in jobs:
         try:
             _read(job, folder)
-        except ValueError:
-            found.append(folder / _name(job))
+        except OtherFormat as error:
+            found.append(error.fact)
+        except Mistake:
+            found.append(f"{folder / _name(job)}: this result is damaged")
     return found
 
 
@@ -82,27 +104,15 @@ def _read(job: Job, folder: Path) -> dict[str, Any] | None:
     """The result of this very job; None where there is none, or one of another job.
 
     Raises:
-        ValueError: The file is no result, or not as it was written.
+        Mistake: The file is no result, or not as it was written.
     """
     path = folder / _name(job)
     if not path.exists():
         return None
-    try:
-        kept = json.loads(reading.text(path, "result", MOST_BYTES))
-    except RecursionError as error:
-        raise ValueError(str(error)) from None
-    if not isinstance(kept, dict) or kept.keys() != {"job", "result", "sha256"}:
-        raise ValueError("this is no result")
-    if kept["sha256"] != _digest(kept["job"], kept["result"]):
-        raise ValueError("this result was changed")
-    same = kept["job"] == json.loads(json.dumps(job.describe()))
-    return kept["result"] if same else None
-
-
-def _document(job: Job, result: dict[str, Any]) -> dict[str, Any]:
-    described = json.loads(json.dumps(job.describe()))
-    digest = _digest(described, json.loads(json.dumps(result)))
-    return {"job": described, "result": result, "sha256": digest}
+    kept = ResultFile.read(path)
+    if kept.sha256 != _digest(kept.job, kept.result):
+        raise Mistake(f"{path}: this result was changed")
+    return kept.result if kept.job == as_json(job.describe()) else None
 
 
 def _digest(described: Any, result: Any) -> str:

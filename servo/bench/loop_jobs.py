@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from servo.bench.sequence_jobs import Contender
 from servo.loop.episode import measured_run
+from servo.loop.run_measures import Outcome
+from servo.output.formats import Made, Number
+from servo.output.versions import versions
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from tracking.files import atomic
@@ -78,15 +80,44 @@ class LoopJob:
         return scenarios.load(self.scenario, list(self.changes), self.seed)
 
 
-def write(results: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
-    """runs.csv and bench.json; their paths.
+@dataclass(frozen=True, slots=True)
+class LoopRun:
+    """One tracker in one scenario with one seed."""
+
+    tracker: str
+    follows: str
+    scenario: str
+    seed: int
+    outcome: str
+    measures: dict[str, Number | None]
+
+    @property
+    def held(self) -> bool:
+        """Whether the camera held the target."""
+        return self.outcome == Outcome.CONVERGED.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopBench(Made):
+    """bench.json of `servobench bench closed_loop`."""
+
+    FILE: ClassVar[str] = "bench.json"
+    KIND: ClassVar[str] = "bench closed_loop"
+    FORMAT: ClassVar[int] = 1
+
+    runs: list[LoopRun]
+
+
+def write(results: Sequence[dict[str, Any]], folder: Path, command: str) -> list[Path]:
+    """Write runs.csv and bench.json of a command line; their paths.
 
     Raises:
         OSError: The disk refuses.
     """
     names = list(results[0]["measures"])
     rows = [[*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)] for r in results]
+    runs = [LoopRun(**result) for result in results]
     return [
         atomic.write(folder, "runs.csv", csv_text([*COLUMNS, *names], rows)),
-        atomic.write(folder, "bench.json", json.dumps({"runs": list(results)}, indent=1) + "\n"),
+        LoopBench(command=command, versions=versions(), runs=runs).write(folder),
     ]

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from servo.output.formats import Made, Number
+from servo.output.versions import versions
 from sim.types import Array
 from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
 from tracking.evaluation.track_measures import MEASURES
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
+from tracking.files.json_text import number
 
 DECIDES = "frames_until_loss"
 """What McNemar's test compares, as the KAMS paper does: which of two tracked for longer."""
 RANKS = "auc"
-SEED = 0
-"""Of the bootstrap: the same results give the same intervals."""
 SHEETS = "sheets"
 SHOWN = {
     "AUC": "auc", "P20": "precision_20", "error": "mean_error_px", "done": "completed",
@@ -45,12 +45,41 @@ class Row:
     runs: int
     means: dict[str, Interval]
     """By measure; those that nothing could be said of are not there."""
-    families: dict[str, float]
-    """Mean success by family."""
+    families: dict[str, float | None]
+    """Mean success by family; None where it could not be measured."""
     against_best: McNemar | None
     """This tracker against the best one; None for the best."""
     p: float
     """Of that test, corrected for the number of trackers (Holm)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceRun:
+    """One tracker on one sequence with one seed."""
+
+    tracker: str
+    sequence: str
+    family: str
+    seed: int
+    frames: int
+    measures: dict[str, Number | None]
+    success: list[float]
+    precision: list[float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceBench(Made):
+    """bench.json of `servobench bench` on sequences."""
+
+    FILE: ClassVar[str] = "bench.json"
+    KIND: ClassVar[str] = "bench"
+    FORMAT: ClassVar[int] = 1
+
+    measures: dict[str, dict[str, str]]
+    """Unit, better direction and meaning, by name."""
+    trackers: list[Row]
+    """The best first."""
+    runs: list[SequenceRun]
 
 
 def rows_of(results: Sequence[Result]) -> list[Row]:
@@ -83,8 +112,8 @@ def values(results: Sequence[Result], measure: str) -> Array:
     return np.array([v for v in found if v is not None], dtype=float)
 
 
-def write(results: Sequence[Result], rows: Sequence[Row], folder: Path) -> list[Path]:
-    """runs.csv, table.csv and bench.json; their paths.
+def write(results: Sequence[Result], rows: Sequence[Row], folder: Path, command: str) -> list[Path]:
+    """Write runs.csv, table.csv and bench.json of a command line; their paths.
 
     Raises:
         OSError: The disk refuses.
@@ -95,16 +124,18 @@ def write(results: Sequence[Result], rows: Sequence[Row], folder: Path) -> list[
             for r in results]  # fmt: skip
     thrice = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
     head = ["tracker", "runs", *thrice, "z_against_best", "p_holm"]
-    document = {
-        "measures": {m.name: {"unit": m.unit, "better": m.better.value, "meaning": m.meaning}
-                     for m in MEASURES},
-        "trackers": [_plain(row) for row in rows],
-        "runs": list(results),
-    }  # fmt: skip
+    bench = SequenceBench(
+        command=command,
+        versions=versions(),
+        measures={m.name: {"unit": m.unit, "better": m.better.value, "meaning": m.meaning}
+                  for m in MEASURES},
+        trackers=list(rows),
+        runs=[SequenceRun(**result) for result in results],
+    )  # fmt: skip
     return [
         atomic.write(folder, "runs.csv", csv_text([*about, *names], runs)),
         atomic.write(folder, "table.csv", csv_text(head, (_line(row, names) for row in rows))),
-        atomic.write(folder, "bench.json", json.dumps(document, indent=1) + "\n"),
+        bench.write(folder),
     ]
 
 
@@ -121,30 +152,15 @@ def _mean(results: Sequence[Result], measure: str) -> float:
 
 def _means(results: Sequence[Result]) -> dict[str, Interval]:
     found = {m.name: values(results, m.name) for m in MEASURES}
-    rng = np.random.default_rng(SEED)
-    return {
-        name: bootstrap(scores, rng, draws=2000) for name, scores in found.items() if len(scores)
-    }
+    return {name: bootstrap(scores) for name, scores in found.items() if len(scores)}
 
 
-def _families(results: Sequence[Result]) -> dict[str, float]:
+def _families(results: Sequence[Result]) -> dict[str, float | None]:
     names = dict.fromkeys(r["family"] for r in results)
-    return {name: _mean([r for r in results if r["family"] == name], RANKS) for name in names}
+    return {
+        name: number(_mean([r for r in results if r["family"] == name], RANKS)) for name in names
+    }
 
 
 def _cells(interval: Interval | None) -> tuple[float | str, ...]:
     return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)
-
-
-def _plain(row: Row) -> dict[str, Any]:
-    test = row.against_best
-    return {
-        "tracker": row.tracker,
-        "runs": row.runs,
-        "measures": {k: {"mean": i.value, "low": i.low, "high": i.high}
-                     for k, i in row.means.items()},
-        "families": row.families,
-        "against_best": None if test is None else
-        {"wins": test.wins, "losses": test.losses, "ties": test.ties, "z": test.z, "p": test.p,
-         "p_holm": row.p},
-    }  # fmt: skip

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sim.kinds import kind_of
 from tracking.evaluation.sequences.sequence import Sequence, read_all
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.sequences.truth import Format
@@ -18,7 +17,7 @@ from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile
 from tracking.evaluation.track_measures import Comparison, measure_all
 from tracking.files import atomic
-from tracking.files.json_text import number
+from tracking.files.json_text import as_json, number
 
 TRACKS = "tracks"
 LONGEST_LABEL = 60
@@ -47,8 +46,8 @@ class Contender:
             )
 
     def describe(self) -> dict[str, Any]:
-        """Module and settings."""
-        return {"kind": type(self.config).__module__, "settings": plain(self.config)}
+        """Kind and settings."""
+        return {"kind": kind_of(self.config), "settings": as_json(self.config)}
 
 
 class Entry(Protocol):
@@ -93,7 +92,7 @@ class Generated:
 
     def describe(self) -> dict[str, Any]:
         """Kind and settings."""
-        return {"kind": self.kind, "settings": plain(self.config)}
+        return {"kind": self.kind, "settings": as_json(self.config)}
 
     def build(self, seed: int) -> Sequence:
         """The sequence of one seed."""
@@ -177,8 +176,3 @@ class SequenceJob:
 def track_path(folder: Path, key: str) -> Path:
     """Where the track of a job is."""
     return folder / TRACKS / f"{key}.csv"
-
-
-def plain(config: Any) -> dict[str, Any]:
-    """A `Config` in words that JSON has."""
-    return json.loads(json.dumps(dataclasses.asdict(config), default=lambda e: e.value))

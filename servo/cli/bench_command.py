@@ -18,6 +18,7 @@ from servo.bench.sequence_jobs import SequenceJob, track_path
 from servo.cli import bench_loop_command
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain
+from servo.output.command_line import command_line
 from servo.output.result_folder import result_folder
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.drawing.contact_sheet import sheet
@@ -39,8 +40,10 @@ def run(
     """
     folder = out or Path("runs") / f"bench-{Path(name).stem}"
     console = Console(quiet=quiet)
+    again = command_line("bench", name, trackers=trackers, seeds=seeds)
     if name == suites.CLOSED_LOOP:
-        return bench_loop_command.run(suites.contenders(trackers), seeds, workers, folder, console)
+        chosen = suites.contenders(trackers)
+        return bench_loop_command.run(chosen, seeds, workers, folder, console, again)
     entries, listed = suites.suite(name)
     chosen = listed if listed and trackers is None else suites.contenders(trackers)
     check_number(len(chosen) * len(entries) * seeds)
@@ -52,7 +55,7 @@ def run(
         if not results:
             return code
         rows = ranking.rows_of(results)
-        paths = ranking.write(results, rows, folder)
+        paths = ranking.write(results, rows, folder, again)
         paths += curves.draw(results, [row.tracker for row in rows], title, folder)
         paths += _sheets(jobs, rows[0].tracker, folder)
     print_rows(console, rows)
@@ -81,7 +84,7 @@ def print_rows(console: Console, rows: Sequence[ranking.Row]) -> None:
     plain(console, LEGEND)
     families = list(rows[0].families)
     labels = [row.tracker for row in rows]
-    success = [[f"{row.families.get(f, 0):.2f}" for f in families] for row in rows]
+    success = [[f"{row.families.get(f) or 0:.2f}" for f in families] for row in rows]
     if 1 < len(families) <= WIDE:
         _print_families(console, ("tracker", *families), labels, success)
     elif len(families) > 1 and len(rows) <= WIDE:

@@ -24,9 +24,10 @@ from tracking.evaluation.statistics import bootstrap
 
 
 def run(
-    chosen: Sequence[Contender], seeds: int, workers: int, folder: Path, console: Console
-) -> int:
-    """Bench in the closed loop; the exit code: 1 where a run failed."""
+    chosen: Sequence[Contender], seeds: int, workers: int, folder: Path, console: Console,
+    command: str,
+) -> int:  # fmt: skip
+    """Bench in the closed loop, as a command line asks for; the exit code: 1 where a run failed."""
     gl.backend()
     check_number(len(chosen) * len(loop_jobs.SCENARIOS) * seeds)
     jobs = [
@@ -35,7 +36,7 @@ def run(
     with Workers(workers) as team, result_folder(folder, "bench closed_loop"):
         done, code = work(jobs, folder, team, console, "bench closed loop")
         results = [d.result for d in done if d.result is not None]
-        paths = write(results, folder) if results else []
+        paths = write(results, folder, command) if results else []
     if results:
         _print(console, results)
     for path in paths:
@@ -70,7 +71,7 @@ def _cell(group: Sequence[dict[str, Any]], measure: str) -> str:
     found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
     if not found:
         return ""
-    i = bootstrap(np.array(found), np.random.default_rng(0), draws=2000)
+    i = bootstrap(np.array(found))
     if len(found) == 1:
         return f"{i.value:.3g}"
     return f"{i.value:.3g} [dim]{i.low:.2g}..{i.high:.2g}[/]"

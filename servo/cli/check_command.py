@@ -12,11 +12,12 @@ from rich.table import Table
 
 from servo.batch.ended import Ended
 from servo.batch.workers import Workers, check_number
-from servo.cli.run_command import command, load, print_missed
+from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import plain, progress_bar
 from servo.loop.episode import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
+from servo.output.command_line import command_line
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
@@ -63,7 +64,11 @@ def check_scenarios(
     _check_changes(changes)
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     checks = [
-        Check(number, load(name, changes, seed), command(name, changes, seed))
+        Check(
+            number,
+            load(name, changes, seed),
+            command_line("run", name, set=list(changes), seed=seed),
+        )
         for number, (name, seed) in enumerate(each)
     ]
     gl.backend()

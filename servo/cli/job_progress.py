@@ -47,9 +47,6 @@ def work(
     return [done[key] for key in keys if key in done], 1 if failed else 0
 
 
-def _print_damaged(paths: Sequence[Path]) -> None:
-    for path in paths:
-        plain(
-            Console(stderr=True),
-            f"servobench: {path}: this result is damaged, and is computed again",
-        )
+def _print_damaged(reasons: Sequence[str]) -> None:
+    for reason in reasons:
+        plain(Console(stderr=True), f"servobench: {reason}; it is computed again")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -17,10 +14,12 @@ from servo.batch.workers import Workers
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain
 from servo.mistake import Mistake, unknown
+from servo.output.command_line import command_line
 from servo.output.result_folder import result_folder
+from servo.output.versions import versions
 from servo.papers import estimator_study, servo_paper
 from servo.papers.claim import Claim, Effort, Verdict
-from servo.papers.claims import CLAIMS, FIGURES, JOINED, SUMMARY
+from servo.papers.claims import CLAIMS, FIGURES, JOINED, Judged, PapersReport
 from sim import gl
 from tracking.files import atomic
 
@@ -59,8 +58,12 @@ def run(
             figures = atomic.folder(folder, FIGURES)
             verdicts[claim.name] = verdict = claim.judge(results, figures)
             _print(console, claim, verdict)
-        _write(verdicts, known, effort, folder)
-    plain(console, f"  {folder / FIGURES}\n  {folder / SUMMARY}")
+        again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
+        tested = {name: Judged.of(known[name], verdict) for name, verdict in verdicts.items()}
+        written = PapersReport(
+            command=again, versions=versions(), quick=effort.quick, claims=tested
+        ).write(folder)
+    plain(console, f"  {folder / FIGURES}\n  {written}")
     missed = [name for name, verdict in verdicts.items() if not verdict.holds]
     return failed or (1 if missed and not effort.quick else 0)
 
@@ -85,18 +88,3 @@ def _print(console: Console, claim: Claim, verdict: Verdict) -> None:
         for row in rows:
             table.add_row(*map(escape, row))
         console.print(table)
-
-
-def _write(
-    verdicts: dict[str, Verdict], claims: dict[str, Claim], effort: Effort, folder: Path
-) -> None:
-    document: dict[str, Any] = {
-        "version": metadata.version("servobench"),
-        "quick": effort.quick,
-        "claims": {
-            name: {"says": claims[name].says, "measured": v.measured, "holds": bool(v.holds),
-                   "table": v.table, "figures": [f"{FIGURES}/{p.name}" for p in v.figures]}
-            for name, v in verdicts.items()
-        },
-    }  # fmt: skip
-    atomic.write(folder, SUMMARY, json.dumps(document, indent=1, ensure_ascii=False) + "\n")

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from servo.bench.ranking import SequenceBench
 from servo.mistake import Mistake, unwritable
-from servo.output.run_folder import REPORT
+from servo.output.run_report import RunReport
 from servo.output.steps_table import STREAM, TABLE
-from servo.papers.claims import SUMMARY
+from servo.papers.claims import PapersReport
 from servo.report import bench_section, papers_section, run_section, study_section
 from servo.report.page import Section, render
-from servo.report.study_data import MANIFEST
+from servo.study.study_file import StudyFile
 from tracking.files import atomic
 
 PAGE, PAGES = "report.html", (".html", ".htm")
 KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
-    ((MANIFEST,), study_section.section),
-    ((SUMMARY,), papers_section.section),
-    ((bench_section.BENCH,), bench_section.section),
+    ((StudyFile.FILE,), study_section.section),
+    ((PapersReport.FILE,), papers_section.section),
+    ((SequenceBench.FILE,), bench_section.section),
     ((TABLE, STREAM), run_section.section),
 )
 """Files that tell what a folder is, and who reads it."""
@@ -61,8 +62,10 @@ def _section(folder: Path) -> Section:
     for names, section in KINDS:
         if any((folder / name).exists() for name in names):
             return section(folder)
-    if (folder / REPORT).exists():
-        raise Mistake(f"{folder / REPORT}: there is no {TABLE} beside it; is this a run's folder?")
+    if (folder / RunReport.FILE).exists():
+        raise Mistake(
+            f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"
+        )
     raise Mistake(
         f"{folder}: nothing in this folder is of `servobench run`, `bench`, `papers` or `sweep`"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from servo.cli.terminal import COMPILING, WAITING, plain, progress_bar
 from servo.loop.episode import Episode
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
 from servo.loop.step import Step
+from servo.output.command_line import command_line
 from servo.output.run_folder import RunFolder, prepare
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
@@ -38,13 +38,17 @@ def run_scenario(
         Refused: The disk did not take all of it; the rows come first.
     """
     scenario = load(name, changes, seed)
+    again = command_line("run", name, set=list(changes), seed=scenario.run.seed, no_rerun=not rerun)
     gl.backend()
     console = Console(quiet=quiet)
     with console.status(WAITING):
         episode = Episode(scenario)
     with episode:
         output = RunFolder(
-            prepare(out, f"{scenario.name}-{scenario.run.seed}"), episode, rerun=rerun
+            prepare(out, f"{scenario.name}-{scenario.run.seed}"),
+            episode,
+            rerun=rerun,
+            command=again,
         )
         steps: list[Step] = []
         writing: list[float] = []
@@ -63,7 +67,7 @@ def run_scenario(
     console.print(_stage_line(steps, writing))
     for path in paths:
         plain(console, f"  {path}")
-    print_missed(Console(stderr=True), missed, command(name, changes, scenario.run.seed))
+    print_missed(Console(stderr=True), missed, again)
     if output.refused is not None:
         raise output.refused
     return 1 if missed else 0
@@ -112,19 +116,6 @@ def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
         f"A step took {1e3 * total:.1f} ms: {parts}; "
         f"writing it took {1e3 * median(writing):.1f} ms (medians)"
     )
-
-
-def command(name: str, changes: Sequence[str], seed: int) -> str:
-    """What runs a scenario again."""
-    parts = [
-        "servobench",
-        "run",
-        name,
-        *(p for c in changes for p in ("--set", c)),
-        "--seed",
-        str(seed),
-    ]
-    return shlex.join(parts)
 
 
 def print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:

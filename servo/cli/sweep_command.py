@@ -22,12 +22,13 @@ from servo.batch.tasks import carry_out
 from servo.cli.sweep_progress import StudyProgress
 from servo.cli.terminal import plain, stop
 from servo.mistake import Mistake, Refused
-from servo.output.versions import versions
+from servo.output.command_line import command_line
 from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.plan import Study
 from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
-from servo.study.store import Store
+from servo.study.store import COMPARISONS, RESULTS, Store
+from servo.study.study_file import StudyFile
 from sim import gl
 
 SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
@@ -57,9 +58,7 @@ class Request:
     @property
     def command(self) -> str:
         """The command itself, but for where it writes and how it is spread."""
-        words = ["servobench", "sweep", self.name]
-        words += [w for change in self.changes for w in ("--set", change)]
-        return shlex.join([*words, *(["--seeds", str(self.seeds)] if self.seeds else [])])
+        return command_line("sweep", self.name, set=list(self.changes), seeds=self.seeds)
 
 
 def run(request: Request) -> int:
@@ -77,7 +76,7 @@ def run(request: Request) -> int:
         gl.backend()
     else:
         check_settings(request.scheduler)
-    with Store(folder, study, manifest(study, request.command)) as store:
+    with Store(folder, study, StudyFile.of(study, request.command)) as store:
         _print_damaged(store.damaged)
         try:
             failed = _work(study, store, request, console)
@@ -90,24 +89,6 @@ def run(request: Request) -> int:
     for path, error in failed:
         plain(Console(stderr=True), f"servobench: {path}: {error}")
     return 1 if failed else code
-
-
-def manifest(study: Study, command: str) -> dict[str, Any]:
-    """All that decides a study, in words that JSON has."""
-    return {
-        "name": study.name,
-        "title": study.title,
-        "command": command,
-        "versions": versions(),
-        "axes": {a.key: list(a.values) for a in study.every_axis},
-        "draws": {d.key: {d.law: list(d.numbers)} for d in study.draws},
-        "seeds": list(study.seeds),
-        "compare": study.compare,
-        "expect": study.expect,
-        "runs": study.size,
-        "table": study.table,
-        "scenarios": {b.name: b.table for b in study.bases},
-    }
 
 
 def _work(study: Study, store: Store, request: Request, console: Console) -> list[tuple[Path, str]]:
@@ -157,10 +138,10 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     rows = table.to_pylist()
     cells, pairs = cells_of(study, rows), comparisons(study, rows)
     _print_cells(console, cells)
-    paths = [store.write("results.parquet", _parquet(table))]
+    paths = [store.write(RESULTS, _parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
-        paths.append(store.write("comparisons.csv", comparisons_csv(pairs)))
+        paths.append(store.write(COMPARISONS, comparisons_csv(pairs)))
         for c in [c for c in pairs if c.p_holm < 0.05][:10]:
             console.print(
                 f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +16,10 @@ from rich.table import Table
 from servo.cli.signals import exit_code
 from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
 from servo.mistake import Mistake
-from servo.output.run_folder import REPORT, prepare
+from servo.output.command_line import command_line
+from servo.output.run_folder import prepare
 from servo.output.track_folder import TrackFolder
+from servo.output.track_report import TrackReport
 from servo.output.versions import versions
 from servo.scenario.fill import fill_plugin
 from servo.scenario.override import override
@@ -29,7 +30,6 @@ from tracking.evaluation.sequences.sequence import check_truth, source_of, truth
 from tracking.evaluation.sequences.sources import Source
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
-from tracking.files import atomic
 from tracking.files.json_text import number
 from tracking.types import Region, State, Status
 
@@ -51,6 +51,15 @@ class Request:
     rate: float
     frames: int | None
     quiet: bool
+
+    @property
+    def command(self) -> str:
+        """The command line, but for where it writes."""
+        return command_line(
+            "track", self.source, region=self.region, tracker=self.kind, set=list(self.changes),
+            seed=self.seed, truth=self.truth, truth_format=self.truth_format, video=self.video,
+            rerun=self.rerun, rate=f"{self.rate:g}", frames=self.frames,
+        )  # fmt: skip
 
 
 def run(request: Request) -> int:
@@ -180,18 +189,19 @@ def _report(
 ) -> Path:  # fmt: skip
     measures = {} if comparison is None else measure_all(comparison)
     blind = [shot.picture.name for shot in seen if shot.blind]
-    report = {
-        "source": request.source,
-        "tracker": settings,
-        "seed": request.seed,
-        "frames": len(seen),
-        "undecodable": blind,
-        "lost": sum(shot.estimate.status is Status.LOST for shot in seen),
-        "measures": {name: number(value) for name, value in measures.items()},
-        "units": {m.name: m.unit for m in MEASURES},
-        "versions": versions(),
-    }
-    return atomic.write(folder, REPORT, json.dumps(report, indent=2, allow_nan=False) + "\n")
+    report = TrackReport(
+        command=request.command,
+        versions=versions(),
+        source=request.source,
+        tracker=settings,
+        seed=request.seed,
+        frames=len(seen),
+        undecodable=blind,
+        lost=sum(shot.estimate.status is Status.LOST for shot in seen),
+        measures={name: number(value) for name, value in measures.items()},
+        units={m.name: m.unit for m in MEASURES},
+    )
+    return report.write(folder)
 
 
 def _print(

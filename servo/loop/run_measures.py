@@ -16,6 +16,7 @@ from servo.scenario.sections import MeasureConfig
 from servo.scenario.toml import is_number
 from sim.geometry import half_turn
 from sim.types import Array
+from tracking.files.json_text import number
 from tracking.types import Status
 
 SETTLED_PX, SETTLED_RAD, SETTLED_SCALE = 2.0, np.radians(1.0), 0.02
@@ -95,13 +96,16 @@ class Violation:
     """A bound that was not kept."""
 
     name: str
-    found: float | str
+    found: float | str | None
+    """None where it is not finite."""
     bound: float | str
 
     def __str__(self) -> str:
+        found = "not finite" if self.found is None else self.found
+        found = f"{found:.3g}" if isinstance(found, float) else found
         if isinstance(self.bound, str):
-            return f"{self.name} is {self.found}, expected {self.bound}"
-        return f"{self.name} is {self.found:.3g}, expected at most {self.bound:g}"
+            return f"{self.name} is {found}, expected {self.bound}"
+        return f"{self.name} is {found}, expected at most {self.bound:g}"
 
 
 def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Report:
@@ -166,7 +170,7 @@ def violations(report: Report, expect: dict[str, float | str]) -> list[Violation
             if report.outcome.name != bound:
                 missed.append(Violation(name, report.outcome.name, bound))
         elif not report.value(name) <= bound:
-            missed.append(Violation(name, report.value(name), bound))
+            missed.append(Violation(name, number(report.value(name)), bound))
     return missed
 
 

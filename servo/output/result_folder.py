@@ -6,22 +6,35 @@ compare, and another command's results would be mixed with these.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Generator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import ClassVar, TypeVar
 
 from filelock import FileLock, Timeout
 
 from servo.mistake import Mistake, Refused, unwritable
+from servo.output.formats import Document, OtherFormat
 from servo.output.versions import versions
-from tracking.files import atomic, reading
+from tracking.files import atomic
 
-BEGUN, LOCK = "begun.json", ".lock"
-MOST_BYTES = 1_000_000_000
-"""The table of a study and all its scenarios are smaller."""
+LOCK = ".lock"
 GOES_ON = "the same command goes on from there"
+Beginning = TypeVar("Beginning", bound=Document)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Begun(Document):
+    """Whose results a folder holds."""
+
+    FILE: ClassVar[str] = "begun.json"
+    KIND: ClassVar[str] = "begun"
+    FORMAT: ClassVar[int] = 1
+
+    holds: str
+    """The command: "bench", "bench closed_loop" or "papers"."""
+    versions: dict[str, str]
 
 
 @contextmanager
@@ -37,16 +50,16 @@ def result_folder(folder: Path, command: str) -> Generator[None]:
             or it cannot be written.
         Refused: The disk refused something in the block.
     """
-    with only_writer(folder, BEGUN, command) as found:
+    with only_writer(folder, Begun, command) as found:
         if found is None:
-            _write(folder, {"command": command, "versions": versions()})
-        elif found.get("command") != command:
+            _write(folder, Begun(holds=command, versions=versions()))
+        elif found.holds != command:
             raise Mistake(
                 f"{folder}: this folder holds results of another command; choose another folder "
                 "with --out"
             )
         else:
-            check_versions(folder, found.get("versions"), versions())
+            check_versions(folder, found.versions, versions())
         try:
             yield
         except OSError as error:
@@ -55,13 +68,13 @@ def result_folder(folder: Path, command: str) -> Generator[None]:
 
 @contextmanager
 def only_writer(
-    folder: Path, name: str, command: str, own: Collection[str] = ()
-) -> Generator[dict[str, Any] | None]:
+    folder: Path, kind: type[Beginning], command: str, own: Collection[str] = ()
+) -> Generator[Beginning | None]:
     """Make a folder, and keep others from writing into it until the block ends.
 
     Args:
         folder: Which. Nothing is written into one that is not the command's.
-        name: Of the file that says whose it is.
+        kind: Of the file that says whose it is.
         command: Which command goes on here.
         own: Folders that may be there, empty, where the first session was killed at once.
 
@@ -73,7 +86,7 @@ def only_writer(
     """
     try:
         if folder.is_dir():
-            _manifest(folder, name, command, own)
+            _manifest(folder, kind, command, own)
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK)
         lock.acquire(blocking=False)
@@ -82,48 +95,49 @@ def only_writer(
     except OSError as error:
         raise unwritable(folder, error) from None
     try:
-        yield _manifest(folder, name, command, own)
+        yield _manifest(folder, kind, command, own)
     finally:
         lock.release()
 
 
-def _manifest(folder: Path, name: str, command: str, own: Collection[str]) -> dict[str, Any] | None:
+def _manifest(
+    folder: Path, kind: type[Beginning], command: str, own: Collection[str]
+) -> Beginning | None:
     """What a folder's first session wrote about it; arguments as for `only_writer`.
 
     Raises:
-        Mistake: The file is damaged, or missing though the folder holds something.
+        Mistake: The file is damaged or of another format, or missing though the folder holds
+            something.
     """
-    path = folder / name
+    path = folder / kind.FILE
     if not path.exists():
-        if any(not _of_the_beginning(there, name, own) for there in folder.iterdir()):
+        if any(not _of_the_beginning(there, kind.FILE, own) for there in folder.iterdir()):
             raise Mistake(
-                f"{folder}: there is something in this folder, but no {name} of `servobench "
+                f"{folder}: there is something in this folder, but no {kind.FILE} of `servobench "
                 f"{command}`; choose another folder with --out"
             )
         return None
     try:
-        found = json.loads(reading.text(path, "file", MOST_BYTES))
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        return kind.read(path)
+    except OtherFormat as error:
+        raise Mistake(f"{error.fact}; choose another folder with --out") from None
+    except Mistake:
         raise Mistake(
             f"{path}: this file is damaged, so that nobody knows what the results beside "
             "it are; choose another folder with --out"
-        )
-    return found
+        ) from None
 
 
-def check_versions(folder: Path, before: Any, now: dict[str, str]) -> None:
+def check_versions(folder: Path, before: dict[str, str], now: dict[str, str]) -> None:
     """Refuse to add results to those of other versions.
 
     Raises:
         Mistake: A package or our own source differs; the message says which.
     """
-    kept: dict[str, Any] = before if isinstance(before, dict) else {}
     for name, version in now.items():
-        if kept.get(name) != version:
+        if before.get(name) != version:
             raise Mistake(
-                f"{folder}: this was begun with {name} {kept.get(name)}, here is {version}: its "
+                f"{folder}: this was begun with {name} {before.get(name)}, here is {version}: its "
                 "numbers would not compare; choose another folder with --out"
             )
 
@@ -133,8 +147,8 @@ def _of_the_beginning(path: Path, name: str, own: Collection[str]) -> bool:
     return empty or path.name in (LOCK, atomic.ASIDE.format(name))
 
 
-def _write(folder: Path, begun: dict[str, Any]) -> None:
+def _write(folder: Path, begun: Begun) -> None:
     try:
-        atomic.write(folder, BEGUN, json.dumps(begun, indent=1) + "\n")
+        begun.write(folder)
     except OSError as error:
         raise unwritable(folder, error) from None

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from servo.loop.episode import Episode
 from servo.loop.run_measures import Report, Violation
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output import plots
+from servo.output.run_report import RunReport
 from servo.output.steps_table import STREAM, TABLE, StepsTable
-from servo.output.versions import versions
-from servo.parts import FeatureSet
-from servo.scenario.load import Scenario
 from tracking.files import atomic
-from tracking.files.json_text import number
 
-RECORDING, REPORT = "run.rrd", "report.json"
+RECORDING = "run.rrd"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
@@ -73,14 +68,20 @@ class RunFolder:
     refused: Refused | None = None
     """Why the recording is not whole, if it is not."""
 
-    def __init__(self, folder: Path, episode: Episode, *, rerun: bool) -> None:
+    def __init__(self, folder: Path, episode: Episode, *, rerun: bool, command: str = "") -> None:
         """Open the files.
+
+        Args:
+            folder: Where to write.
+            episode: The run.
+            rerun: Also write a recording.
+            command: The command line that makes it again, if there is one.
 
         Raises:
             Mistake: Another run is writing into this folder.
             Refused: The disk has no room for the rows.
         """
-        self.folder, self._scenario = folder, episode.scenario
+        self.folder, self._scenario, self._command = folder, episode.scenario, command
         self._features = episode.loop.features
         at_once = max(1, round(episode.scenario.camera.rate))
         try:
@@ -131,31 +132,12 @@ class RunFolder:
         Raises:
             Refused: The disk refuses; the rows are complete.
         """
-        summary = _summary(self._scenario, self._features, report, missed)
-        text = json.dumps(summary, indent=2, allow_nan=False)
+        found = RunReport.of(self._scenario, self._features, report, list(missed), self._command)
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
-            written = atomic.write(self.folder, REPORT, text + "\n")
+            written = found.write(self.folder)
             drawn = plots.draw(steps, title, self.folder)
         except OSError as error:
             raise Refused.by(error, f"all rows are in {self.folder / TABLE}") from None
         recording = [self.folder / RECORDING] if self._log else []
         return [*recording, self.folder / TABLE, written, *drawn]
-
-
-def _summary(
-    scenario: Scenario, features: FeatureSet, report: Report, missed: Sequence[Violation]
-) -> dict[str, Any]:
-    return {
-        "scenario": scenario.name,
-        "seed": scenario.run.seed,
-        "outcome": report.outcome.name,
-        "measures": {m.name: number(m.value) for m in report.measures},
-        "units": {m.name: m.unit for m in report.measures},
-        "expect": scenario.expect,
-        "missed": [str(v) for v in missed],
-        "features": dict(zip(features.names, features.units, strict=True)),
-        "feed_forward": list(features.feed_forward),
-        "settings": json.loads(json.dumps(scenario.settings(), default=lambda e: e.value)),
-        "versions": versions(),
-    }

@@ -25,6 +25,8 @@ from sim.types import Array
 from tracking.files import atomic
 
 STREAM, TABLE = "steps.arrows", "steps.parquet"
+FORMAT = 1
+"""Stands in the schema's metadata; raised by one where a reader must change."""
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
 REAL, WHOLE, FLAG, TEXT = pa.float64(), pa.int64(), pa.bool_(), pa.string()
 TIMED = "seconds_"
@@ -197,7 +199,7 @@ class StepsTable:
         self._rows: list[dict[str, Any]] = []
         every = [c for q in self._quantities for c in q.columns]
         fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in every]
-        self._schema = pa.schema(fields)
+        self._schema = pa.schema(fields, metadata={"format": str(FORMAT)})
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
         # The schema goes out with the first batch: what is killed at once can be read as well.

@@ -18,7 +18,7 @@ from servo.bench.suites import TRACKERS
 from sim import kinds
 from sim.types import Array
 from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval, bootstrap
+from tracking.evaluation.statistics import Interval
 
 Result = dict[str, Any]
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563")
@@ -80,11 +80,6 @@ def column(results: Sequence[Result], measure: str) -> Array:
     """A measure over results (n,); nan where it does not apply."""
     found = [r["measures"][measure] for r in results]
     return np.array([np.nan if v is None else v for v in found], dtype=float)
-
-
-def mean_of(scores: Array) -> Interval:
-    """Mean with a 95 % bootstrap interval, the same for the same scores."""
-    return bootstrap(scores, np.random.default_rng(0), draws=2000)
 
 
 def words(interval: Interval, unit: str = "") -> str:

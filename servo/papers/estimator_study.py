@@ -19,12 +19,11 @@ from servo.papers.claim import (
     axes,
     column,
     group,
-    mean_of,
     save,
 )
 from servo.papers.loop_series import LoopSeries
 from sim import kinds
-from tracking.evaluation.statistics import Interval
+from tracking.evaluation.statistics import Interval, bootstrap
 
 SEEDS = 10
 NONE = "none"
@@ -83,7 +82,7 @@ Scores = dict[str, list[Interval]]
 def _judge(results: list[Result], folder: Path) -> Verdict:
     found: Scores = {
         estimator: [
-            mean_of(column(group(results, estimator=estimator, scenario=c.scenario,
+            bootstrap(column(group(results, estimator=estimator, scenario=c.scenario,
                                  label=c.rate.replace(" ", "")), c.measure))
             for c in CASES
         ]

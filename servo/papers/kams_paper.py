@@ -12,7 +12,7 @@ import numpy as np
 
 from servo.batch.jobs import Job
 from servo.bench.ranking import compare
-from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded, SequenceJob, plain
+from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded, SequenceJob
 from servo.bench.suites import GENERATORS
 from servo.papers.claim import (
     COLOURS,
@@ -32,6 +32,7 @@ from tracking.appearance.bins import Labelled
 from tracking.evaluation.sequences.sequence import read_all
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.statistics import McNemar, holm
+from tracking.files.json_text import as_json
 from tracking.search.annealing import Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
 
@@ -145,7 +146,7 @@ class SpreadJob:
     def describe(self) -> dict[str, Any]:
         """Settings, seed, version."""
         tracker, entry = self._parts()
-        return {"tracker": plain(tracker.config), "sequence": entry.describe(), "seed": self.seed,
+        return {"tracker": as_json(tracker.config), "sequence": entry.describe(), "seed": self.seed,
                 "version": metadata.version("servobench")}  # fmt: skip
 
     def run(self, folder: Path) -> dict[str, Any]:

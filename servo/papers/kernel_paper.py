@@ -25,11 +25,11 @@ from servo.papers.claim import (
     column,
     contender,
     group,
-    mean_of,
     save,
     words,
 )
 from sim import kinds
+from tracking.evaluation.statistics import bootstrap
 from tracking.evaluation.track_file import read
 
 SEEDS, SEEDS_PAIR = 10, 30
@@ -52,8 +52,8 @@ def _judge_five(results: list[Result], folder: Path) -> Verdict:
     table = [["tracker", "angle RMSE", "position RMSE", "never lost", "ms"]]
     for label in labels:
         runs = group(results, tracker=label)
-        table.append([label, words(mean_of(column(runs, "angle_rmse_deg")), "deg"),
-                      words(mean_of(column(runs, "rmse_px")), "px"),
+        table.append([label, words(bootstrap(column(runs, "angle_rmse_deg")), "deg"),
+                      words(bootstrap(column(runs, "rmse_px")), "px"),
                       f"{int(column(runs, 'completed').sum())} of {len(runs)}",
                       f"{np.median(column(runs, 'milliseconds')):.2f}"])  # fmt: skip
     middle = {n: float(np.median(column(group(results, tracker=n), "angle_rmse_deg")))
@@ -92,8 +92,8 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
         for kind, count in (("mk_pf", 500), ("pf_ssd", 75)):
             runs = group(results, tracker=f"{kind}{ending}")
             ms = column(runs, "milliseconds")
-            table.append([name, f"{kind} {count}", words(mean_of(column(runs, "angle_rmse_deg")),
-                          "deg"), words(mean_of(column(runs, "rmse_px")), "px"),
+            table.append([name, f"{kind} {count}", words(bootstrap(column(runs, "angle_rmse_deg")),
+                          "deg"), words(bootstrap(column(runs, "rmse_px")), "px"),
                           f"{np.median(ms):.2f}", f"{np.median(ms / whole):.2f}"])  # fmt: skip
     ours, theirs = group(results, tracker=COMBINED), group(results, tracker=WHOLE)
     angle = [float(column(g, "angle_rmse_deg").mean()) for g in (ours, theirs)]

@@ -20,12 +20,12 @@ from servo.papers.claim import (
     axes,
     column,
     group,
-    mean_of,
     save,
     words,
 )
 from servo.papers.loop_series import LoopSeries
 from sim.types import Array
+from tracking.evaluation.statistics import bootstrap
 
 SEEDS = 5
 ESTIMATORS = ("none", "kalman_cv")
@@ -43,7 +43,7 @@ def _both(name: str, effort: Effort) -> Sequence[Job]:
 
 
 def _judge_lag(results: list[Result], folder: Path) -> Verdict:
-    rms = {e: mean_of(column(group(results, estimator=e), "servo_rms_px")) for e in ESTIMATORS}
+    rms = {e: bootstrap(column(group(results, estimator=e), "servo_rms_px")) for e in ESTIMATORS}
     times = rms["none"].value / rms["kalman_cv"].value
     table = [["estimator", "servo rms"], *([e, words(rms[e], "px")] for e in ESTIMATORS)]
     figure = _draw_error(results, "P1-4: distance of the target from the goal, constant speed")
@@ -60,7 +60,7 @@ def _judge_sign(results: list[Result], folder: Path) -> Verdict:
     ax.set(xlabel="time [s]", ylabel="d yn/dt of the target [m/s]",
            title="P1-5: the estimated velocity follows the reversals")  # fmt: skip
     ax.legend(frameon=False)
-    said = f"right in {words(mean_of(100 * shares), '%')} of the frames"
+    said = f"right in {words(bootstrap(100 * shares), '%')} of the frames"
     return Verdict(said, bool(shares.mean() >= AGREE), figures=[save(figure, folder, "P1-5")])
 
 
@@ -72,7 +72,7 @@ def _agreement(run: Result) -> float:
 
 def _judge_peak(results: list[Result], folder: Path) -> Verdict:
     runs = group(results, estimator="kalman_cv")
-    peak = mean_of(column(runs, "servo_peak_px"))
+    peak = bootstrap(column(runs, "servo_peak_px"))
     back = max(_longest_away(r) for r in runs)
     figure = _draw_error(results, "P1-6: distance of the target from the goal, reversals")
     return Verdict(

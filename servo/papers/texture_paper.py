@@ -22,13 +22,13 @@ from servo.papers.claim import (
     column,
     contender,
     group,
-    mean_of,
     save,
     words,
 )
 from sim import kinds
 from sim.types import Array
 from tracking.appearance.model import SampledModel
+from tracking.evaluation.statistics import bootstrap
 from tracking.evaluation.track_file import read
 
 SEEDS = 10
@@ -50,7 +50,7 @@ def _judge_rmse(results: list[Result], folder: Path) -> Verdict:
     table = [["tracker", "RMSE", "success AUC", "scale error"]]
     for label in labels:
         runs = group(results, tracker=label)
-        table.append([label, words(mean_of(rmse[label]), "px"),
+        table.append([label, words(bootstrap(rmse[label]), "px"),
                       f"{column(runs, 'auc').mean():.2f}",
                       f"{100 * column(runs, 'scale_rmse').mean():.0f} %"])  # fmt: skip
     times = float(rmse[SHIFT].mean() / rmse[FILTER].mean())

@@ -3,76 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from servo.bench.ranking import INTERVAL, LEGEND, RANKS, SHEETS, SHOWN
+from servo.bench.loop_jobs import LoopBench
+from servo.bench.ranking import (
+    INTERVAL,
+    LEGEND,
+    RANKS,
+    SHEETS,
+    SHOWN,
+    Row,
+    SequenceBench,
+    SequenceRun,
+)
 from servo.mistake import Mistake
-from servo.report import files, loop_section
-from servo.report.bench_again import command
-from servo.report.page import Badge, Block, Cell, Fact, Picture, Section, Table, Tone
+from servo.output import formats
+from servo.report import loop_section
+from servo.report.page import Badge, Block, Cell, Fact, Picture, Section, Table, Tone, again
 from servo.report.words import NOTHING, cut, shown, spread
 from tracking.evaluation.statistics import Interval
 
-BENCH = "bench.json"
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 MOST_SHEETS, MOST_ROWS = 24, 500
 SURE = 0.05
 """A p value below this is said to tell two trackers apart."""
-
-
-@dataclass(frozen=True, slots=True)
-class Mean:
-    """A measure of a tracker over all runs."""
-
-    mean: files.Number
-    low: files.Number
-    high: files.Number
-
-
-@dataclass(frozen=True, slots=True)
-class Test:
-    """A tracker against the best one."""
-
-    z: files.Number
-    p_holm: files.Number
-
-
-@dataclass(frozen=True, slots=True)
-class Ranked:
-    """A tracker over all runs."""
-
-    tracker: str
-    runs: int
-    measures: dict[str, Mean]
-    families: dict[str, files.Number]
-    against_best: Test | None
-
-
-@dataclass(frozen=True, slots=True)
-class One:
-    """One run."""
-
-    tracker: str
-    sequence: str
-    seed: int
-    measures: dict[str, files.Number | None]
-
-
-@dataclass(frozen=True, slots=True)
-class Written:
-    """bench.json of a bench on sequences."""
-
-    trackers: list[Ranked]
-    runs: list[One]
-
-
-@dataclass(frozen=True, slots=True)
-class Unread:
-    """bench.json of any bench, as far as all are alike."""
-
-    runs: list[dict[str, Any]]
 
 
 def section(folder: Path) -> Section:
@@ -81,17 +35,15 @@ def section(folder: Path) -> Section:
     Raises:
         Mistake: A file is missing or broken.
     """
-    path = folder / BENCH
-    runs = files.read(path, Unread).runs
-    if not runs:
+    path = folder / SequenceBench.FILE
+    bench = formats.read(path, SequenceBench, LoopBench)
+    if not bench.runs:
         raise Mistake(f"{path}: there are no runs in it")
-    if "scenario" in runs[0]:
-        return loop_section.section(folder, path)
-    bench = files.read(path, Written)
+    if isinstance(bench, LoopBench):
+        return loop_section.section(folder, bench)
     if not bench.trackers:
         raise Mistake(f"{path}: there are no trackers in it")
     best = bench.trackers[0]
-    again = command(folder, [(r.tracker, r.sequence, r.seed) for r in bench.runs])
     blocks = [
         Block("Trackers", points=_told(bench.trackers), tables=[_table(bench.trackers)],
               pictures=[_picture(folder / name, title, sheet=False)
@@ -99,12 +51,12 @@ def section(folder: Path) -> Section:
         *_families(bench.trackers),
         *_sheets(folder, best.tracker),
         _runs(bench.runs),
-        again,
+        again(bench),
     ]  # fmt: skip
-    score = best.measures.get(RANKS)
+    score = best.means.get(RANKS)
     facts = [
         Fact("best tracker", best.tracker),
-        Fact("its success AUC", shown(score.mean if score else None), "95 % interval: "
+        Fact("its success AUC", shown(score.value if score else None), "95 % interval: "
              + (f"{score.low:.3f} to {score.high:.3f}" if score else "none")),
         Fact("trackers", str(len(bench.trackers))),
         Fact("sequences", str(len({r.sequence for r in bench.runs}))),
@@ -115,33 +67,32 @@ def section(folder: Path) -> Section:
     return Section("bench", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
 
 
-def _told(trackers: Sequence[Ranked]) -> list[str]:
+def _told(trackers: Sequence[Row]) -> list[str]:
     best, others = trackers[0].tracker, trackers[1:]
-    worse = [t.tracker for t in others if t.against_best and t.against_best.p_holm < SURE]
+    worse = [t.tracker for t in others if t.against_best and t.p < SURE]
     alike = [t.tracker for t in others if t.tracker not in worse]
     told = [f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g})."]
     doubt = [f"Not told apart from {best} by these runs: {', '.join(alike)}."]
     return [*(told if worse else []), *(doubt if alike else [])]
 
 
-def _table(trackers: Sequence[Ranked]) -> Table:
+def _table(trackers: Sequence[Row]) -> Table:
     rows: list[list[Cell]] = []
     for t in trackers:
-        cells = [_cell(t.measures.get(name), title == INTERVAL) for title, name in SHOWN.items()]
+        cells = [_cell(t.means.get(name), title == INTERVAL) for title, name in SHOWN.items()]
         test = t.against_best
-        end = [shown(test.z), shown(test.p_holm)] if test else ["", ""]
+        end = [shown(test.z), shown(t.p)] if test else ["", ""]
         rows.append([t.tracker, str(t.runs), *cells, *end])
     return Table(("tracker", "runs", *SHOWN, "z", "p"), rows, note=" ".join(LEGEND.split()))
 
 
-def _cell(mean: Mean | None, with_interval: bool) -> str:
+def _cell(mean: Interval | None, with_interval: bool) -> str:
     if mean is None:
         return NOTHING
-    whole = Interval(mean.mean, mean.low, mean.high)
-    return spread(whole) if with_interval else shown(mean.mean)
+    return spread(mean) if with_interval else shown(mean.value)
 
 
-def _families(trackers: Sequence[Ranked]) -> list[Block]:
+def _families(trackers: Sequence[Row]) -> list[Block]:
     names = list(trackers[0].families)
     if len(names) < 2:
         return []
@@ -161,10 +112,10 @@ def _sheets(folder: Path, best: str) -> list[Block]:
 
 
 def _picture(path: Path, title: str, *, sheet: bool) -> Picture:
-    return Picture.of(title, files.content(path), str(path), sheet=sheet)
+    return Picture.of(title, formats.content(path), str(path), sheet=sheet)
 
 
-def _runs(runs: Sequence[One]) -> Block:
+def _runs(runs: Sequence[SequenceRun]) -> Block:
     names = list(runs[0].measures)
     rows = [[r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
             for r in runs[:MOST_ROWS]]  # fmt: skip

@@ -5,64 +5,43 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from annotated_types import Ge, Le
-from pydantic import TypeAdapter, ValidationError
 
 from servo.mistake import Mistake
-from tracking.files import reading
-
-Content = TypeVar("Content")
-HALF = "it may be half-written"
-ABSURD = 1e100
-"""No number of ours is larger; what is larger cannot be drawn."""
-Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
-LARGEST = 1_000_000_000
-"""Largest file [bytes]."""
+from servo.output import steps_table
+from servo.output.formats import ABSURD, HALF, check_format, content
 
 
-def read(path: Path, kind: type[Content]) -> Content:
-    """A JSON file as a dataclass; keys that it does not have are passed over.
+def steps(path: Path, wanted: Sequence[str]) -> pa.Table:
+    """Some columns of the table of a run's steps.
 
     Raises:
-        Mistake: The file cannot be read, is no JSON, or lacks something.
+        Mistake: As for `table`, or it has another format number, or none.
     """
-    try:
-        return TypeAdapter(kind).validate_json(content(path))
-    except ValidationError as error:
-        first = error.errors()[0]
-        if first["type"] == "json_invalid":
-            raise Mistake(f"{path}: this is not JSON; {HALF}") from None
-        where = ".".join(str(part) for part in first["loc"]) or "all of it"
-        said = first["msg"][0].lower() + first["msg"][1:]
-        raise Mistake(f"{path}: {where}: {said}") from None
+    return table(path, wanted, steps_table.FORMAT)
 
 
-def content(path: Path) -> bytes:
-    """A file's bytes.
-
-    Raises:
-        Mistake: It cannot be read, is not a regular file, or is too large.
-    """
-    try:
-        return reading.content(path, "file", LARGEST)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
-
-
-def table(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
+def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = None) -> pa.Table:
     """A Parquet file, or some of its columns.
 
+    Args:
+        path: Where it is.
+        wanted: Columns; all of them for None.
+        number: Of its format, where it has one.
+
     Raises:
-        Mistake: It cannot be read, or lacks a column.
+        Mistake: It cannot be read, has another format number, or lacks a column.
     """
     raw = content(path)
     try:
         file = pq.ParquetFile(pa.BufferReader(raw), page_checksum_verification=True)
+        if number is not None:
+            found = (file.schema_arrow.metadata or {}).get(b"format", b"").decode(errors="replace")
+            check_format(path, int(found) if found.isdecimal() else found or None, number)
         for name in wanted or ():
             if name not in file.schema_arrow.names:
                 raise Mistake(f"{path}: there is no column '{name}' in this table")

@@ -3,54 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from servo.bench.loop_jobs import LEGEND, RANKS, SHOWN
-from servo.loop.run_measures import Outcome
-from servo.papers.claim import mean_of
-from servo.report import charts, files
-from servo.report.bench_again import command
-from servo.report.page import Badge, Block, Cell, Fact, Section, Table
+from servo.bench.loop_jobs import LEGEND, RANKS, SHOWN, LoopBench, LoopRun
+from servo.report import charts
+from servo.report.page import Badge, Block, Cell, Fact, Section, Table, again
 from servo.report.words import cut, shown, spread
-from tracking.evaluation.statistics import Interval
+from tracking.evaluation.statistics import Interval, bootstrap
 
 MOST_ROWS = 500
 
 
-@dataclass(frozen=True, slots=True)
-class One:
-    """One run."""
-
-    tracker: str
-    follows: str
-    scenario: str
-    seed: int
-    outcome: str
-    measures: dict[str, files.Number | None]
-
-    @property
-    def held(self) -> bool:
-        """Whether the camera held the target."""
-        return self.outcome == Outcome.CONVERGED.name
-
-
-@dataclass(frozen=True, slots=True)
-class Written:
-    """bench.json of a bench in the closed loop."""
-
-    runs: list[One]
-
-
-def section(folder: Path, path: Path) -> Section:
-    """All about the folder of such a bench, whose bench.json is at a path.
-
-    Raises:
-        Mistake: A file is missing or broken.
-    """
-    runs = files.read(path, Written).runs
+def section(folder: Path, bench: LoopBench) -> Section:
+    """All about the folder of such a bench."""
+    runs = bench.runs
     trackers = list(dict.fromkeys(r.tracker for r in runs))
     names = list(dict.fromkeys(r.scenario for r in runs))
     held = sum(r.held for r in runs)
@@ -69,19 +37,19 @@ def section(folder: Path, path: Path) -> Section:
     blocks = [
         Block("Trackers", points=lost, tables=[_table(runs, names, trackers)], figures=[figure]),
         _runs(runs),
-        command(folder, [(r.tracker, r.scenario, r.seed) for r in runs], closed=True),
+        again(bench),
     ]
     lead = "Each tracker steers the camera through the same scenarios."
     verdict = Badge.of(held == len(runs), "all held", f"{len(runs) - held} not held")
     return Section("bench", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
 
 
-def _mean(runs: Sequence[One], measure: str) -> Interval | None:
+def _mean(runs: Sequence[LoopRun], measure: str) -> Interval | None:
     found = [value for r in runs if (value := r.measures.get(measure)) is not None]
-    return mean_of(np.array(found)) if found else None
+    return bootstrap(np.array(found)) if found else None
 
 
-def _table(runs: Sequence[One], names: Sequence[str], trackers: Sequence[str]) -> Table:
+def _table(runs: Sequence[LoopRun], names: Sequence[str], trackers: Sequence[str]) -> Table:
     rows: list[list[Cell]] = []
     for name in names:
         for tracker in trackers:
@@ -95,7 +63,7 @@ def _table(runs: Sequence[One], names: Sequence[str], trackers: Sequence[str]) -
     return Table(head, rows, words=range(3), note=" ".join(LEGEND.split()))
 
 
-def _runs(runs: Sequence[One]) -> Block:
+def _runs(runs: Sequence[LoopRun]) -> Block:
     names = list(runs[0].measures)
     rows = [[r.tracker, r.scenario, str(r.seed), r.outcome,
              *(shown(r.measures.get(n)) for n in names)] for r in runs[:MOST_ROWS]]  # fmt: skip

@@ -14,6 +14,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from servo.mistake import Mistake
+from servo.output.formats import Made
 from servo.report.drawing import DARK, LIGHT
 
 TEMPLATE = "page.html.jinja"
@@ -146,9 +147,12 @@ class Section:
     folder: str
 
 
-def versions(found: dict[str, str]) -> Table:
-    """The table of versions."""
-    return Table(("package", "version"), list(found.items()), words=range(2))
+def again(made: Made) -> Block:
+    """How a file was made: the versions, and the command line."""
+    table = Table(("package", "version"), list(made.versions.items()), words=range(2))
+    if not made.command:
+        return Block("Again", ["This was made from Python, not by a command."], tables=[table])
+    return Block("Again", tables=[table], code=[made.command])
 
 
 def render(sections: Sequence[Section]) -> str:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import tomli_w
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake
-from servo.output.run_folder import RECORDING, REPORT
+from servo.output.run_folder import RECORDING
+from servo.output.run_report import RunReport
 from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
-from servo.report import again, files
+from servo.report import files
 from servo.report.charts import ERRORS, Axis, Curve, Shade, curves
 from servo.report.drawing import INK, colour
-from servo.report.page import Badge, Block, Fact, Figure, Picture, Section, Table, Tone, versions
+from servo.report.page import Badge, Block, Fact, Figure, Picture, Section, Table, Tone, again
 from servo.report.words import shown
 from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import page, tile
@@ -29,33 +30,16 @@ MIDDLE = (1, 99)
 """Percentiles of the measured motion that its plot shows; its outliers leave it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
-    """report.json."""
-
-    scenario: str
-    seed: int
-    outcome: str
-    measures: dict[str, files.Number | None]
-    expect: dict[str, files.Number | str]
-    missed: list[str]
-    features: dict[str, str]
-    """Units of the features, by name."""
-    feed_forward: list[str]
-    """Features whose target motion is drawn."""
-    settings: dict[str, Any]
-    versions: dict[str, str]
-
-
 def section(folder: Path) -> Section:
     """All about a run's folder.
 
     Raises:
         Mistake: The run is not finished, or a file is broken.
     """
-    if not (folder / REPORT).exists():
-        raise Mistake(f"{folder}: this run was not finished: there is {STREAM}, but no {REPORT}")
-    run = files.read(folder / REPORT, Written)
+    path = folder / RunReport.FILE
+    if not path.exists():
+        raise Mistake(f"{folder}: this run was not finished: there is {STREAM}, but no {path.name}")
+    run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)
     kept = len(run.expect) - len(run.missed)
     facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", _tone(run)))]
@@ -68,18 +52,18 @@ def section(folder: Path) -> Section:
         "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
         Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome, run.outcome), facts,
         [_bounds(run), Block("Over time", figures=_figures(folder, run)), _pictures(folder),
-         _command(folder, run)], str(folder),
+         _scenario(path, run), again(run)], str(folder),
     )  # fmt: skip
 
 
-def _tone(run: Written) -> Tone:
+def _tone(run: RunReport) -> Tone:
     if not run.expect:
         return Tone.PLAIN
     return Tone.BAD if run.missed else Tone.GOOD
 
 
-def _bounds(run: Written) -> Block:
-    missed = {sentence.split(" is ")[0] for sentence in run.missed}
+def _bounds(run: RunReport) -> Block:
+    missed = {violation.name for violation in run.missed}
     rows: list[list[str | Badge]] = []
     for name, value in {"outcome": run.outcome, **run.measures}.items():
         unit, meaning = MEANINGS.get(name, ("", "how the run ended"))
@@ -98,10 +82,15 @@ def _bounds(run: Written) -> Block:
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
         text = ["This scenario has no bounds."]
-    return Block("Measures and bounds", text, run.missed, [Table(head, rows, words=(0, 2, 4, 5))])
+    return Block(
+        "Measures and bounds",
+        text,
+        list(map(str, run.missed)),
+        [Table(head, rows, words=(0, 2, 4, 5))],
+    )
 
 
-def _figures(folder: Path, run: Written) -> list[Figure]:
+def _figures(folder: Path, run: RunReport) -> list[Figure]:
     errors = {name: _column("error", name, ending(unit)) for name, unit in run.features.items()}
     moving = [name for name in run.feed_forward or run.features if name in run.features]
     motions = {
@@ -110,7 +99,7 @@ def _figures(folder: Path, run: Written) -> list[Figure]:
     }  # fmt: skip
     wanted = ["time_s", "servo_error_px", "tracking_error_px", "fresh", "status", *errors.values(),
               *(column for columns in motions.values() for column in columns)]  # fmt: skip
-    table = files.table(folder / TABLE, wanted)
+    table = files.steps(folder / TABLE, wanted)
     column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
     time, across = column["time_s"], Axis("time [s]")
     unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))
@@ -172,15 +161,9 @@ def _pictures(folder: Path) -> Block:
                  pictures=[Picture.of("", encoded, str(path), sheet=True)])  # fmt: skip
 
 
-def _command(folder: Path, run: Written) -> Block:
-    found = again.command(run.scenario, run.seed, run.settings, run.expect)
-    told = versions(run.versions)
-    if found is not None:
-        return Block("Again", tables=[told], code=[found])
-    text = [f"Its settings are no shipped scenario's; save this as {run.scenario}.toml beside you."]
+def _scenario(path: Path, run: RunReport) -> Block:
     try:
-        lines = again.scenario_file(run.settings, run.expect)
-    except TypeError as error:
-        raise Mistake(f"{folder / REPORT}: settings: {error}") from None
-    return Block("Again", text, tables=[told],
-                 code=[f"servobench run {run.scenario}.toml --seed {run.seed}", lines])  # fmt: skip
+        lines = tomli_w.dumps(run.table)
+    except (TypeError, ValueError) as error:
+        raise Mistake(f"{path}: table: {error}") from None
+    return Block("Scenario", ["As it ran, with all changes."], code=[lines.strip()], folded=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,43 +12,16 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from servo.mistake import Mistake
-from servo.papers.claim import mean_of
 from servo.report import files
+from servo.study.store import COMPARISONS, FAILURES, RESULTS, RUNS
+from servo.study.study_file import FailureFile, StudyFile
 from sim.types import Array
-from tracking.evaluation.statistics import Interval
+from tracking.evaluation.statistics import Interval, bootstrap
 
-MANIFEST, RESULTS, RUNS, FAILURES = "study.json", "results.parquet", "runs", "failures"
-COMPARISONS = "comparisons.csv"
 SERIES, SHEET, TIME = ("servo_error_px", "tracking_error_px", "on_target"), "sheet", "time_s"
 SUCCESS = "success"
 NEEDED = ("run", "outcome", SUCCESS)
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Manifest:
-    """study.json."""
-
-    name: str
-    title: str
-    command: str
-    versions: dict[str, str]
-    axes: dict[str, list[Any]]
-    seeds: list[int]
-    runs: int
-    draws: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
-    compare: str | None = None
-    expect: dict[str, files.Number] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """A run that ended in an error."""
-
-    run: int
-    settings: dict[str, Any]
-    command: str
-    error: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +44,11 @@ class Study:
     """All that a folder has but its sheets, which are read when they are shown."""
 
     folder: Path
-    plan: Manifest
+    plan: StudyFile
     rows: list[Row]
     series: dict[int, Series]
     """By the number of the run."""
-    failures: list[Failure]
+    failures: list[FailureFile]
     comparisons: list[dict[str, str]]
     broken: int
     """Files of runs that cannot be read, as a crash leaves them: they count as not run."""
@@ -122,7 +95,7 @@ def load(folder: Path) -> Study:
     Raises:
         Mistake: A file is missing or broken.
     """
-    plan = files.read(folder / MANIFEST, Manifest)
+    plan = StudyFile.read(folder / StudyFile.FILE)
     numbers = sorted(int(p.stem) for p in (folder / RUNS).glob("*.parquet") if p.stem.isdecimal())
     rows: list[Row] = []
     series: dict[int, Series] = {}
@@ -141,7 +114,7 @@ def load(folder: Path) -> Study:
             if name not in whole.column_names:
                 raise Mistake(f"{folder / RESULTS}: there is no column '{name}' in this table")
         rows = whole.to_pylist()
-    failed = [files.read(p, Failure) for p in sorted((folder / FAILURES).glob("*.json"))]
+    failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
     pairs = folder / COMPARISONS
     told = files.rows(pairs) if pairs.exists() else []
     return Study(folder, plan, rows, series, failed, told, broken)
@@ -156,7 +129,7 @@ def values(rows: list[Row], name: str) -> Array:
 def interval(rows: list[Row], name: str) -> Interval | None:
     """Mean of a measure with its 95 % interval; None where no run has it."""
     found = values(rows, name)
-    return mean_of(found) if len(found) else None
+    return bootstrap(found) if len(found) else None
 
 
 def median(rows: list[Row], name: str) -> float:

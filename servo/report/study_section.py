@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from servo.loop.run_measures import MEANINGS, Outcome
-from servo.report import page, study_axes, study_time
-from servo.report.page import Badge, Block, Cell, Fact, Figure, Picture, Section, Table, Tone
+from servo.report import study_axes, study_time
+from servo.report.page import Badge, Block, Cell, Fact, Figure, Picture, Section, Table, Tone, again
 from servo.report.study_data import SUCCESS, Row, Study, interval, load, median
 from servo.report.words import NOTHING, cut, listed, shown, spread
 from servo.study.results import grouped, missed
@@ -35,7 +35,7 @@ def section(folder: Path) -> Section:
         _overview(study, broken),
         *(_shown(study) if study.rows else []),
         *_failures(study),
-        Block("Again", tables=[page.versions(plan.versions)], code=[plan.command]),
+        again(plan),
     ]
     verdict, facts = _verdict(study, broken), _facts(study, broken)
     return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
@@ -178,9 +178,18 @@ def _cells(study: Study) -> list[Block]:
 def _runs(study: Study) -> list[Block]:
     left_out = ("version_", "sheet")
     names = [n for n in study.rows[0] if not n.startswith(left_out)]
-    rows = [[shown(row.get(n)) for n in names] for row in study.rows[:MOST_ROWS]]
+    rows = [[_cell(row.get(n)) for n in names] for row in study.rows[:MOST_ROWS]]
     text = list(filter(None, [cut("runs", study.rows, MOST_ROWS)]))
     return [Block("Runs", text, tables=[Table(names, rows, words=())], folded=True)]
+
+
+def _cell(value: Any) -> str:
+    """A cell of a run; of missed bounds the names."""
+    return ", ".join(str(bound["name"]) for bound in value) if _are_bounds(value) else shown(value)
+
+
+def _are_bounds(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(b, dict) and "name" in b for b in value)
 
 
 def _failures(study: Study) -> list[Block]:

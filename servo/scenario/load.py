@@ -25,6 +25,7 @@ from servo.scenario.sections import (
     StartConfig,
 )
 from servo.sight.estimate_to_sight import SightConfig
+from sim import kinds
 from sim.render import CameraConfig
 from sim.world import WorldConfig
 
@@ -76,22 +77,17 @@ class Scenario:
 
     def settings(self) -> Table:
         """Every value the run uses, the defaults included."""
-        names = [
-            f.name for f in dataclasses.fields(self) if f.name not in ("name", "table", "expect")
-        ]
-        plain = {name: _plain(getattr(self, name)) for name in names}
-        for name in LISTS:
-            given = self.table.get(name, [])
-            plain[name] = [{"kind": g["kind"]} | p for g, p in zip(given, plain[name], strict=True)]
-        for name, (_, default) in PLUGINS.items():
-            plain[name] = {"kind": self.table.get(name, {}).get("kind", default)} | plain[name]
-        return plain
+        plain = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
+        chosen = {name: _described(getattr(self, name)) for name in PLUGINS}
+        listed = {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
+        return plain | chosen | listed
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return dataclasses.asdict(value)
+def _described(config: Any) -> Table:
+    """The kind of a `Config` and its settings."""
+    value: Any = config
+    settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
+    return {"kind": kinds.kind_of(config)} | settings
 
 
 def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:

@@ -46,13 +46,20 @@ def perform(run: Run) -> Row:
         **run.settings,
         "outcome": report.outcome.name,
         "success": report.outcome.name == hoped,
-        "missed": "; ".join(str(v) for v in violations(report, scenario.expect)),
+        "missed": [
+            {"name": v.name, "found": _text(v.found), "bound": _text(v.bound)}
+            for v in violations(report, scenario.expect)
+        ],
         **{m.name: number(m.value) for m in report.measures},
         "track_ms": 1e3 * float(np.median([s.seconds.track for s in steps])),
         **version_columns(),
         **_series(steps),
         "sheet": _jpeg(tiles) if tiles else None,
     }
+
+
+def _text(value: float | str | None) -> str | None:
+    return None if value is None else str(value)
 
 
 def version_columns() -> dict[str, str]:

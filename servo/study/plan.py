@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import copy
 import itertools
-import json
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import tomli_w
 
 from servo.loop.run_measures import check_expect
+from servo.output.command_line import command_line
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario, Table
-from servo.scenario.override import put
+from servo.scenario.override import assignment, put
 from servo.study.axes import SCENARIO, Axis, Draw, Value
 
 
@@ -69,10 +69,8 @@ class Run:
     def command(self, changes: dict[str, Value]) -> str:
         """What runs it alone; changes are those of the whole study."""
         every = changes | {k: v for k, v in self.settings.items() if k != SCENARIO}
-        sets = [f"--set {shlex.quote(f'{k}={_toml(v)}')}" for k, v in ordered(every).items()]
-        return " ".join(
-            ["servobench run", shlex.quote(self.scenario), f"--seed {self.seed}", *sets]
-        )
+        sets = [f"{k}={_toml(v)}" for k, v in ordered(every).items()]
+        return command_line("run", self.scenario, seed=self.seed, set=sets)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,5 +161,9 @@ def ordered(settings: dict[str, Value]) -> dict[str, Value]:
 
 
 def _toml(value: Value) -> str:
-    """JSON's numbers, strings and lists are TOML's; a plain word needs no quotes here."""
-    return value if isinstance(value, str) and value.isidentifier() else json.dumps(value)
+    """A value as TOML in one line; a word that is no TOML needs no quotes after --set."""
+    if isinstance(value, str) and assignment(f"key={value}") == ("key", value):
+        return value
+    # Inside two lists everything is written as a value, never as a table of its own.
+    lines = tomli_w.dumps({"key": [[value]]}).strip().split("\n")
+    return " ".join(line.strip() for line in lines).removeprefix("key = [ [ ")[: -len(", ], ]")]

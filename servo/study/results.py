@@ -15,8 +15,6 @@ from servo.study.plan import Study
 from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
 from tracking.files.csv_text import csv_text
 
-DRAWS = 2000
-"""Of the bootstrap."""
 AVERAGED = (*MEANINGS, "track_ms")
 
 
@@ -37,8 +35,9 @@ class Cell:
         for name in AVERAGED:
             found = [row[name] for row in rows if row[name] is not None]
             if found:
-                means[name] = _interval(found)
-        return Cell(settings, len(rows), _interval([row["success"] for row in rows]), means)
+                means[name] = bootstrap(np.array(found, float))
+        held = np.array([row["success"] for row in rows], float)
+        return Cell(settings, len(rows), bootstrap(held), means)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +133,6 @@ def _mean(rows: Sequence[Row], name: str) -> float:
     """Over the runs that have it; infinite where none has."""
     found = [row[name] for row in rows if row.get(name) is not None]
     return float(np.mean(found)) if found else np.inf
-
-
-def _interval(values: Sequence[float]) -> Interval:
-    return bootstrap(np.array(values, float), np.random.default_rng(0), draws=DRAWS)
 
 
 def _three(name: str) -> tuple[str, str, str]:

@@ -15,6 +15,8 @@ from servo.study.plan import Place, Study
 from tracking.files import reading
 
 FLOATS, FLAGS = pa.list_(pa.float32()), pa.list_(pa.bool_())
+MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))
+"""Bounds that a run did not keep; numbers are texts, as a bound on the outcome is a word."""
 MOST_BYTES = 100_000_000
 SERIES = {"time_s": FLOATS, "servo_error_px": FLOATS, "tracking_error_px": FLOATS,
           "on_target": FLAGS, "sheet": pa.binary()}  # fmt: skip
@@ -66,7 +68,7 @@ def columns(study: Study) -> list[tuple[str, pa.DataType]]:
     return [
         *fixed,
         *((key, _type(values)) for key, values in own if key not in named),
-        ("outcome", pa.string()), ("success", pa.bool_()), ("missed", pa.string()),
+        ("outcome", pa.string()), ("success", pa.bool_()), ("missed", MISSED),
         *((name, pa.float64()) for name in (*MEANINGS, "track_ms")),
         *((name, pa.string()) for name in version_columns()),
     ]  # fmt: skip

@@ -7,11 +7,9 @@ run.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 
@@ -20,9 +18,12 @@ from servo.output.result_folder import check_versions, only_writer
 from servo.study.perform import Row, version_columns
 from servo.study.plan import Run, Study
 from servo.study.run_file import RunFiles
+from servo.study.study_file import FailureFile, StudyFile
 from tracking.files import atomic
+from tracking.files.json_text import as_json
 
-MANIFEST, RUNS, FAILURES = "study.json", "runs", "failures"
+RUNS, FAILURES = "runs", "failures"
+RESULTS, COMPARISONS = "results.parquet", "comparisons.csv"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios")
 """What must not differ between the sessions of one study."""
 
@@ -30,13 +31,13 @@ DECIDE = ("table", "axes", "draws", "seeds", "scenarios")
 class Store:
     """A study's folder, for one writer; use it in a `with`."""
 
-    def __init__(self, folder: Path, study: Study, described: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, study: Study, described: StudyFile) -> None:
         """Make the folder, or go on in it.
 
         Args:
             folder: Which.
             study: What is to be run.
-            described: All that decides it, as JSON has it.
+            described: All that decides it.
 
         Raises:
             Mistake: It cannot be written, holds something else, or somebody is writing there.
@@ -46,7 +47,7 @@ class Store:
         """Files that are not the run whose name they have; they are run again."""
         self._open = ExitStack()
         with ExitStack() as begun:
-            writer = only_writer(folder, MANIFEST, "sweep", own=(RUNS, FAILURES))
+            writer = only_writer(folder, StudyFile, "sweep", own=(RUNS, FAILURES))
             self._compare(begun.enter_context(writer), described)
             with self._on_disk("the folder"):
                 for part in (RUNS, FAILURES):
@@ -54,18 +55,18 @@ class Store:
             self._done = self._checked()
             self._open = begun.pop_all()
 
-    def _compare(self, before: dict[str, Any] | None, described: dict[str, Any]) -> None:
-        now = json.loads(json.dumps(described))
+    def _compare(self, before: StudyFile | None, now: StudyFile) -> None:
         if before is None:
-            self.write(MANIFEST, json.dumps(described, indent=1) + "\n")
+            with self._on_disk(now.FILE):
+                now.write(self.folder)
             return
         for what in DECIDE:
-            if before.get(what) != now[what]:
+            if as_json(getattr(before, what)) != as_json(getattr(now, what)):
                 raise Mistake(
                     f"{self.folder}: another study is kept here (its {what} differs); "
                     "choose another folder with --out"
                 )
-        check_versions(self.folder, before.get("versions"), now["versions"])
+        check_versions(self.folder, before.versions, now.versions)
 
     def _checked(self) -> set[int]:
         """The runs whose file is whole and holds their row."""
@@ -119,11 +120,9 @@ class Store:
         Raises:
             Refused: As for `add`.
         """
-        about = {"run": run.number, "settings": run.settings | {"seed": run.seed},
-                 "command": command, "error": error}  # fmt: skip
         path = self._failure(run.number)
         with self._on_disk(f"run {run.number}"):
-            return atomic.write(path.parent, path.name, json.dumps(about, indent=1) + "\n")
+            return FailureFile.of(run, error, command).write(path.parent, path.name)
 
     def table(self, numbers: Iterable[int]) -> pa.Table:
         """The tidy table of finished runs, in their order.

@@ -207,7 +207,7 @@ def _odd_types(folder: Path, ran: Path, papers: Path) -> None:
         file = folder / f"run_odd_{key}" / "report.json"
         told = json.loads(file.read_text())
         file.write_text(json.dumps(told | {key: [[{"x": None}]]}))
-    for key, value in {"claims": [1], "version": {}, "quick": "yes"}.items():
+    for key, value in {"claims": [1], "versions": 3, "quick": "yes"}.items():
         _copy(papers, folder / f"papers_odd_{key}")
         file = folder / f"papers_odd_{key}" / "papers.json"
         file.write_text(json.dumps(json.loads(file.read_text()) | {key: value}))

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from sim.types import Array
+
+DRAWS = 2000
+"""Of the bootstrap."""
+Count = Annotated[int, Ge(0), Le(1 << 53)]
 
 
 @dataclass(frozen=True, slots=True)
 class McNemar:
     """Two methods on the same sequences: how often only one of them succeeded."""
 
-    wins: int
+    wins: Count
     """Sequences on which only the first succeeded."""
-    losses: int
+    losses: Count
     """Sequences on which only the second did."""
-    ties: int = 0
+    ties: Count = 0
     """Sequences on which both did, or neither; they do not enter the test."""
 
     @staticmethod
@@ -55,37 +61,26 @@ class Interval:
     high: float
 
 
-def bootstrap(
-    scores: Array, rng: np.random.Generator, confidence: float = 0.95, draws: int = 10_000
-) -> Interval:
-    """The mean of scores (n,) with a percentile interval (Efron 1979).
+def bootstrap(scores: Array, seed: int = 0, confidence: float = 0.95) -> Interval:
+    """The mean of scores (n,) with a percentile interval (Efron, Bootstrap methods, 1979).
+
+    The same scores and seed give the same interval; that of a single score is its own value.
 
     Raises:
         ValueError: There are no scores.
     """
     if len(scores) == 0:
         raise ValueError("an interval needs at least one score")
-    chosen = rng.integers(0, len(scores), (draws, len(scores)))
-    tail = 100 * (1 - confidence) / 2
-    low, high = np.percentile(scores[chosen].mean(axis=1), [tail, 100 - tail])
-    return Interval(float(scores.mean()), float(low), float(high))
+    mean = float(scores.mean())
+    if len(scores) == 1 or not np.isfinite(scores).all():
+        return Interval(mean, mean, mean)
+    from scipy import stats  # takes a second
 
-
-def paired_bootstrap(
-    first: Array,
-    second: Array,
-    rng: np.random.Generator,
-    confidence: float = 0.95,
-    draws: int = 10_000,
-) -> Interval:
-    """The mean difference of paired scores (n,), first minus second, with a percentile interval.
-
-    Raises:
-        ValueError: The scores are not paired, or there are none.
-    """
-    if len(first) != len(second) or len(first) == 0:
-        raise ValueError(f"scores must be paired: {len(first)} against {len(second)}")
-    return bootstrap(first - second, rng, confidence, draws)
+    low, high = stats.bootstrap(
+        (scores,), np.mean, method="percentile", n_resamples=DRAWS, confidence_level=confidence,
+        rng=np.random.default_rng(seed),
+    ).confidence_interval  # fmt: skip
+    return Interval(mean, float(low), float(high))
 
 
 def holm(p_values: Array) -> Array:

@@ -12,6 +12,8 @@ from tracking.evaluation.track import Shot, Track
 from tracking.files import atomic, reading
 from tracking.types import Region, Status
 
+FORMAT = 1
+"""The header tells a track's format: a change of its columns raises the number by one."""
 HEADER = (
     "frame", "time", "x", "y", "theta", "scale", "width", "height",
     "x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4", "confidence", "status", "milliseconds",
@@ -69,7 +71,10 @@ def read(path: Path) -> Track:
     except (ValueError, csv.Error):
         raise ValueError(f"{path}: this is not a track") from None
     if tuple(header) != HEADER:
-        raise ValueError(f"{path}: this is not a track: its columns are {', '.join(header)}")
+        raise ValueError(
+            f"{path}: this is not a track of format {FORMAT}, which this version reads: its "
+            f"columns are {', '.join(header)}"
+        )
     try:
         return _track(rows)
     except (ValueError, IndexError):

@@ -1,10 +1,14 @@
-"""Values as JSON, which has neither infinity nor nan."""
+"""Values as JSON, which has neither infinity nor nan, nor halves of characters."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
+from enum import Enum
 from typing import Any
+
+import numpy as np
 
 
 def number(value: float) -> float | None:
@@ -12,11 +16,31 @@ def number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def json_text(document: Any) -> str:
-    """The text of a JSON file; an enum is written as its value.
-
-    Raises:
-        ValueError: A number is infinite or nan.
+def as_json(value: Any) -> Any:
+    """A value in the types that JSON has: a dataclass is a table, an enum its value, what is
+    infinite or nan is None, and anything else is its text.
     """
-    text = json.dumps(document, indent=1, allow_nan=False, default=lambda e: e.value)
-    return text + "\n"
+    match value:
+        case bool() | int() | None:
+            return value
+        case float():
+            return number(float(value))
+        case str():
+            return value.encode(errors="replace").decode()
+        case Enum():
+            return as_json(value.value)
+        case dict():
+            return {as_json(str(key)): as_json(item) for key, item in value.items()}
+        case list() | tuple():
+            return [as_json(item) for item in value]
+        case np.ndarray() | np.generic():
+            return as_json(value.tolist())
+        case _ if dataclasses.is_dataclass(value):
+            return {f.name: as_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        case _:
+            return str(value)
+
+
+def json_text(document: Any) -> str:
+    """The text of a JSON file."""
+    return json.dumps(as_json(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

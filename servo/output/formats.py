@@ -1,0 +1,127 @@
+"""The JSON files of servobench: each kind is one frozen dataclass, which writes and reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self, TypeVar
+
+from annotated_types import Ge, Le
+from pydantic import TypeAdapter, ValidationError
+
+from servo.mistake import Mistake
+from tracking.files import atomic, reading
+from tracking.files.json_text import as_json, json_text
+
+LARGEST = 1_000_000_000
+"""Largest file [bytes]."""
+ABSURD = 1e100
+"""Largest number in a file; a larger one cannot be drawn."""
+Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
+HALF = "it may be half-written"
+
+
+class OtherFormat(Mistake):
+    """A file whose format number is not the one that this version reads."""
+
+    def __init__(self, path: Path, found: Any, number: int) -> None:
+        has = "has no format number" if found is None else f"has format {found}"
+        self.fact = f"{path}: this file {has}, and this version of servobench reads format {number}"
+        super().__init__(
+            f"{self.fact}: run its command again into a new folder, or read it with the version "
+            "that wrote it"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """A JSON file. A subclass has a field for each key, and says what kind of file it is."""
+
+    FILE: ClassVar[str]
+    """Its usual name."""
+    KIND: ClassVar[str]
+    """The command that writes it."""
+    FORMAT: ClassVar[int]
+    """Raised by one where an older reader could not read the file."""
+
+    def write(self, folder: Path, name: str | None = None) -> Path:
+        """Write it into a folder as a whole; its path.
+
+        Raises:
+            OSError: The disk refuses.
+        """
+        head = {"format": self.FORMAT, "kind": self.KIND}
+        return atomic.write(folder, name or self.FILE, json_text(head | as_json(self)))
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read it; errors are those of `read`."""
+        return read(path, cls)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made(Document):
+    """A file that says how it was made."""
+
+    command: str
+    """The command line that makes it again, but for where it writes and how many work at it; empty
+    where it was made from Python.
+    """
+    versions: dict[str, str]
+    """Of what decides the numbers: packages, and the digest of our own source."""
+
+
+Kind = TypeVar("Kind", bound=Document)
+
+
+def read(path: Path, *kinds: type[Kind]) -> Kind:
+    """A file that is one of these kinds; keys that its dataclass does not have are passed over.
+
+    Raises:
+        OtherFormat: It has another format number, or none.
+        Mistake: The file cannot be read, is no JSON, of another kind, or lacks something.
+    """
+    encoded = content(path)
+    head = _parsed(path, encoded, dict[str, Any])
+    found, kind = head.get("format"), head.get("kind")
+    if found is None:
+        raise OtherFormat(path, None, kinds[0].FORMAT)
+    for one in kinds:
+        if kind == one.KIND:
+            check_format(path, found, one.FORMAT)
+            return _parsed(path, encoded, one)
+    wanted = " or ".join(f"`{one.KIND}`" for one in kinds)
+    raise Mistake(f"{path}: this file is of `{kind}`, not of {wanted}")
+
+
+def check_format(path: Path, found: Any, number: int) -> None:
+    """Refuse a file of another format.
+
+    Raises:
+        OtherFormat: The number that was found in it is another one.
+    """
+    if type(found) is not int or found != number:
+        raise OtherFormat(path, found, number)
+
+
+def content(path: Path) -> bytes:
+    """A file's bytes.
+
+    Raises:
+        Mistake: It cannot be read, is not a regular file, or is too large.
+    """
+    try:
+        return reading.content(path, "file", LARGEST)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+
+
+def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:
+    try:
+        return TypeAdapter(kind).validate_json(encoded)
+    except ValidationError as error:
+        first = error.errors()[0]
+        if first["type"] == "json_invalid":
+            raise Mistake(f"{path}: this is not JSON; {HALF}") from None
+        where = ".".join(str(part) for part in first["loc"]) or "all of it"
+        raise Mistake(f"{path}: {where}: {first['msg'][0].lower()}{first['msg'][1:]}") from None

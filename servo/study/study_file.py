@@ -1,0 +1,73 @@
+"""The JSON files of a study's folder: what is to be run, and why a run failed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from servo.output.formats import Document, Made, Number
+from servo.output.versions import versions
+from servo.study.plan import Run, Study
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyFile(Made):
+    """study.json: all that decides a study."""
+
+    FILE: ClassVar[str] = "study.json"
+    KIND: ClassVar[str] = "sweep"
+    FORMAT: ClassVar[int] = 1
+
+    name: str
+    title: str
+    axes: dict[str, list[Any]]
+    draws: dict[str, dict[str, list[Any]]]
+    """The law and its numbers, by setting."""
+    seeds: list[int]
+    compare: str | None
+    """The axis whose values are compared with each other."""
+    expect: dict[str, Number]
+    runs: int
+    table: dict[str, Any]
+    """The study as TOML has it, changes included."""
+    scenarios: dict[str, dict[str, Any]]
+    """Tables of the scenarios that it changes, by name."""
+
+    @staticmethod
+    def of(study: Study, command: str) -> StudyFile:
+        """The file of a study that a command line begins."""
+        return StudyFile(
+            command=command,
+            versions=versions(),
+            name=study.name,
+            title=study.title,
+            axes={a.key: list(a.values) for a in study.every_axis},
+            draws={d.key: {d.law: list(d.numbers)} for d in study.draws},
+            seeds=list(study.seeds),
+            compare=study.compare,
+            expect=study.expect,
+            runs=study.size,
+            table=study.table,
+            scenarios={b.name: b.table for b in study.bases},
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailureFile(Document):
+    """failures/NUMBER.json: a run that ended in an error."""
+
+    KIND: ClassVar[str] = "failure"
+    FORMAT: ClassVar[int] = 1
+
+    run: int
+    settings: dict[str, Any]
+    command: str
+    """What runs it alone."""
+    error: str
+    """The traceback."""
+
+    @staticmethod
+    def of(run: Run, error: str, command: str) -> FailureFile:
+        """The file of a run that has just failed."""
+        settings = run.settings | {"seed": run.seed}
+        return FailureFile(run=run.number, settings=settings, command=command, error=error)

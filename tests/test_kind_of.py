@@ -1,0 +1,53 @@
+"""A `Config` carries its kind, whatever table a scenario came from."""
+
+from dataclasses import dataclass, replace
+
+import pytest
+from elsewhere import MyConfig
+
+from servo.bench.sequence_jobs import Contender
+from servo.bench.suites import GENERATORS
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.load import load
+from sim import kinds
+from tracking.trackers import kams
+
+FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
+
+
+@dataclass(frozen=True)
+class Named(MyConfig):
+    kind: str = "mine"
+
+
+def bare(config):
+    """An instance without its settings, of which some are required."""
+    return object.__new__(config)
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_kind_of_ours_is_named_by_its_file(folder):
+    names = kinds.names(folder)
+    assert [kinds.kind_of(bare(kinds.config_of(folder, name))) for name in names] == names
+
+
+def test_one_from_elsewhere_is_named_by_module_and_class_or_by_itself():
+    assert kinds.kind_of(MyConfig()) == "elsewhere:MyConfig"
+    assert kinds.kind_of(Named()) == "mine"
+
+
+def test_settings_name_what_replaced_a_part():
+    scenario = load("still", ["tracker.kind=pf_ssd"])
+    mine = replace(scenario, tracker=MyConfig(gain=2.0)).settings()
+    assert mine["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
+    assert replace(scenario, tracker=kams.Config()).settings()["tracker"]["kind"] == "kams"
+    shown = load("occlusion")
+    assert [d["kind"] for d in shown.settings()["disturbances"]] == ["board"]
+    assert replace(shown, disturbances=()).settings()["disturbances"] == []
+
+
+def test_contenders_say_so_too():
+    assert Contender("a", MyConfig()).describe() == {
+        "kind": "elsewhere:MyConfig", "settings": {"gain": 1.0},
+    }  # fmt: skip
+    assert Contender("a", kams.Config()).describe()["kind"] == "kams"
