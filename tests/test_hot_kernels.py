@@ -107,7 +107,7 @@ def test_saturated_colours_stay_in_their_bins(both, name, levels):
 
 PLACES = {
     "left": (0.0, 15.0), "right": (40.0, 15.0), "top": (20.0, 0.0), "bottom": (20.0, 30.0),
-    "corner": (40.0, 30.0), "just beyond": (42.0, 15.0), "left of it": (-9.0, 15.0),
+    "corner": (40.0, 30.0), "just beyond": (40.5, 15.0), "left of it": (-9.0, 15.0),
     "right of it": (55.0, 15.0), "above it": (20.0, -9.0), "below it": (20.0, 40.0),
 }  # fmt: skip
 
