@@ -13,6 +13,7 @@ from servo.estimators.jump import Cusum
 from servo.loop import run_measures
 from servo.loop.run_measures import Measure, Outcome, Report, violations
 from servo.mistake import Mistake
+from servo.scenario.load import load
 from servo.study.results import missed
 from servo.types import Mode
 from sim import kinds
@@ -142,3 +143,8 @@ def test_a_measure_at_its_bound_keeps_it():
     rows = [{"lost_pct": 2.0, "success": s, "seed": k} for k, s in enumerate((True, False))]
     assert missed([], {"lost_pct": 2.0, "success_rate": 0.5}, rows) == []
     assert len(missed([], {"lost_pct": 1.99, "success_rate": 0.51}, rows)) == 2
+
+
+@pytest.mark.parametrize(("duration", "frames"), [(0.001, 1), (0.04, 1), (0.06, 2), (10.0, 300)])
+def test_frames_of_a_run(duration, frames):
+    assert load("still", [f"run.duration={duration}"]).frames == frames
