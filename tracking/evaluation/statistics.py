@@ -71,23 +71,6 @@ def bootstrap(
     return Interval(float(scores.mean()), float(low), float(high))
 
 
-def paired_bootstrap(
-    first: Array,
-    second: Array,
-    rng: np.random.Generator,
-    confidence: float = 0.95,
-    draws: int = 10_000,
-) -> Interval:
-    """The mean difference of paired scores (n,), first minus second, with a percentile interval.
-
-    Raises:
-        ValueError: The scores are not paired, or there are none.
-    """
-    if len(first) != len(second) or len(first) == 0:
-        raise ValueError(f"scores must be paired: {len(first)} against {len(second)}")
-    return bootstrap(first - second, rng, confidence, draws)
-
-
 def holm(p_values: Array) -> Array:
     """p values (n,) corrected for n comparisons (Holm 1979), in their own order."""
     order = np.argsort(p_values)
