@@ -1,14 +1,19 @@
 """What the operating system refuses in the middle of work becomes the sentence it should be."""
 
 import errno
+import shutil
 from types import SimpleNamespace
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from servo.batch import local_cluster, remote_cluster
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
+from servo.report import study_data, study_time
 from sim import gl, quiet
 from tracking.files import atomic, reading
 
@@ -150,4 +155,64 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(monkeypatch):
         gl._require("libX.so", "apt-get install x")
     assert str(told.value) == (
         "The OpenGL library libX.so is missing on this machine: run 'apt-get install x'."
+    )
+
+
+@pytest.mark.parametrize(("asked", "missing"), [("osmesa", "libOSMesa.so.8"),
+                                                ("egl", "libEGL.so.1")])  # fmt: skip
+def test_a_back_end_that_is_asked_for_must_be_there(monkeypatch, asked, missing):
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setattr(gl, "_library", lambda name: None if name == missing else name)
+    with pytest.raises(gl.NoRenderer, match=f"The OpenGL library {missing} is missing"):
+        gl.check_environment()
+    monkeypatch.setattr(gl, "_library", lambda name: name)
+    gl.check_environment()
+
+
+@pytest.mark.parametrize(("has", "devices", "answers", "expected"), [
+    (True, 2, {1}, True), (True, 2, {2}, False), (True, 0, {0}, False), (True, 2, set(), False),
+    (False, 2, {0}, False),
+])  # fmt: skip
+def test_a_device_is_one_of_those_listed_that_answers(monkeypatch, has, devices, answers, expected):
+    """A library with functions by address: it lists devices, and initialises displays."""
+
+    class Function:
+        def __call__(self, name):
+            return {b"eglQueryDevicesEXT": 1, b"eglGetPlatformDisplayEXT": 2 if has else None}[name]
+
+    def query(most, places, found):
+        assert most == len(places)
+        places[:devices] = range(10, 10 + devices)
+        found._obj.value = devices
+        return devices > 0
+
+    made = {1: query, 2: lambda platform, device, _: device - 9 if platform == 0x313F else None}
+    monkeypatch.setattr(gl.ctypes, "CFUNCTYPE", lambda *_: made.get)
+
+    class Initialise:
+        def __call__(self, display, *_):
+            return display - 1 in answers
+
+    egl = SimpleNamespace(eglGetProcAddress=Function(), eglInitialize=Initialise())
+    assert bool(gl._has_device(egl)) is expected
+
+
+def test_series_without_values_have_no_curve():
+    series = [SimpleNamespace(values={"other": np.ones(3)}, time=np.arange(3.0), duration=3.0)]
+    unknown = SimpleNamespace(values={"x": np.full(3, np.nan)}, time=np.arange(3.0), duration=3.0)
+    assert study_time.band([*series, unknown], "x") is None
+    assert study_time.survival(series) is None
+    assert study_time._survival({"all": series}, "") is None
+    assert study_time._errors({"all": [unknown]}, "x", "t", "") is None
+
+
+def test_a_table_without_a_column_is_named(finished_study, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(finished_study, folder)
+    pq.write_table(pa.table({"run": [0], "outcome": ["CONVERGED"]}), folder / "results.parquet")
+    with pytest.raises(Mistake) as told:
+        study_data.load(folder)
+    assert str(told.value) == (
+        f"{folder}/results.parquet: there is no column 'success' in this table"
     )
