@@ -76,6 +76,8 @@ def settings_of(cls, name):
         for field in dataclasses.fields(cls):
             if field.name not in own:
                 continue
+            if not field.repr:
+                yield f"{name}.{field.name} in its repr", False
             if field.default is not dataclasses.MISSING:
                 yield f"{name}.{field.name}", field.default
             elif field.default_factory is not dataclasses.MISSING:

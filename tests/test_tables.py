@@ -152,10 +152,10 @@ def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
 def test_the_list_has_every_scenario_study_and_kind(printed):
     list_command.show_all()
     listed = [tuple(line.split()[:2]) for line in lines(printed) if not line.startswith(" ")]
-    kinds = [(section, kind) for section, folder in list_command.FOLDERS.items()
+    there = [(section, kind) for section, folder in list_command.FOLDERS.items()
              for kind in kinds.names(folder)]  # fmt: skip
     assert (
-        listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + kinds
+        listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + there
     )
 
 
@@ -168,8 +168,12 @@ def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
 def test_the_options_of_every_command_begin_so(approved):
     found = {
         name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
-                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max"))]
-               for p in sweep_command.params}
+                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max")),
+                        getattr(p, "show_default", None), p.metavar]
+               for p in command.params}
         for name, command in app.commands.items()
     }  # fmt: skip
     approved("tables/options", found)
+    assert (app.no_args_is_help, app.context_settings) == (
+        True, {"help_option_names": ["-h", "--help"]},
+    )  # fmt: skip
