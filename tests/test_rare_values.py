@@ -7,12 +7,13 @@ import pytest
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
 from servo.study.run_file import _cell, _type
-from sim import gl
+from sim import gl, kinds
 from sim.geometry import inverse_if_strong
 from tracking import adapters
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.evaluation.sequences import picture_file, truth, video_file
+from tracking.evaluation.sequences.generators._texture import blotches
 
 
 def test_a_singular_matrix_has_no_strong_inverse():
@@ -136,3 +137,19 @@ def test_other_systems_and_other_libraries_have_their_own_back_ends(monkeypatch)
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(gl.NoRenderer, match="Rendering is switched off by MUJOCO_GL=off: unset it"):
         gl.backend()
+
+
+def test_a_texture_of_wild_contrast_reaches_black_and_white_and_goes_no_further():
+    found = blotches(np.random.default_rng(0), 40, 30, 1.0, np.full(3, 128.0), 900.0)
+    assert (found.min(), found.max()) == (0, 255)
+    assert np.mean(found == 0) == pytest.approx(np.mean(found == 255), abs=0.1)
+    assert np.mean(found == 0) > 0.2
+
+
+@pytest.mark.parametrize("kind", ["similarity", "texture"])
+def test_noise_on_painted_pictures_reaches_black_and_white_and_goes_no_further(kind):
+    config = kinds.config_of("tracking.evaluation.sequences.generators", kind)(noise=100.0)
+    found = config.build(np.random.default_rng(0)).source.paint(3)
+    assert (found.min(), found.max()) == (0, 255)
+    assert 0.01 < np.mean(found == 0) < 0.5
+    assert 0.01 < np.mean(found == 255) < 0.5
