@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import colour_labels, exponents, point_histograms
+from tracking.hot import colour_labels, exponents, particle_loops, point_histograms
 
 RNG = np.random.default_rng(5)
 
@@ -116,3 +116,112 @@ def test_evened_colours_agree_and_hardly_depend_on_the_light():
     dim = (bright * 0.7).astype(np.uint8)
     change = colour_labels.evened(dim, 8).astype(int) - colour_labels.evened(bright, 8)
     assert np.abs(change).max() <= 5  # of 60 without
+
+
+@pytest.fixture(params=["compiled", "interpreted"])
+def loops(request, monkeypatch):
+    """The loops of two modules, compiled and as plain Python, which refuses an index beyond an
+    array's end.
+    """
+    for module in (point_histograms, particle_loops):
+        for name, loop in list(vars(module).items()):
+            if request.param == "interpreted" and hasattr(loop, "py_func"):
+                monkeypatch.setattr(module, name, loop.py_func)
+
+
+GRID = np.array([(u, v) for u in range(-3, 4) for v in range(-3, 4)], float)
+BORDERS = [(x, y, turn, 0.0) for x in (4.0, 7.0, 57.0, 60.0) for y in (2.0, 5.0, 45.0, 48.0)
+           for turn in (0.0, 0.3)] + [(-50.0, 20.0, 0.0, 0.0), (20.0, 500.0, 0.0, 0.0)]  # fmt: skip
+"""Around and on the edges of a window of 50 x 40 px at (7, 5), and far outside."""
+
+
+@pytest.mark.usefixtures("loops")
+def test_points_on_the_edges_of_a_window_are_read_and_those_beyond_are_not():
+    labels = np.random.default_rng(3).integers(0, 16, (40, 50)).astype(np.int16)
+    weights, parts = np.full(len(GRID), 1 / len(GRID)), np.arange(len(GRID)) % 2
+    root = np.sqrt(np.random.default_rng(4).dirichlet(np.ones(16), 2))
+    case = (labels, 7, 5), np.array(BORDERS), GRID, parts, weights, root
+    found = point_histograms.coefficients(*case)
+    np.testing.assert_allclose(found, coefficient_twin(*case), rtol=0, atol=1e-13)
+    assert found[-2:].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+def shift_twin(window, state, points, weights, root):
+    """Coefficient and mean-shift vector in the image (Comaniciu, Ramesh, Meer 2003)."""
+    labels, left, top = window
+    c, s = np.exp(state[3]) * np.array([np.cos(state[2]), np.sin(state[2])])
+    turned = points @ np.array([[c, s], [-s, c]])
+    u, v = (turned + state[:2] - (left, top)).T
+    inside = (u >= 0) & (v >= 0) & (u < labels.shape[1]) & (v < labels.shape[0])
+    seen = np.full(len(points), -1)
+    seen[inside] = labels[v[inside].astype(int), u[inside].astype(int)]
+    known = seen >= 0
+    histogram = np.bincount(seen[known], weights[known], minlength=len(root))
+    pull = (root / np.sqrt(np.maximum(histogram, 1e-300)))[seen] * known
+    rho = np.sum(root * np.sqrt(histogram))
+    mass = pull.sum()
+    return (rho, pull @ turned / mass) if mass > 0 else (0.0, np.zeros(2))
+
+
+def mean_shift_twin(window, state, points, weights, root, most, tolerance):
+    rho, step = shift_twin(window, state, points, weights, root)
+    count = 1
+    while count < most and step @ step > tolerance**2:
+        there = state + [*step, 0, 0]
+        better, following = shift_twin(window, there, points, weights, root)
+        count += 1
+        if better < rho:
+            step = step / 2
+        else:
+            state, rho, step = there, better, following
+    return state, rho, count
+
+
+@pytest.mark.usefixtures("loops")
+@pytest.mark.parametrize(("most", "tolerance"), [(15, 0.1), (1, 0.1), (2, 0.0), (40, 0.0)])
+def test_mean_shift_agrees_with_python(most, tolerance):
+    labels = np.random.default_rng(5).integers(-1, 16, (40, 50)).astype(np.int16)
+    labels[10:25, 15:35] //= 4
+    weights = np.random.default_rng(6).dirichlet(np.ones(len(GRID)))
+    root = np.sqrt(np.random.default_rng(7).dirichlet(np.full(16, 0.4)))
+    states = np.array([*BORDERS, (25.3, 20.2, 0.4, 0.5), (40.0, 30.0, -1.0, 0.2)])
+    found = point_histograms.mean_shift(
+        (labels, 7, 5), states, GRID, weights, root[None], most, tolerance
+    )
+    twins = [mean_shift_twin((labels, 7, 5), state, GRID, weights, root, most, tolerance)
+             for state in states]  # fmt: skip
+    np.testing.assert_allclose(found[0], [twin[0] for twin in twins], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found[1], [twin[1] for twin in twins], rtol=0, atol=1e-12)
+    assert found[2] == sum(twin[2] for twin in twins)
+
+
+@pytest.mark.usefixtures("loops")
+@pytest.mark.parametrize(
+    ("weights", "first", "drawn"),
+    [
+        ([0.25] * 4, 0.0, [0, 1, 2, 3]),
+        ([0.5, 0.5], 1.0, [1, 1]),
+        ([0.0, 0.0, 1.0], 0.0, [2, 2, 2]),
+        ([1.0, 0.0, 0.0], 0.5, [0, 0, 0]),
+    ],
+)
+def test_positions_at_the_end_of_a_sample_belong_to_the_next_one(weights, first, drawn):
+    assert particle_loops.systematic(np.array(weights), first).tolist() == drawn
+
+
+@pytest.mark.parametrize(("target", "expected"), [(7.9, None), (8.0, 0.0), (9.0, 0.0)])
+def test_equal_likelihoods_have_the_highest_exponent_up_to_their_number(target, expected):
+    found = exponents.exponent(np.full(8, -3.0), target, 64.0, 10)
+    assert found == (64.0 * (1 - 2.0**-10) if expected is None else expected)
+
+
+@pytest.mark.parametrize("bits", [1, 3, 4, 5])
+def test_labels_of_saturated_colours_are_the_first_and_last_bins(bits):
+    for red, green, blue in np.ndindex(2, 2, 2):
+        image = np.full((2, 3, 3), 255 * np.array([red, green, blue]), np.uint8)
+        top = 2**bits - 1
+        label = top * (red * 4**bits + green * 2**bits + blue)
+        assert (colour_labels.labels(image, 0, 0, 3, 2, bits) == label).all()
+        whole = 255 * max(red, green, blue) + 8
+        evened = 255 * 255 // whole * np.array([red, green, blue])
+        assert (colour_labels.evened(image, 8) == evened).all()

@@ -62,6 +62,79 @@ def test_kernel_histograms_agree_with_numpy(smooth_image, state, stride):
     np.testing.assert_allclose(totals[:, 0], twin.sum(axis=1), rtol=1e-12)
 
 
+@pytest.fixture
+def both(monkeypatch):
+    """What the compiled loop gives, and what it gives as plain Python, which refuses an index
+    beyond an array's end.
+    """
+
+    def histograms(*case):
+        yield hot.kernel_histograms(*case)
+        with monkeypatch.context() as plain:
+            for name, loop in list(vars(hot).items()):
+                if hasattr(loop, "py_func"):
+                    plain.setattr(hot, name, loop.py_func)
+            yield hot.kernel_histograms(*case)
+
+    return histograms
+
+
+def full(*channels):
+    image = np.zeros((30, 40, 3), np.uint8)
+    image[..., list(channels)] = 255
+    return image
+
+
+NOISE = np.random.default_rng(7)
+IMAGES = {
+    "black": full(), "white": full(0, 1, 2), "red": full(0), "green": full(1), "blue": full(2),
+    "cyan": full(1, 2), "black or white": NOISE.choice([0, 255], (30, 40, 3)).astype(np.uint8),
+    "centres of bins": (32 * NOISE.integers(0, 8, (30, 40, 3)) + 16).astype(np.uint8),
+}  # fmt: skip
+SMALL = ((4.0, 3.0), np.array([[-2.0, -1.0], [2.0, 1.0]]), (3.0, 2.5))
+
+
+@pytest.mark.parametrize("levels", [2, 3, 8])
+@pytest.mark.parametrize("name", IMAGES)
+def test_saturated_colours_stay_in_their_bins(both, name, levels):
+    state = np.array([20.2, 15.1, 0.4, 0.1])
+    twin = histogram_twin(IMAGES[name], state, *SMALL, levels, 1)
+    for sums, totals in both(IMAGES[name], state, *SMALL, levels, 1):
+        np.testing.assert_allclose(sums[:, :, 0], twin, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(totals[:, 0], twin.sum(axis=1), rtol=1e-12)
+        np.testing.assert_allclose(sums.sum(axis=1), totals, rtol=1e-9, atol=1e-9)
+
+
+PLACES = {
+    "left": (0.0, 15.0), "right": (40.0, 15.0), "top": (20.0, 0.0), "bottom": (20.0, 30.0),
+    "corner": (40.0, 30.0), "just beyond": (40.5, 15.0), "left of it": (-9.0, 15.0),
+    "right of it": (55.0, 15.0), "above it": (20.0, -9.0), "below it": (20.0, 40.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+@pytest.mark.parametrize("name", PLACES)
+def test_a_target_at_the_edge_or_outside_is_read_as_far_as_it_is_seen(both, name, stride):
+    image, seen = NOISE.integers(0, 256, (30, 40, 3)).astype(np.uint8), []
+    for turn, size in ((0.0, 0.0), (0.8, 0.3), (np.pi / 2, -0.4)):
+        state = np.array([*PLACES[name], turn, size])
+        twin = histogram_twin(image, state, *SMALL, 4, stride)
+        seen.append(twin.sum())
+        for sums, totals in both(image, state, *SMALL, 4, stride):
+            np.testing.assert_allclose(sums[:, :, 0], twin, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(totals[:, 0], twin.sum(axis=1), rtol=1e-12, atol=1e-12)
+    assert any(seen) != name.endswith(" it")
+
+
+def test_a_pixel_on_the_rim_of_the_template_counts_by_half_and_one_beyond_it_does_not():
+    """Upright, unscaled: pixel centres lie 3.5, 4.0 and 4.5 px from the middle in turn."""
+    image = np.zeros((9, 12, 3), np.uint8)
+    for x, count in ((6.0, 8), (6.5, 7 + 2 * 0.5)):
+        kernels = np.zeros((1, 2)), (1e9, 1e9), 2, 1
+        _, totals = hot.kernel_histograms(image, np.array([x, 4.5, 0, 0]), (4.0, 0.5), *kernels)
+        assert totals[0, 0] == pytest.approx(count)
+
+
 @pytest.mark.parametrize(("state", "step"), [(CASES[0][0], 1e-6), (CASES[1][0], 1e-6)])
 def test_kernel_histogram_derivatives_agree_with_finite_differences(smooth_image, state, step):
     state = state + [0.123, 0.217, 0.05, 0.03]  # away from where a pixel's coverage has its kinks
@@ -95,6 +168,23 @@ def test_normal_equations_agree_with_numpy():
     np.testing.assert_allclose(curvature, J.T @ J / 3, rtol=1e-12)
 
 
+def test_normal_equations_of_empty_histograms_are_finite():
+    root = np.full((2, 8), 0.3)
+    nothing = np.zeros((2, 8, 5)), np.zeros((2, 5)), root, 1e-3
+    cost, gradient, curvature = descent.ssd_normal_equations(*nothing)
+    assert cost == pytest.approx(8 * (np.sqrt(1e-3) - 0.3) ** 2)
+    assert [*gradient, *curvature.ravel()] == [0.0] * 20
+
+
+def test_a_large_target_is_read_at_every_second_or_third_pixel(smooth_image):
+    for pixels, stride in ((8 * 2000, 1), (1500, 1), (1499 / 4, 2), (1500 / 9, 3)):
+        state = np.array([80.0, 60.0, 0.1, 0.0])
+        kernels = (*SHAPE, pixels)
+        found = descent.histograms(smooth_image, state, kernels)
+        expected = hot.kernel_histograms(smooth_image, state, *SHAPE, stride)
+        np.testing.assert_array_equal(found[0], expected[0])
+
+
 def test_a_damped_step_agrees_with_numpy():
     rows = RNG.normal(0, 1, (12, 4))
     H, g = rows.T @ rows, RNG.normal(0, 1, 4)
@@ -119,6 +209,19 @@ def descend_twin(image, x, kernels, roots, units, most, tolerance, hopeless):
         else:
             damping *= descent.MORE
     return x, cost, evaluations
+
+
+def test_a_descent_ends_before_the_scale_leaves_its_limits(smooth_image, monkeypatch):
+    units, start = np.array([1.0, 1.0, 0.05, 0.05]), np.array([63.0, 43.0, 0.3, 0.05])
+    kernels, roots = (*SHAPE, 2000), np.full((3, 512), 0.05)
+    _, *slope = descent.linearise(smooth_image, start, kernels, roots)
+    there = abs(start + descent.damped_step(*slope, descent.FIRST_DAMPING, units))[3]
+    for limit, ends in ((there, False), (np.nextafter(there, 0), True)):
+        monkeypatch.setattr(descent, "LARGEST_LOG", limit)
+        asked = smooth_image, start, kernels, roots, units, 2, 0.0, 9.0
+        x, _, evaluations = descent.descend.py_func(*asked)
+        assert (evaluations == 1) is ends
+        assert not ends or x.tolist() == start.tolist()
 
 
 @pytest.mark.parametrize(

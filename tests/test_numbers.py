@@ -1,4 +1,4 @@
-"""The numbers that people build on stay what they are: settings, motions, estimates, tracks.
+"""The numbers that people build on stay what they are: scenarios, motions, estimates, tracks.
 
 The values lie in tests/data/approved; conftest.py says how they are changed on purpose.
 """
@@ -28,13 +28,6 @@ ROUNDING = 1e-4
 
 def build(folder, kind, seed=0, **settings):
     return kinds.config_of(folder, kind)(**settings).build(np.random.default_rng(seed))
-
-
-def test_the_settings_of_every_kind_begin_with_these_values(approved):
-    found = {folder: {kind: kinds.config_of(folder, kind)() for kind in kinds.names(folder)}
-             for folder in FOLDERS}  # fmt: skip
-    presets = {kind: kinds.presets(TRACKERS, kind) for kind in kinds.names(TRACKERS)}
-    approved("settings", {"kinds": found, "presets": presets})
 
 
 def test_every_shipped_scenario_means_this(approved):

@@ -8,14 +8,26 @@ import pytest
 from rich.console import Console
 from servoing import METRIC
 
-from servo.cli import check_command, doctor_command, run_command
+from servo.cli import (
+    check_command,
+    doctor_command,
+    list_command,
+    papers_command,
+    run_command,
+    terminal,
+    track_command,
+)
 from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations
 from servo.loop.step import Seconds
 from servo.output.command_line import command_line
 from servo.output.recording import archetypes, track_log
+from servo.papers.claim import Claim, Verdict
 from servo.scenario.load import load
 from tracking.evaluation.drawing import contact_sheet
 from tracking.evaluation.sequences.sources import Painted, Picture
+from tracking.evaluation.track import Shot, Track
+from tracking.evaluation.track_measures import Comparison
+from tracking.types import Estimate, Region, State, Status
 
 LOOP = SimpleNamespace(render=2.5, step=6.0, ratio=2.4)
 
@@ -24,6 +36,7 @@ LOOP = SimpleNamespace(render=2.5, step=6.0, ratio=2.4)
 def console(monkeypatch):
     found = Console(width=120, record=True, file=io.StringIO())
     monkeypatch.setattr(doctor_command, "Console", lambda: found)
+    monkeypatch.setattr(list_command, "Console", lambda: found)
     return found
 
 
@@ -90,6 +103,51 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
         for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
     ]))  # fmt: skip
     approved("prints/run", lines(console))
+
+
+def test_a_claim_is_printed_so(console, approved):
+    claim = Claim("P0-1", "[this] is better", lambda _: [], lambda *_: Verdict("", holds=False))
+    table = [["tracker", "error [px]", "z"], ["[kams]", "1.25", "3"], ["long-name", "10.5", "2.75"]]
+    for holds, rows in ((True, table), (False, [])):
+        papers_command._print(console, claim, Verdict("1 & [2]", holds, rows))
+    approved("prints/papers", lines(console))
+
+
+def shot(k, status=Status.LOCKED, size=(64, 48)):
+    state, covariance = State(20.0 + k, 15.0, 0.01 * k, 1.0), np.eye(4)
+    picture = Picture(f"{k}.png", k / 30, None, "" if size else "cut off")
+    return Shot(picture, k, Estimate(state, covariance, 0.1 * k, status), 0.002, size)
+
+
+def test_a_track_is_printed_so(console, approved):
+    region = Region(10.0, 6.0)
+    sizes = [(64, 48), (64, 48), None, (64, 48), (80, 48), None, (64, 48)]
+    seen = [shot(k, Status.LOST if k > 4 else Status.LOCKED, size) for k, size in enumerate(sizes)]
+    truth = np.stack([region.corners(State(20.0 + 1.5 * k, 16.0)) for k in range(7)])
+    compared = Comparison.of(Track.of(seen, region), truth)
+    track_command._print(console, "kams", "[film]", seen, compared)
+    track_command._print(console, "kams", "film", seen[:3], None)
+    track_command._print_oddities(console, seen)
+    track_command._print_oddities(console, seen[:2])
+    approved("prints/track", lines(console))
+
+
+def test_the_list_is_laid_out_so(console, monkeypatch, approved):
+    monkeypatch.setattr(list_command, "shipped", lambda: ["still"])
+    monkeypatch.setattr(list_command, "studies", lambda: ["noise"])
+    monkeypatch.setattr(list_command, "FOLDERS", {"robot": "sim.robots"})
+    list_command.show_all()
+    approved("prints/list", lines(console))
+
+
+def test_a_progress_bar_is_gone_when_the_work_is_done():
+    console = Console(width=60, file=io.StringIO(), force_terminal=True, color_system=None)
+    with terminal.progress_bar(console) as bar:
+        bar.add_task("work", total=4, completed=1, note="a note")
+        bar.refresh()
+        shown = console.file.getvalue()
+    assert [word in shown for word in ("work", "1/4", "a note")] == [True] * 3
+    assert console.file.getvalue().endswith("\x1b[1A\x1b[2K")
 
 
 def test_the_stages_of_a_step_are_told_as_medians():

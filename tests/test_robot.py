@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -103,6 +105,21 @@ def test_solve_finds_the_joints_of_a_pose(robot):
     data.qpos[:] = 0.0
     assert machine.solve(data, wanted)
     np.testing.assert_allclose(machine.joints(data), q, atol=1e-8)
+
+
+def test_a_pose_is_reached_up_to_the_limits_of_the_joints_and_not_beyond(robot, monkeypatch):
+    machine, model, data = robot
+    wanted = pose_at(model, data, np.array([0.3, -0.4, 0.2, 1.0, 0.3, -0.2]))
+    assert machine.solve(data, wanted)
+    q = machine.joints(data).copy()
+    for side, beyond in (("lower", np.inf), ("upper", -np.inf)):
+        with monkeypatch.context() as limits:
+            limits.setattr(machine, side, q)
+            assert machine.solve(data, wanted)
+            limits.setattr(machine, side, np.nextafter(q, beyond))
+            assert not machine.solve(data, wanted)
+    far = replace(wanted, translation=wanted.translation + 9.0)
+    assert not machine.solve(data, far)
 
 
 def test_the_wrist_turns_without_end_and_the_axes_do_not(robot):

@@ -55,7 +55,7 @@ def results(families, seeds=8):
     return found
 
 
-@pytest.mark.parametrize("count", [1, 3, bench_command.WIDE + 1])
+@pytest.mark.parametrize("count", [1, 3, bench_command.WIDE, bench_command.WIDE + 1])
 def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
     found = results([f"family{i}" for i in range(count)])
     rows = ranking.rows_of(found)
@@ -212,8 +212,12 @@ def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
 def test_the_options_of_every_command_begin_so(approved):
     found = {
         name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
-                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max"))]
+                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max")),
+                        getattr(p, "show_default", None), p.metavar]
                for p in command.params}
         for name, command in app.commands.items()
     }  # fmt: skip
     approved("tables/options", found)
+    assert (app.no_args_is_help, app.context_settings) == (
+        True, {"help_option_names": ["-h", "--help"]},
+    )  # fmt: skip

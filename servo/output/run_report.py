@@ -9,9 +9,9 @@ from servo.loop.run_measures import Report, Violation
 from servo.mistake import Mistake
 from servo.output.formats import Made, Number
 from servo.output.versions import versions
+from servo.parts import FeatureSet
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.types import FeatureSet
 from tracking.files.json_text import as_json, number
 
 

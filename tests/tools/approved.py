@@ -76,21 +76,37 @@ def drawn():
     """What a Matplotlib figure shows, as plain values: axes, words, lines, bars, areas, colours."""
     from matplotlib.colors import to_hex
 
+    def shade(colour):
+        return to_hex(colour, keep_alpha=True)
+
     def of_axes(ax):
         legend = ax.get_legend()
+        ticks = (*ax.get_xticklabels(), *ax.get_yticklabels())
         return {
             "words": [ax.get_title(), ax.get_xlabel(), ax.get_ylabel()],
             "limits": [*ax.get_xlim(), *ax.get_ylim()],
             "scales": [ax.get_xscale(), ax.get_yscale()],
-            "ticks": [t.get_text() for t in (*ax.get_xticklabels(), *ax.get_yticklabels())],
+            "frame": [shade(ax.get_facecolor()), *(s.get_visible() for s in ax.spines.values())],
+            "ticks": [t.get_text() for t in ticks],
+            "letters": sorted({(t.get_rotation(), t.get_fontsize()) for t in ticks}),
+            "grids": [[tick.tick1line.get_markersize(), tick.gridline.get_visible(),
+                       tick.gridline.get_alpha()]
+                      for tick in (ax.xaxis.majorTicks[0], ax.yaxis.majorTicks[0])],
             "lines": [[line.get_xydata(), to_hex(line.get_color()), line.get_linewidth(),
                        line.get_linestyle(), str(line.get_marker())] for line in ax.lines],
+            "marks": [[line.get_markersize(), line.get_alpha(), line.get_zorder()]
+                      for line in ax.lines],
             "areas": [[p.vertices for p in area.get_paths()] for area in ax.collections],
             "points": [np.asarray(area.get_offsets()) for area in ax.collections],
+            "fills": [f"{shade(colour)} {width:g}" for area in ax.collections for colour, width
+                      in zip(area.get_facecolor(), area.get_linewidth(), strict=False)],
             "bars": [[p.get_path().get_extents(p.get_patch_transform()).extents,
                       to_hex(p.get_facecolor())] for p in ax.patches],
+            "rims": sorted({p.get_linewidth() for p in ax.patches}),
             "texts": [[t.get_text(), t.get_position()] for t in ax.texts],
-            "legend": [t.get_text() for t in legend.get_texts()] if legend else None,
+            "inks": [t.get_color() for t in ax.texts],
+            "places": sorted({(t.get_fontsize(), t.get_ha(), t.get_va()) for t in ax.texts}),
+            "legend": legend and [[t.get_text(), t.get_fontsize()] for t in legend.get_texts()],
         }  # fmt: skip
 
     def of(figure):

@@ -40,17 +40,14 @@ class AnnotatedVideo:
         """A video to a path.
 
         Raises:
-            ValueError: The file cannot be written.
+            OSError: The file cannot be written.
         """
-        self._path, self._region = path, region
+        self._region = region
         self._rate = Fraction(rate).limit_denominator(LARGEST_DENOMINATOR)
         self._stream: av.VideoStream | None = None
         self._size = (0, 0)
-        try:
-            # An open file, because FFmpeg takes no name that is not UTF-8.
-            self._file = path.open("wb", buffering=0)
-        except OSError as error:
-            raise ValueError(f"{path}: cannot write this video: {error.strerror}") from None
+        # An open file, because FFmpeg takes no name that is not UTF-8.
+        self._file = path.open("wb", buffering=0)
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
 
     def add(self, shot: Shot, truth: Array | None) -> None:

@@ -22,8 +22,8 @@ from tracking.types import Region, State
 
 WIDTH, HEIGHT = 320, 240
 REGION = Region(60.0, 40.0)
-FIELDS, FIELD = (3, 3), 20
-"""Coloured fields of the target, and their size in its texture [px]."""
+FIELDS = (3, 3)
+"""Coloured fields of the target."""
 PATCHES = 60
 EXPOSURES = 5
 """Pictures that are averaged into a blurred one."""

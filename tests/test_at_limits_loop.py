@@ -1,0 +1,150 @@
+"""Each limit of the world and the loop: the last value that passes, and the first that does not."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from servo.controllers._inverse import _pinv
+from servo.controllers._limits import Limits
+from servo.controllers._target_loss import TargetLoss
+from servo.estimators.jump import Cusum
+from servo.loop import run_measures
+from servo.loop.run_measures import Measure, Outcome, Report, violations
+from servo.mistake import Mistake
+from servo.scenario.load import load
+from servo.study.results import missed
+from servo.types import Mode
+from sim import kinds
+from sim.assembly import steps_between
+from sim.geometry import inverse_if_strong
+from tracking.types import Status as Tracked
+
+
+def passes(check, *arguments):
+    """Whether a check lets this pass."""
+    try:
+        check(*arguments)
+    except (Mistake, ValueError):
+        return False
+    return True
+
+
+@pytest.mark.parametrize(("physics", "rate", "right"), [
+    (480.0, 480.0, True), (480.0, 480.1, False), (480.0, 120.0, True), (480.0, 119.0, False),
+    (480.0, 120.0 * (1 + 5e-10), True), (480.0, 120.0 * (1 + 2e-9), False),
+])  # fmt: skip
+def test_whole_steps(physics, rate, right):
+    assert passes(steps_between, physics, rate, "rate") is right
+
+
+def effect(kind, time, **settings):
+    config = kinds.config_of("sim.disturbances", kind)(**settings)
+    return config.build(np.random.default_rng(0)).at(time)
+
+
+def test_disturbances_begin_and_end_at_their_times():
+    board = {"start": 4.0, "duration": 0.5, "slide": 0.25}
+    assert [effect("board", t, **board).board is None for t in (3.74, 3.75, 4.75, 4.76)] == [
+        True, False, False, True,
+    ]  # fmt: skip
+    car = {"start": 3.0, "duration": 6.0}
+    assert [effect("second_car", t, **car).other is None for t in (2.99, 3.0, 9.0, 9.01)] == [
+        True, False, False, True,
+    ]  # fmt: skip
+    drop = {"start": 0.5, "share": 1.0}
+    assert [effect("dropped_frames", t, **drop).dropped for t in (0.49, 0.5)] == [False, True]
+
+
+def test_an_inverse_as_large_as_allowed_is_taken():
+    """Four singular values of 1/2: the inverse's norm is 4."""
+    assert inverse_if_strong(np.eye(4) / 2, 0.25) is not None
+    assert inverse_if_strong(np.eye(4) / 2, 0.2501) is None
+
+
+def test_a_singular_value_at_the_tolerance_is_none():
+    for small, inverse in ((1e-6, 0.0), (1.1e-6, 1 / 1.1e-6)):
+        found = _pinv(np.array([[1.0, 0, 0], [0, small, 0]]))
+        np.testing.assert_allclose(found, [[1, 0], [0, inverse], [0, 0]])
+
+
+def test_a_twist_at_the_limits_is_not_shortened():
+    twist = np.array([0.6, 0, 0, 0, 0, 0])
+    assert not Limits(0.6, 2.0, None, None).apply(twist, 1.0)[1]
+    assert not Limits(0.6, 2.0, 1.2, None).apply(twist, 0.5)[1]
+    assert Limits(0.6, 2.0, 1.2, None).apply(twist, 0.4999)[1]
+    assert Limits(0.6, 2.0, 1.19, None).apply(twist, 0.5)[1]
+
+
+def test_a_loss_goes_on_to_the_end_of_each_time():
+    C, H, S = Mode.COASTING, Mode.HOLDING, Mode.SEARCHING
+    loss = TargetLoss(1.0, 0.5, 0.1)
+    assert [loss.wait(0.25) for _ in range(7)] == [C, C, C, C, H, H, S]
+    assert loss.seen() is Mode.SERVOING
+    assert loss.wait(1.0) is C
+    assert [TargetLoss(0.0, None, 0.1).wait(t) for t in (0.0, 9.0)] == [C, H]
+
+
+def test_a_sum_at_the_threshold_is_no_jump():
+    assert Cusum(1.0, 4.0).jumped(np.array([5.0, -5.0, 5.01])).tolist() == [False, False, True]
+
+
+@dataclass
+class Step:
+    """What measures look at."""
+
+    time: float = 0.0
+    servo_error: float = 0.0
+    centre: tuple[float, float] = (5.0, 5.0)
+    limited: bool = False
+
+    @property
+    def frame(self):
+        return SimpleNamespace(time=self.time, image=np.zeros((30, 40, 3)))
+
+    @property
+    def truth(self):
+        return SimpleNamespace(centre=np.array(self.centre))
+
+    @property
+    def estimate(self):
+        return SimpleNamespace(status=Tracked.LOCKED)
+
+
+@pytest.mark.parametrize(("steps", "outcome"), [
+    ([Step(servo_error=10.0)], Outcome.CONVERGED), ([Step(servo_error=10.01)], Outcome.TIMED_OUT),
+    ([Step(0.0, 99.0), Step(1.0)], Outcome.CONVERGED),  # the last second has begun after it
+    ([Step(0.01, 99.0), Step(1.0)], Outcome.TIMED_OUT),
+    ([Step(0.0, 99.0, (0.0, 0.0))], Outcome.TIMED_OUT),
+    ([Step(0.0, 99.0, (40.0, 30.0))], Outcome.TIMED_OUT),
+    ([Step(0.0, 99.0, (-0.1, 5.0))], Outcome.DIVERGED),
+    ([Step(0.0, 99.0, (5.0, 30.1))], Outcome.DIVERGED),
+    ([Step(0.0, 99.0, limited=True)], Outcome.LIMIT_HIT),
+])  # fmt: skip
+def test_outcomes(steps, outcome):
+    assert run_measures._outcome(steps) is outcome
+
+
+@pytest.mark.parametrize(("error", "turned", "grown", "off"), [
+    (2.0, 1.0, 2.0, False), (2.01, 0, 0, True), (0, 1.01, 0, True), (0, -1.01, 0, True),
+    (0, 0, 2.01, True), (0, 0, -2.01, True),
+])  # fmt: skip
+def test_settling(error, turned, grown, off):
+    steps = [Step(0.0, error), Step(1.0)]
+    time = run_measures._settling_time(steps, np.array([turned, 0.0]), np.array([grown, 0.0]))
+    assert time == (1.0 if off else 0.0)
+
+
+def test_a_measure_at_its_bound_keeps_it():
+    report = Report(Outcome.CONVERGED, (Measure("lost_pct", 2.0, "%", "lost"),))
+    assert violations(report, {"lost_pct": 2.0}) == []
+    assert len(violations(report, {"lost_pct": 1.99})) == 1
+    rows = [{"lost_pct": 2.0, "success": s, "seed": k} for k, s in enumerate((True, False))]
+    assert missed([], {"lost_pct": 2.0, "success_rate": 0.5}, rows) == []
+    assert len(missed([], {"lost_pct": 1.99, "success_rate": 0.51}, rows)) == 2
+
+
+@pytest.mark.parametrize(("duration", "frames"), [(0.001, 1), (0.04, 1), (0.06, 2), (10.0, 300)])
+def test_frames_of_a_run(duration, frames):
+    assert load("still", [f"run.duration={duration}"]).frames == frames

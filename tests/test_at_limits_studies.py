@@ -1,0 +1,195 @@
+"""Each limit of studies and commands: the last value that passes, and the first that does not."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from distributed.core import Status
+
+from servo.batch import cluster, local_cluster, remote_cluster
+from servo.batch.ended import Lost
+from servo.bench.sequence_jobs import LONGEST_LABEL, Contender
+from servo.cli import sweep_command
+from servo.mistake import LONGEST, Mistake, Refused
+from servo.output import track_folder
+from servo.report import files, words
+from servo.scenario import toml
+from servo.study import parse
+from servo.study.axes import LARGEST, MOST_VALUES, axes_of
+
+
+def passes(check, *arguments):
+    """Whether a check lets this pass."""
+    try:
+        check(*arguments)
+    except (Mistake, ValueError):
+        return False
+    return True
+
+
+def test_a_sentence_is_cut_when_it_is_too_long():
+    assert str(Mistake("x" * LONGEST)) == "x" * LONGEST
+    assert str(Mistake("x" * (LONGEST + 1))) == f"{'x' * 1000} [...] {'x' * 1000}"
+
+
+@pytest.mark.parametrize(("depth", "right"), [(20, True), (21, False)])
+def test_tables_in_tables(depth, right):
+    nested = 1
+    for _ in range(depth):
+        nested = [nested]
+    assert passes(toml.check, nested, "here") is right
+
+
+@pytest.mark.parametrize(("value", "right"), [
+    ((1 << 63) - 1, True), (1 << 63, False), (-(1 << 63), True), (-(1 << 63) - 1, False),
+    (chr(0xD7FF), True), (chr(0xD800), False), (chr(0xDFFF), False), (chr(0xE000), True),
+])  # fmt: skip
+def test_values_of_toml(value, right):
+    assert passes(toml.check, [value], "here") is right
+
+
+@pytest.mark.parametrize(("given", "right"), [
+    (list(range(MOST_VALUES)), True), (list(range(MOST_VALUES + 1)), False),
+    ({"linspace": [0, 1, MOST_VALUES]}, True), ({"linspace": [0, 1, MOST_VALUES + 1]}, False),
+    ({"linspace": [0, 1, 1]}, True), ({"linspace": [0, 1, 0]}, False),
+    ({"linspace": [0, 1, 2.0]}, False), ({"choice": [1]}, True),
+    ({"uniform": [1, 1]}, True), ({"uniform": [1.01, 1]}, False),
+    ({"uniform": [-LARGEST, LARGEST]}, True), ({"uniform": [0, 1.01 * LARGEST]}, False),
+    ({"log_uniform": [1e-9, 1]}, True), ({"log_uniform": [0, 1]}, False),
+    ({"geomspace": [1, 1e-9, 3]}, True), ({"geomspace": [1, 0, 3]}, False),
+    ({"normal": [1, 0]}, True), ({"normal": [1, -0.01]}, False),
+])  # fmt: skip
+def test_axes(given, right):
+    assert passes(axes_of, {"start": {"x": given}}, "mine.toml") is right
+
+
+@pytest.mark.parametrize(("text", "right"), [
+    ("seeds = 1000000", True), ("seeds = 1000001", False), ("seeds = 0", False),
+    ("seeds = 1", True), ("seeds = [0]", True), ("seeds = [-1]", False), ("seeds = [2, 2]", False),
+    ("seeds = 100\naxes.start.x = { linspace = [0, 1, 10000] }", True),
+    ("seeds = [0, 1, 2]\naxes.start.x = { linspace = [0, 1, 10000] }\n"
+     "axes.start.y = { linspace = [0, 1, 34] }", False),
+    ("expect.success_rate = 0", True), ("expect.success_rate = 1", True),
+    ("expect.success_rate = -0.01", False), ("expect.success_rate = 1.01", False),
+])  # fmt: skip
+def test_studies(tmp_path, monkeypatch, text, right):
+    monkeypatch.setattr(parse, "_check", lambda *_: None)  # it builds each cell
+    (tmp_path / "mine.toml").write_text(f"scenario = 'still'\n{text}\n")
+    assert passes(parse.load, str(tmp_path / "mine.toml")) is right
+
+
+def test_seeds_of_the_command_line_and_names_of_scenarios(tmp_path, monkeypatch):
+    monkeypatch.setattr(parse, "_check", lambda *_: None)
+    monkeypatch.setattr(parse, "MOST_SCENARIOS", 2)
+    path = tmp_path / "mine.toml"
+    for count, right in ((2, True), (3, False)):
+        names = ["still", "line", "reversal"][:count]
+        path.write_text(f"scenario = {names}\n")
+        assert passes(parse.load, str(path)) is right
+    path.write_text("scenario = 'still'\n")
+    assert [passes(parse.load, str(path), (), n) for n in (1_000_000, 1_000_001)] == [True, False]
+
+
+def test_numbers_of_runs_are_written_out_up_to_a_limit(tmp_path):
+    path, end = tmp_path / "mine.toml", ": this makes {} runs; the limit is 1,000,000"
+    axes = "\n".join(
+        f"axes.start.{k} = {{ linspace = [1, 2, 10000] }}" for k in ("x", "y", "scale")
+    )
+    for seeds, runs in ((999, "999,000,000,000,000"), (1000, "more than 1e+15")):
+        path.write_text(f"scenario = 'still'\nseeds = {seeds}\n{axes}\n")
+        with pytest.raises(Mistake) as refused:
+            parse.load(str(path))
+        assert str(refused.value) == f"mine.toml{end.format(runs)}"
+
+
+@pytest.mark.parametrize(("label", "right"), [
+    ("x", True), ("", False), ("x" * LONGEST_LABEL, True), ("x" * (LONGEST_LABEL + 1), False),
+    (".x", False), ("x.", True), ("a/b", False), ("a\\b", False), (" a", False), ("a\n", False),
+])  # fmt: skip
+def test_labels(label, right):
+    assert passes(Contender, label, None) is right
+
+
+def test_workers(monkeypatch):
+    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", 24e9)
+    monkeypatch.setattr(local_cluster, "CPU_COUNT", 2)
+    monkeypatch.setattr(local_cluster, "_allow_files", lambda _: None)
+    assert [passes(local_cluster.check_workers, n) for n in (16, 17)] == [True, False]
+    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", 3 * 300e6)
+    assert [passes(local_cluster.check_workers, n) for n in (3, 4)] == [True, False]
+    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", 1e6)
+    assert [passes(local_cluster.check_workers, n) for n in (1, 2)] == [True, False]
+
+
+@pytest.mark.parametrize(("soft", "hard", "outcome"), [
+    (64, 64, []), (63, 64, [(64, 64)]), (63, 63, Refused), (-1, -1, []), (63, -1, [(64, -1)]),
+])  # fmt: skip
+def test_open_files(monkeypatch, soft, hard, outcome):
+    set_to = []
+    monkeypatch.setattr(local_cluster.resource, "getrlimit", lambda _: (soft, hard))
+    monkeypatch.setattr(local_cluster.resource, "setrlimit", lambda _, to: set_to.append(to))
+    if outcome is Refused:
+        with pytest.raises(Refused):
+            local_cluster._allow_files(64)
+    else:
+        local_cluster._allow_files(64)
+        assert set_to == outcome
+
+
+def test_time_without_workers():
+    workers = {0: SimpleNamespace(status=Status.closed)}
+    nurse = local_cluster._Nurse(SimpleNamespace(workers=workers, scale=lambda _: None), 2, 5)
+    nurse(0)  # the sixth is the last that is replaced
+    assert nurse.replaced == 6
+    nurse = local_cluster._Nurse(SimpleNamespace(workers={}), 2, 0, 119.5)
+    nurse(0)
+    with pytest.raises(Lost):
+        nurse(0)
+    watch = remote_cluster._Watch("it", cluster.PATIENCE - 1.0)
+    watch(0)
+    with pytest.raises(Lost):
+        watch(0)
+
+
+@pytest.mark.parametrize(("threads", "right"), [({}, True), ({"a": 1}, True), ({"a": 2}, False)])
+def test_threads_of_workers(threads, right):
+    crew = cluster.Crew(SimpleNamespace(nthreads=lambda: threads), "it", lambda _: None)
+    if right:
+        assert crew.workers() == len(threads)
+    else:
+        with pytest.raises(Lost):
+            crew.workers()
+
+
+def test_room_on_the_disk(monkeypatch, tmp_path):
+    """With exactly what is kept free there is enough."""
+    at = track_folder.SPARE
+    for free, full in ((at, False), (at - 1, True)):
+        usage = SimpleNamespace(free=free)
+        monkeypatch.setattr(track_folder.shutil, "disk_usage", lambda _, usage=usage: usage)
+        folder = SimpleNamespace(_folder=tmp_path)
+        assert track_folder.TrackFolder._nearly_full(folder) is full
+
+
+def test_numbers_on_a_page():
+    told = [words.shown(x) for x in (99.96, 100.0, 100.4, 999_999.0, 1e6, -1e6, -123.4)]
+    assert told == ["100", "100", "100", "999,999", "1e+06", "-1e+06", "-123"]
+    assert words.cut("runs", [1, 2], 2) is None
+    assert words.cut("runs", [1, 2, 3], 2) == "The first 2 of 3 runs are shown."
+
+
+def test_numbers_of_a_file():
+    most = files.ABSURD
+    assert not files._absurd(pa.chunked_array([[most, -most, np.nan, np.inf]]))
+    assert files._absurd(pa.chunked_array([[0.0, -1.01 * most]]))
+
+
+def test_cells_of_a_printed_table(capsys):
+    from rich.console import Console
+
+    cell = SimpleNamespace(settings={"a": 1}, runs=1, means={},
+                           success=SimpleNamespace(value=1.0, low=1.0, high=1.0))  # fmt: skip
+    for count, more in ((60, False), (61, True)):
+        sweep_command._print_cells(Console(width=100), [cell] * count)
+        assert ("... and 1 cells more, in cells.csv" in capsys.readouterr().out) is more

@@ -1,0 +1,155 @@
+"""Values that hardly ever come: empty windows, odd pictures, axes of mixed kinds."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from tracking.evaluation.sequences.generators._texture import blotches
+
+from servo.mistake import Mistake
+from servo.study.axes import axes_of
+from servo.study.run_file import _cell, _type
+from sim import gl, kinds
+from sim.geometry import inverse_if_strong
+from tracking import adapters
+from tracking.appearance.bins import Window
+from tracking.appearance.local_patterns import TextureBins
+from tracking.evaluation.sequences import picture_file, truth, video_file
+
+
+def test_a_singular_matrix_has_no_strong_inverse():
+    assert inverse_if_strong(np.zeros((3, 3)), 1e-9) is None
+
+
+def test_an_empty_window_has_no_labels():
+    found = TextureBins(8).label(np.zeros((20, 30, 3), np.uint8), Window(5, 5, 5, 9))
+    assert found.shape == (4, 0)
+
+
+@pytest.mark.parametrize(("values", "kind"), [
+    ([True, False], pa.bool_()), ([1, 2], pa.int64()), ([1, 2.5], pa.float64()),
+    ([2.5], pa.float64()), ([True, 1], pa.string()), (["a", 1], pa.string()),
+])  # fmt: skip
+def test_an_axis_is_a_column_of_its_kind(values, kind):
+    assert _type(values) == kind
+    cells = [_cell(value, kind) for value in (*values, None)]
+    assert cells == [*(map(str, values) if kind == pa.string() else values), None]
+
+
+@pytest.mark.parametrize(("values", "twice"), [
+    ([1, 1.0], True), ([True, 1], False), ([0.0, -0.0], True), (["1", 1], False),
+    ([[1, 2], [1.0, 2]], True), ([{"a": 1, "b": 2}, {"b": 2.0, "a": 1}], True),
+])  # fmt: skip
+def test_values_that_are_equal_count_as_the_same(values, twice):
+    table = {"controller": {"gain": values}}
+    if twice:
+        with pytest.raises(Mistake, match="has the same value twice"):
+            axes_of(table, "mine.toml")
+    else:
+        assert axes_of(table, "mine.toml")[0][0].values == tuple(values)
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ('x,y,w,h\n"1"2,3,4,5\n', "this is not CSV: "), ("x,y,w,h\n", ": this truth is empty"),
+    ("frame,x,y,w,h\nfirst,1,2,3,4\n", "the column frame does not count 0, 1, 2 ..."),
+])  # fmt: skip
+def test_tables_of_truth_that_are_none(tmp_path, text, said):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(ValueError) as refused:
+        truth.read(tmp_path / "a.csv")
+    assert said in str(refused.value)
+
+
+def test_a_picture_that_opencv_refuses_cannot_be_decoded(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise picture_file.cv2.error("too large")
+
+    (tmp_path / "a.ppm").write_bytes(b"P6\n2 2\n255\n" + bytes(12))
+    assert picture_file.read_image(tmp_path / "a.ppm").shape == (2, 2, 3)
+    monkeypatch.setattr(picture_file.cv2, "imdecode", refuse)
+    with pytest.raises(ValueError) as refused:
+        picture_file.read_image(tmp_path / "a.ppm")
+    assert str(refused.value) == f"{tmp_path}/a.ppm: this picture cannot be decoded"
+
+
+class Frame:
+    """A frame of a video, turned by some degrees."""
+
+    width, height = 3, 2
+
+    def __init__(self, rotation, error=None):
+        self.rotation, self.error = rotation, error
+
+    def to_ndarray(self, **_):
+        if self.error:
+            raise self.error
+        return np.arange(18).reshape(2, 3, 3)
+
+
+def test_a_frame_is_turned_as_its_file_says_or_none():
+    plain = np.arange(18).reshape(2, 3, 3)
+    for degrees, turns in ((0, 0), (90, 1), (-90, -1), (180, 2), (89.6, 1)):
+        found = video_file._rgb(Frame(degrees))
+        np.testing.assert_array_equal(found, np.rot90(plain, turns))
+        assert not found.flags.writeable
+    assert video_file._rgb(Frame(0, ValueError("odd"))) is None
+
+
+class Packets:
+    """A stream that ends, or breaks off."""
+
+    def __init__(self, sizes, error=None):
+        self.sizes, self.error = sizes, error
+
+    def demux(self, *_):
+        yield from (type("Packet", (), {"size": size}) for size in self.sizes)
+        if self.error:
+            raise self.error
+
+
+def test_the_frames_of_a_broken_video_are_counted_up_to_the_break():
+    assert video_file._counted(Packets([9, 9, 0]), None) == 2
+    assert video_file._counted(Packets([9], OSError("cut off")), None) == 1
+
+
+def test_a_toolkit_that_has_no_picture_is_asked_for_no_more():
+    class Handle:
+        def region(self):
+            return None
+
+        def frame(self):
+            return ""
+
+        def report(self, *_):
+            raise AssertionError
+
+    assert adapters.run_vot(Handle(), "frozen") is None
+
+
+def test_other_systems_and_other_libraries_have_their_own_back_ends(monkeypatch):
+    asked = []
+    monkeypatch.setattr(gl, "_require", lambda *names: asked.append(names))
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    assert gl.backend() == "osmesa"
+    assert asked == [gl.OSMESA]
+    monkeypatch.setattr(gl.sys, "platform", "darwin")
+    assert gl.backend() == "glfw"
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    with pytest.raises(gl.NoRenderer, match="Rendering is switched off by MUJOCO_GL=off: unset it"):
+        gl.backend()
+
+
+def test_a_texture_of_wild_contrast_reaches_black_and_white_and_goes_no_further():
+    found = blotches(np.random.default_rng(0), 40, 30, 1.0, np.full(3, 128.0), 900.0)
+    assert (found.min(), found.max()) == (0, 255)
+    assert np.mean(found == 0) == pytest.approx(np.mean(found == 255), abs=0.1)
+    assert np.mean(found == 0) > 0.2
+
+
+@pytest.mark.parametrize("kind", ["similarity", "texture"])
+def test_noise_on_painted_pictures_reaches_black_and_white_and_goes_no_further(kind):
+    config = kinds.config_of("tracking.evaluation.sequences.generators", kind)(noise=100.0)
+    found = config.build(np.random.default_rng(0)).source.paint(3)
+    assert (found.min(), found.max()) == (0, 255)
+    assert 0.01 < np.mean(found == 0) < 0.5
+    assert 0.01 < np.mean(found == 255) < 0.5

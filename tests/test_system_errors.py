@@ -1,0 +1,218 @@
+"""What the operating system refuses in the middle of work becomes the sentence it should be."""
+
+import errno
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from servo.batch import local_cluster, remote_cluster
+from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
+from servo.output.result_folder import result_folder
+from servo.output.run_folder import RunFolder
+from servo.report import study_data, study_time
+from sim import gl, quiet
+from tracking.files import atomic, reading
+
+DISK = OSError(errno.EIO, "Input/output error")
+
+
+def refusing(error=DISK):
+    def refuse(*_, **__):
+        raise error
+
+    return refuse
+
+
+def test_a_file_that_cannot_be_read_to_its_end(monkeypatch, tmp_path):
+    (tmp_path / "a").write_bytes(b"abc")
+    broken = SimpleNamespace(read=refusing(), __enter__=None, __exit__=None)
+
+    class Opened:
+        def __enter__(self):
+            return broken
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr(reading, "opened", lambda *_: Opened())
+    with pytest.raises(ValueError) as refused:
+        reading.content(tmp_path / "a", "truth", 10)
+    assert str(refused.value) == f"{tmp_path}/a: cannot read this truth: Input/output error"
+
+
+def test_a_table_that_cannot_be_closed_names_its_rows(tmp_path):
+    folder = SimpleNamespace(_log=None, refused=None, folder=tmp_path,
+                             _table=SimpleNamespace(close=refusing()))  # fmt: skip
+    with pytest.raises(Refused) as refused:
+        RunFolder.close(folder)
+    assert str(refused.value) == (
+        f"{tmp_path}/steps.parquet: Input/output error; all rows are in {tmp_path}/steps.arrows"
+    )
+
+
+def test_a_recording_that_ends_early_costs_nothing_else():
+    for act in ("add", "close"):
+        said, rows = Refused("it ends"), []
+        log = SimpleNamespace(**{act: refusing(said)})
+        table = SimpleNamespace(add=rows.append, close=lambda rows=rows: rows.append("closed"))
+        folder = SimpleNamespace(_log=log, refused=None, _table=table)
+        if act == "add":
+            RunFolder.add(folder, "one")
+            RunFolder.add(folder, "two")
+        RunFolder.close(folder)
+        assert folder.refused is said
+        assert rows == (["one", "two", "closed"] if act == "add" else ["closed"])
+
+
+def test_a_folder_of_results_that_cannot_be_begun_or_gone_on_with(monkeypatch, tmp_path):
+    with monkeypatch.context() as broken:
+        broken.setattr(atomic, "write", refusing(OSError(errno.EACCES, "Permission denied")))
+        with pytest.raises(Mistake) as told, result_folder(tmp_path / "a", "bench"):
+            pass
+    place = tmp_path / "a"
+    assert str(told.value) == f"{place}: cannot write to this folder: Permission denied"
+    with pytest.raises(Refused) as refused, result_folder(tmp_path / "b", "bench"):
+        raise DISK
+    assert str(refused.value) == (
+        f"Input/output error; what is in {tmp_path}/b is whole; the same command goes on from there"
+    )
+
+
+@pytest.mark.parametrize(("error", "said"), [
+    (OSError(errno.ENOSPC, "No space left on device", "a/b"), "a/b: No space left on device"),
+    (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
+    (OSError("odd"), "odd"),
+])  # fmt: skip
+def test_an_error_is_a_sentence(error, said):
+    assert refusal(error) == said
+
+
+def test_a_full_machine_is_no_mistake():
+    for number in (*FULL, errno.EACCES, errno.ENOTDIR):
+        found = unwritable("here", OSError(number, "why"))
+        assert isinstance(found, Refused if number in FULL else Mistake)
+        assert str(found) == "here: cannot write to this folder: why"
+
+
+def test_the_first_cause_is_named():
+    deep = RuntimeError("outer")
+    deep.__cause__ = OSError(11, "Resource temporarily unavailable")
+    assert local_cluster._reason(deep) == "Resource temporarily unavailable"
+    assert local_cluster._reason(OSError("odd")) == "odd"
+    assert local_cluster._reason(RuntimeError("outer")) == "outer"
+    outer = OSError("outer")
+    outer.__cause__ = OSError()
+    assert remote_cluster._reason(outer) == "outer"
+    outer.__cause__.__cause__ = ImportError("inner")
+    assert remote_cluster._reason(outer) == "inner"
+    assert remote_cluster._reason(OSError()) == "OSError"
+    assert remote_cluster._reason(ValueError("x")) == (
+        "what answers there does not speak Dask's protocol"
+    )
+
+
+def test_a_cluster_that_cannot_start_is_one_sentence(monkeypatch):
+    monkeypatch.setattr(local_cluster, "LocalCluster", refusing())
+    with pytest.raises(Refused) as refused, local_cluster.local(1):
+        pass
+    assert str(refused.value) == ("the worker processes cannot be started: Input/output error")
+
+
+def test_a_file_is_whole_where_folders_cannot_be_flushed(monkeypatch, tmp_path):
+    for broken in ("open", "fsync"):
+        with monkeypatch.context() as patched:
+            if broken == "open":
+                patched.setattr(atomic.os, "open", refusing())
+                atomic._flush_folder(tmp_path)
+            else:
+                patched.setattr(atomic.os, "fsync", refusing())
+                atomic._flush_folder(tmp_path)
+
+
+def test_errors_name_their_file():
+    for before, after in ((None, "here/a"), ("there", "there")):
+        error = OSError(5, "why", before)
+        with pytest.raises(OSError, match="why") as named, atomic.naming("here/a"):
+            raise error
+        assert named.value.filename == after
+
+
+def test_a_closed_stderr_needs_no_silence(monkeypatch):
+    monkeypatch.setattr(quiet.os, "dup", refusing())
+    done = []
+    with quiet.silent_libraries():
+        done.append(1)
+    assert done == [1]
+
+
+def test_a_library_that_is_missing_is_named_with_its_remedy(monkeypatch):
+    monkeypatch.setattr(gl.ctypes, "CDLL", refusing())
+    with pytest.raises(gl.NoRenderer) as told:
+        gl._require("libX.so", "apt-get install x")
+    assert str(told.value) == (
+        "The OpenGL library libX.so is missing on this machine: run 'apt-get install x'."
+    )
+
+
+@pytest.mark.parametrize(("asked", "missing"), [("osmesa", "libOSMesa.so.8"),
+                                                ("egl", "libEGL.so.1")])  # fmt: skip
+def test_a_back_end_that_is_asked_for_must_be_there(monkeypatch, asked, missing):
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setattr(gl, "_library", lambda name: None if name == missing else name)
+    with pytest.raises(gl.NoRenderer, match=f"The OpenGL library {missing} is missing"):
+        gl.check_environment()
+    monkeypatch.setattr(gl, "_library", lambda name: name)
+    gl.check_environment()
+
+
+@pytest.mark.parametrize(("has", "devices", "answers", "expected"), [
+    (True, 2, {1}, True), (True, 2, {2}, False), (True, 0, {0}, False), (True, 2, set(), False),
+    (False, 2, {0}, False),
+])  # fmt: skip
+def test_a_device_is_one_of_those_listed_that_answers(monkeypatch, has, devices, answers, expected):
+    """A library with functions by address: it lists devices, and initialises displays."""
+
+    class Function:
+        def __call__(self, name):
+            return {b"eglQueryDevicesEXT": 1, b"eglGetPlatformDisplayEXT": 2 if has else None}[name]
+
+    def query(most, places, found):
+        assert most == len(places)
+        places[:devices] = range(10, 10 + devices)
+        found._obj.value = devices
+        return devices > 0
+
+    made = {1: query, 2: lambda platform, device, _: device - 9 if platform == 0x313F else None}
+    monkeypatch.setattr(gl.ctypes, "CFUNCTYPE", lambda *_: made.get)
+
+    class Initialise:
+        def __call__(self, display, *_):
+            return display - 1 in answers
+
+    egl = SimpleNamespace(eglGetProcAddress=Function(), eglInitialize=Initialise())
+    assert bool(gl._has_device(egl)) is expected
+
+
+def test_series_without_values_have_no_curve():
+    series = [SimpleNamespace(values={"other": np.ones(3)}, time=np.arange(3.0), duration=3.0)]
+    unknown = SimpleNamespace(values={"x": np.full(3, np.nan)}, time=np.arange(3.0), duration=3.0)
+    assert study_time.band([*series, unknown], "x") is None
+    assert study_time.survival(series) is None
+    assert study_time._survival({"all": series}, "") is None
+    assert study_time._errors({"all": [unknown]}, "x", "t", "") is None
+
+
+def test_a_table_without_a_column_is_named(finished_study, tmp_path):
+    folder = tmp_path / "out"
+    shutil.copytree(finished_study, folder)
+    pq.write_table(pa.table({"run": [0], "outcome": ["CONVERGED"]}), folder / "results.parquet")
+    with pytest.raises(Mistake) as told:
+        study_data.load(folder)
+    assert str(told.value) == (
+        f"{folder}/results.parquet: there is no column 'success' in this table"
+    )

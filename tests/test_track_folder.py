@@ -1,0 +1,85 @@
+"""A track's files beside its rows: where the disk refuses one, the others go on."""
+
+import numpy as np
+import pytest
+
+from servo.mistake import Refused
+from servo.output.track_folder import TrackFolder
+from tracking.evaluation.sequences.sources import Picture
+from tracking.evaluation.track import Shot
+from tracking.types import Estimate, Region, State, Status
+
+
+class Extra:
+    """A file that refuses some acts, and says what it was asked for."""
+
+    def __init__(self, refuses=None, error=None):
+        self.refuses, self.error, self.done = refuses, error, []
+
+    def _do(self, act):
+        self.done.append(act)
+        if act == self.refuses:
+            raise self.error
+
+    def add(self, shot, *_):
+        self._do("add" if shot.index else "begin")
+
+    def close(self):
+        self._do("close")
+
+    def abandon(self):
+        self._do("abandon")
+
+
+def shot(k):
+    estimate = Estimate(State(20.0, 15.0), np.eye(4), 0.1, Status.LOCKED)
+    return Shot(Picture(f"{k}.png", k / 30, None), k, estimate, 0.002, (64, 48))
+
+
+def tracked(folder, extras, count=3, rate=30.0):
+    """The folder after some shots."""
+    files = TrackFolder(folder, Region(10.0, 6.0), rate, video=False, recording=False)
+    files._extras = {folder / name: extra for name, extra in extras.items()}
+    for k in range(count):
+        files.add(shot(k), None)
+    files.close()
+    assert len((folder / "track.csv").read_text().splitlines()) == 1 + count
+    return files
+
+
+@pytest.mark.parametrize(("error", "reason"), [
+    (OSError(28, "No space left on device"), "No space left on device"),
+    (OSError("odd"), "odd"),
+    (Refused("here: the recording ends: the disk refuses more"), "the disk refuses more"),
+])  # fmt: skip
+@pytest.mark.parametrize(("act", "done"), [
+    ("begin", ["begin", "abandon"]), ("add", ["begin", "add", "abandon"]),
+    ("close", ["begin", "add", "add", "close", "abandon"]),
+])  # fmt: skip
+def test_what_the_disk_refuses_is_left_and_named(tmp_path, act, done, error, reason):
+    bad, good = Extra(act, error), Extra()
+    files = tracked(tmp_path, {"track.mp4": bad, "track.rrd": good})
+    assert str(files.refused) == f"{tmp_path}/track.mp4: it ends too early: {reason}"
+    assert bad.done == done
+    assert good.done == ["begin", "add", "add", "close"]
+
+
+def test_the_first_of_two_refusals_is_named(tmp_path):
+    bad, worse = Extra("begin", OSError("first")), Extra("add", OSError("second"))
+    files = tracked(tmp_path, {"a": worse, "b": bad})
+    assert str(files.refused) == f"{tmp_path}/b: it ends too early: first"
+
+
+@pytest.mark.parametrize(("rate", "looked"), [(2.4, 3), (0.1, 5), (2.6, 2)])
+def test_once_a_second_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
+    tmp_path, monkeypatch, rate, looked
+):
+    found = []
+    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: found.append(1))
+    assert tracked(tmp_path, {"a": Extra()}, 5, rate).refused is None
+    assert len(found) == looked
+    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: True)
+    extra = Extra()
+    files = tracked(tmp_path, {"a": extra}, 2)
+    assert str(files.refused) == f"{tmp_path}/a: it ends too early: the disk is full"
+    assert extra.done == ["abandon"]
