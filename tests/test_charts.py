@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from servo.report import charts
-from servo.report.charts import Axis, Curve
+from servo.report.charts import Curve, Scale
 from tracking.evaluation.statistics import Interval
 
 
@@ -28,20 +28,21 @@ def test_curves_with_bands_points_dashes_and_shade(chart):
     ]
     shade = X, np.array([False, True, True, False, False])
     chart(
-        "curves", charts.curves("t", Axis("x"), Axis("y", low=-9.0), drawn, shaded=shade, note="n")
+        "curves",
+        charts.curves("t", Scale("x"), Scale("y", low=-9.0), drawn, shaded=shade, note="n"),
     )
 
 
 @pytest.mark.parametrize("deep", [30.0, 1e3, 1e9])
 def test_a_curve_over_decades_has_a_logarithmic_axis(chart, deep):
     y = np.array([0.0, 1.0, 2.0, np.nan, deep])
-    x, axis = Axis("x", 0.0, 2.0), Axis("y", low=0, log_from=10.0)
+    x, axis = Scale("x", 0.0, 2.0), Scale("y", low=0, log_from=10.0)
     chart(f"decades-{deep:g}", charts.curves("t", x, axis, [Curve("one", X, y, dashed=True)]))
 
 
 def test_a_curve_below_the_factor_keeps_its_axis(chart):
-    axis = Axis("y", low=0, high=50, log_from=100.0)
-    chart("linear", charts.curves("t", Axis("x"), axis, [Curve("one", X, 10 + 10 * X)]))
+    axis = Scale("y", low=0, high=50, log_from=100.0)
+    chart("linear", charts.curves("t", Scale("x"), axis, [Curve("one", X, 10 + 10 * X)]))
 
 
 @pytest.mark.parametrize("largest", [4.0, 400.0])

@@ -17,7 +17,7 @@ from servo.cli import (
     terminal,
     track_command,
 )
-from servo.loop.run_measures import MEANINGS, Measure, Outcome, Report, violations
+from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
 from servo.loop.step import Seconds
 from servo.output.command_line import command_line
 from servo.output.recording import archetypes, track_log
@@ -87,7 +87,7 @@ def test_the_doctor_says_this(console, monkeypatch, approved):
 
 
 def report():
-    values = (Measure(name, 0.37 * (k + 1), *MEANINGS[name]) for k, name in enumerate(MEANINGS))
+    values = (RunMeasure(name, 0.37 * (k + 1), *MEANINGS[name]) for k, name in enumerate(MEANINGS))
     return Report(Outcome.CONVERGED, tuple(values))
 
 

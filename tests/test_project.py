@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import tomllib
+from collections import Counter
 
 import pytest
 import yaml
@@ -23,7 +24,7 @@ TOP = {
     "CITATION.cff",
     "CONTRIBUTING.md",
 }
-MOST_LINES, MOST_FUNCTION, MOST_README = 250, 40, 200
+MOST_LINES, MOST_FUNCTION, MOST_README, MOST_LAYERS = 250, 40, 200, 9
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,23 @@ def test_files_and_functions_stay_short(files):
                 doc = ast.get_docstring(node, clean=False) or ""
                 length = node.end_lineno - node.lineno + 1 - (doc.count("\n") + 1 if doc else 0)
                 assert length <= MOST_FUNCTION, f"{path}: {node.name}"
+
+
+def test_no_module_and_no_class_has_the_name_of_another(root, files):
+    """`Config` is what every kind has, `types` what every package has."""
+    found = Counter()
+    for path in (f for f in files if f.suffix == ".py" and "tests" not in f.parts):
+        found[path.stem] += 1
+        body = ast.parse(path.read_text()).body
+        found.update(node.name for node in body if isinstance(node, ast.ClassDef))
+    twice = {name for name, count in found.items() if count > 1}
+    assert twice == {"__init__", "types", "Config"}
+
+
+def test_a_room_has_few_layers_below_it(root):
+    settings = tomllib.loads((root / "pyproject.toml").read_text())
+    layers = [c.get("layers", []) for c in settings["tool"]["importlinter"]["contracts"]]
+    assert max(map(len, layers)) <= MOST_LAYERS
 
 
 def test_every_module_opens_with_a_sentence(root, files):

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from servo.cli import bench_loop_command, sweep_command
 from servo.cli.options import Commands
-from servo.cli.sweep_command import Request
+from servo.cli.sweep_command import SweepRequest
 from servo.mistake import Mistake, unknown
 from servo.report import run_section, study_data
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
@@ -102,7 +102,7 @@ def broken(monkeypatch, tmp_path):
     monkeypatch.setattr(sweep_command, "carry_out", lambda client, runs, perform: [
         (task, SimpleNamespace(error="Trace\n  oh\nValueError: no\n", value=None)) for task in runs
     ])  # fmt: skip
-    return Request("mine.toml", (), None, 1, None, tmp_path / "out", True)
+    return SweepRequest("mine.toml", (), None, 1, None, tmp_path / "out", True)
 
 
 def test_failed_runs_are_told_with_their_last_line(broken, capfd):

@@ -99,11 +99,11 @@ def track(
     frames: int | None, quiet: bool,
 ) -> None:  # fmt: skip
     """Follow a target through any pictures; write its track."""
-    from servo.cli.track_command import Request
+    from servo.cli.track_command import TrackRequest
     from servo.cli.track_command import run as run_track
 
     given = (source, region, tracker, changes, seed, truth, truth_format, out)
-    sys.exit(run_track(Request(*given, video, rerun, rate, frames, quiet)))
+    sys.exit(run_track(TrackRequest(*given, video, rerun, rate, frames, quiet)))
 
 
 @app.command()
@@ -146,10 +146,10 @@ def sweep(
     out: Path | None, quiet: bool,
 ) -> None:  # fmt: skip
     """Run a scenario over axes, draws and seeds; a stopped study goes on where it was."""
-    from servo.cli.sweep_command import Request
+    from servo.cli.sweep_command import SweepRequest
     from servo.cli.sweep_command import run as run_study
 
-    sys.exit(run_study(Request(study, changes, seeds, workers, scheduler, out, quiet)))
+    sys.exit(run_study(SweepRequest(study, changes, seeds, workers, scheduler, out, quiet)))
 
 
 @app.command()

@@ -44,7 +44,7 @@ MOST_SHOWN = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class SweepRequest:
     """What the command line asks for."""
 
     name: str
@@ -61,7 +61,7 @@ class Request:
         return command_line("sweep", self.name, set=list(self.changes), seeds=self.seeds)
 
 
-def run(request: Request) -> int:
+def run(request: SweepRequest) -> int:
     """Run what is missing of a study; the exit code: 1 where a run failed or a bound was missed.
 
     Raises:
@@ -91,7 +91,9 @@ def run(request: Request) -> int:
     return 1 if failed else code
 
 
-def _work(study: Study, store: Store, request: Request, console: Console) -> list[tuple[Path, str]]:
+def _work(
+    study: Study, store: Store, request: SweepRequest, console: Console
+) -> list[tuple[Path, str]]:
     """Run what is missing; the file of each failed run, with the last line of its error."""
     done = store.done()
     failed: list[tuple[Path, str]] = []
@@ -123,7 +125,7 @@ def _print_damaged(paths: Sequence[Path]) -> None:
         )
 
 
-def _again(store: Store, study: Study, request: Request) -> str:
+def _again(store: Store, study: Study, request: SweepRequest) -> str:
     there = f"{len(store.done())} of {study.size} runs are finished; "
     out = f" --out {shlex.quote(str(request.out))}" if request.out else ""
     return f"{there}go on with: {request.command}{out}"

@@ -35,7 +35,7 @@ from tracking.types import Region, State, Status
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class TrackRequest:
     """What was asked for on the command line."""
 
     source: str
@@ -62,7 +62,7 @@ class Request:
         )  # fmt: skip
 
 
-def run(request: Request) -> int:
+def run(request: TrackRequest) -> int:
     """Track, and write what was asked for; the exit code.
 
     Raises:
@@ -119,7 +119,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
 
 
-def _truth(request: Request, source: Source) -> Array | None:
+def _truth(request: TrackRequest, source: Source) -> Array | None:
     form = truths.Format.named(request.truth_format)
     path = request.truth or truth_beside(request.source)
     if path is None:
@@ -132,7 +132,7 @@ def _truth(request: Request, source: Source) -> Array | None:
     return truth
 
 
-def _placement(request: Request, truth: Array | None) -> tuple[Region, State]:
+def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, State]:
     if request.region is not None:
         return region_of(request.region)
     if truth is None:
@@ -159,7 +159,7 @@ def region_of(text: str) -> tuple[Region, State]:
 
 
 def _write(
-    request: Request, folder: Path, region: Region, truth: Array | None, shots: Iterator[Shot],
+    request: TrackRequest, folder: Path, region: Region, truth: Array | None, shots: Iterator[Shot],
     source: Source,
 ) -> tuple[TrackFolder, list[Shot], int]:  # fmt: skip
     """Write all shots; the files, what can be kept of the shots, and the exit code."""
@@ -184,7 +184,7 @@ def _write(
 
 
 def _report(
-    request: Request, folder: Path, settings: dict[str, Any], seen: list[Shot],
+    request: TrackRequest, folder: Path, settings: dict[str, Any], seen: list[Shot],
     comparison: Comparison | None,
 ) -> Path:  # fmt: skip
     measures = {} if comparison is None else measure_all(comparison)

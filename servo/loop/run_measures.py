@@ -38,7 +38,7 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class RunMeasure:
     """One number about a run. Smaller is better for all of them."""
 
     name: str
@@ -84,7 +84,7 @@ class Report:
     """Outcome and measures of one run."""
 
     outcome: Outcome
-    measures: tuple[Measure, ...]
+    measures: tuple[RunMeasure, ...]
 
     def value(self, name: str) -> float:
         """The value of a measure."""
@@ -139,7 +139,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
     }
-    measures = tuple(Measure(name, float(values[name]), *MEANINGS[name]) for name in MEANINGS)
+    measures = tuple(RunMeasure(name, float(values[name]), *MEANINGS[name]) for name in MEANINGS)
     return Report(_outcome(steps), measures)
 
 

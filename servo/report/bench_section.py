@@ -19,7 +19,7 @@ from servo.bench.ranking import (
 from servo.mistake import Mistake
 from servo.output import formats
 from servo.report import loop_section
-from servo.report.page import Badge, Block, Cell, Fact, Picture, Section, Table, Tone, again
+from servo.report.page import Badge, Block, Cell, Fact, PageImage, Section, Table, Tone, again
 from servo.report.words import NOTHING, cut, shown, spread
 from tracking.evaluation.statistics import Interval
 
@@ -111,8 +111,8 @@ def _sheets(folder: Path, best: str) -> list[Block]:
     return [Block("Contact sheets", text, pictures=shown_)]
 
 
-def _picture(path: Path, title: str, *, sheet: bool) -> Picture:
-    return Picture.of(title, formats.content(path), str(path), sheet=sheet)
+def _picture(path: Path, title: str, *, sheet: bool) -> PageImage:
+    return PageImage.of(title, formats.content(path), str(path), sheet=sheet)
 
 
 def _runs(runs: Sequence[SequenceRun]) -> Block:

@@ -51,7 +51,7 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class Scale:
     """What an axis says, and how it is scaled."""
 
     title: str
@@ -63,8 +63,8 @@ class Axis:
 
 def curves(
     title: str,
-    x: Axis,
-    y: Axis,
+    x: Scale,
+    y: Scale,
     drawn: Sequence[Curve],
     *,
     shaded: Shade | None = None,
@@ -107,7 +107,7 @@ def by_name(
         axes.margins(x=0.05, y=0.5 / max(1, len(names)))
         axes.set_xlabel(across)
         found = [np.array([v.value, v.low]) for vs in groups.values() for v in vs if v is not None]
-        _scale(axes, Axis(across, low=0, log_from=ERRORS), found, "x")
+        _scale(axes, Scale(across, low=0, log_from=ERRORS), found, "x")
         keys = [Key(label, css(colour(i))) for i, label in enumerate(groups) if len(groups) > 1]
         return Figure(title, svg(figure, title), keys)
 
@@ -158,7 +158,7 @@ def _draw(axes: Axes, curve: Curve) -> None:
     axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width)
 
 
-def _scale(axes: Axes, axis: Axis, values: Sequence[Array], which: str) -> None:
+def _scale(axes: Axes, axis: Scale, values: Sequence[Array], which: str) -> None:
     """Limits, and a logarithm where the values need one."""
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]

@@ -85,7 +85,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PageImage:
     """An image that is part of the page."""
 
     title: str
@@ -97,7 +97,7 @@ class Picture:
     """A contact sheet stays wide enough to see something; a plot fits the page."""
 
     @staticmethod
-    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> Picture:
+    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> PageImage:
         """A PNG or JPEG file as it is; a sheet becomes a JPEG.
 
         Raises:
@@ -114,7 +114,7 @@ class Picture:
             encoded, is_jpeg = cv2.imencode(".jpg", image, quality)[1].tobytes(), True
         text = base64.b64encode(encoded).decode("ascii")
         kind = "jpeg" if is_jpeg else "png"
-        return Picture(title, f"data:image/{kind};base64,{text}", width, height, sheet)
+        return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ class Block:
     """Sentences, one a line."""
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
-    pictures: Sequence[Picture] = ()
+    pictures: Sequence[PageImage] = ()
     code: Sequence[str] = ()
     folded: bool = False
     """Opened by the reader."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from servo.output.formats import content
 from servo.papers.claims import Judged, PapersReport
-from servo.report.page import Badge, Block, Fact, Picture, Section, Table, again
+from servo.report.page import Badge, Block, Fact, PageImage, Section, Table, again
 
 
 def section(folder: Path) -> Section:
@@ -41,7 +41,7 @@ def section(folder: Path) -> Section:
 def _claim(folder: Path, name: str, claim: Judged) -> Block:
     head, *rows = claim.table or [[]]
     pictures = [
-        Picture.of("", content(folder / figure), str(folder / figure), sheet=False)
+        PageImage.of("", content(folder / figure), str(folder / figure), sheet=False)
         for figure in claim.figures
     ]
     word = "holds" if claim.holds else "does not hold"

@@ -15,9 +15,9 @@ from servo.output.run_folder import RECORDING
 from servo.output.run_report import RunReport
 from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
-from servo.report.charts import ERRORS, Axis, Curve, Shade, curves
+from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
-from servo.report.page import Badge, Block, Fact, Figure, Picture, Section, Table, Tone, again
+from servo.report.page import Badge, Block, Fact, Figure, PageImage, Section, Table, Tone, again
 from servo.report.words import shown
 from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import page, tile
@@ -101,7 +101,7 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
               *(column for columns in motions.values() for column in columns)]  # fmt: skip
     table = files.steps(folder / TABLE, wanted)
     column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
-    time, across = column["time_s"], Axis("time [s]")
+    time, across = column["time_s"], Scale("time [s]")
     unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))
     note = SHADED if unseen[1].any() else ""
     distances = [
@@ -114,8 +114,8 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
     ]
     return [
         curves("Distance from goal, and of the estimate", across,
-               Axis("distance [px]", low=0, log_from=ERRORS), distances, shaded=unseen, note=note),
-        curves("Feature errors", across, Axis("s - s*"), parts, shaded=unseen, note=note),
+               Scale("distance [px]", low=0, log_from=ERRORS), distances, shaded=unseen, note=note),
+        curves("Feature errors", across, Scale("s - s*"), parts, shaded=unseen, note=note),
         *(_motion(name, run.features[name], time, [column[c] for c in columns], unseen)
           for name, columns in motions.items()),
     ]  # fmt: skip
@@ -140,8 +140,8 @@ def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade
         Curve("estimated", time, estimated, colour=colour(2)),
         Curve("true", time, true, colour=INK, dashed=True),
     ]
-    axis = Axis(f"d{name}/dt [{unit}/s]", low - room, high + room)
-    return curves(f"The target's own motion: {name}", Axis("time [s]"), axis, drawn, shaded=unseen)
+    axis = Scale(f"d{name}/dt [{unit}/s]", low - room, high + room)
+    return curves(f"The target's own motion: {name}", Scale("time [s]"), axis, drawn, shaded=unseen)
 
 
 def _pictures(folder: Path) -> Block:
@@ -158,7 +158,7 @@ def _pictures(folder: Path) -> Block:
     whole: Any = page(tiles)
     encoded = cv2.imencode(".png", cv2.cvtColor(whole, cv2.COLOR_RGB2BGR))[1].tobytes()
     return Block(title, ["Truth white, estimate green."],
-                 pictures=[Picture.of("", encoded, str(path), sheet=True)])  # fmt: skip
+                 pictures=[PageImage.of("", encoded, str(path), sheet=True)])  # fmt: skip
 
 
 def _scenario(path: Path, run: RunReport) -> Block:

@@ -9,10 +9,10 @@ import numpy as np
 
 from servo.loop.run_measures import MEANINGS
 from servo.report import charts
-from servo.report.charts import ERRORS, SETTINGS, Axis, Curve
+from servo.report.charts import ERRORS, SETTINGS, Curve, Scale
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
-from servo.report.study_data import SUCCESS, Row, Study, interval, median
+from servo.report.study_data import SUCCESS, Row, StudyResults, interval, median
 from servo.report.words import cut, shown
 
 ERROR = "servo_rms_px"
@@ -22,7 +22,7 @@ COLOURED = 8.0
 AVERAGED = "Mean over all else, with its 95 % interval."
 
 
-def against(study: Study) -> list[Figure]:
+def against(study: StudyResults) -> list[Figure]:
     """Error and success rate against each numeric axis, a colour a compared value."""
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []
@@ -41,7 +41,7 @@ def against(study: Study) -> list[Figure]:
     return found
 
 
-def heat_maps(study: Study) -> list[Figure]:
+def heat_maps(study: StudyResults) -> list[Figure]:
     """Success rate and median error over two axes: numeric ones first, then the compared one."""
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:
@@ -68,7 +68,9 @@ def heat_maps(study: Study) -> list[Figure]:
     return drawn
 
 
-def _curve(study: Study, rows: list[Row], key: str, name: str, label: str, ink: str) -> Curve:
+def _curve(
+    study: StudyResults, rows: list[Row], key: str, name: str, label: str, ink: str
+) -> Curve:
     at: list[tuple[float, float, float, float]] = []
     for value in sorted(study.axes[key]):
         found = interval([r for r in rows if _same(r[key], value)], name)
@@ -79,12 +81,12 @@ def _curve(study: Study, rows: list[Row], key: str, name: str, label: str, ink: 
 
 
 def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
-    across = Axis(key, log_from=SETTINGS)
+    across = Scale(key, log_from=SETTINGS)
     if name == SUCCESS:
-        return charts.curves(f"Success against {key}", across, Axis("success rate", -0.02, 1.02),
+        return charts.curves(f"Success against {key}", across, Scale("success rate", -0.02, 1.02),
                              drawn, note=note)  # fmt: skip
     unit, meaning = MEANINGS[name]
-    along = Axis(f"error [{unit}]", low=0, log_from=ERRORS)
+    along = Scale(f"error [{unit}]", low=0, log_from=ERRORS)
     return charts.curves(f"Error against {key}: {meaning}", across, along, drawn, note=note)
 
 

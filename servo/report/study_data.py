@@ -40,7 +40,7 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True)
-class Study:
+class StudyResults:
     """All that a folder has but its sheets, which are read when they are shown."""
 
     folder: Path
@@ -89,7 +89,7 @@ class Study:
                     return
 
 
-def load(folder: Path) -> Study:
+def load(folder: Path) -> StudyResults:
     """A study's folder, also of one that is not finished.
 
     Raises:
@@ -117,7 +117,7 @@ def load(folder: Path) -> Study:
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
     pairs = folder / COMPARISONS
     told = files.rows(pairs) if pairs.exists() else []
-    return Study(folder, plan, rows, series, failed, told, broken)
+    return StudyResults(folder, plan, rows, series, failed, told, broken)
 
 
 def values(rows: list[Row], name: str) -> Array:

@@ -10,8 +10,19 @@ import numpy as np
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.report import study_axes, study_time
-from servo.report.page import Badge, Block, Cell, Fact, Figure, Picture, Section, Table, Tone, again
-from servo.report.study_data import SUCCESS, Row, Study, interval, load, median
+from servo.report.page import (
+    Badge,
+    Block,
+    Cell,
+    Fact,
+    Figure,
+    PageImage,
+    Section,
+    Table,
+    Tone,
+    again,
+)
+from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
 from servo.report.words import NOTHING, cut, listed, shown, spread
 from servo.study.results import grouped, missed
 
@@ -41,7 +52,7 @@ def section(folder: Path) -> Section:
     return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
 
 
-def _shown(study: Study) -> list[Block]:
+def _shown(study: StudyResults) -> list[Block]:
     return [
         *_compared(study),
         *_figures("Over time", study_time.figures(study)),
@@ -53,7 +64,7 @@ def _shown(study: Study) -> list[Block]:
     ]
 
 
-def _verdict(study: Study, broken: Sequence[str]) -> Badge:
+def _verdict(study: StudyResults, broken: Sequence[str]) -> Badge:
     done, runs = len(study.rows), study.plan.runs
     if done < runs:
         return Badge(f"{done} of {runs} runs", Tone.BAD if study.failures else Tone.PLAIN)
@@ -62,7 +73,7 @@ def _verdict(study: Study, broken: Sequence[str]) -> Badge:
     return Badge(f"{runs} runs", Tone.PLAIN)
 
 
-def _facts(study: Study, broken: Sequence[str]) -> list[Fact]:
+def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
     plan, rows = study.plan, study.rows
     facts = [Fact("runs", f"{len(rows)} of {plan.runs}", f"{len(plan.seeds)} seeds a cell")]
     if rows:
@@ -80,7 +91,7 @@ def _facts(study: Study, broken: Sequence[str]) -> list[Fact]:
     return facts
 
 
-def _overview(study: Study, broken: Sequence[str]) -> Block:
+def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     plan, text = study.plan, list[str]()
     if len(study.rows) < plan.runs:
         text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
@@ -101,7 +112,7 @@ def _overview(study: Study, broken: Sequence[str]) -> Block:
     return Block("What was varied, and what held", text, broken[:MOST_TOLD], [table])
 
 
-def _compared(study: Study) -> list[Block]:
+def _compared(study: StudyResults) -> list[Block]:
     groups = study.groups(study.compared)
     outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
     rows: list[list[Cell]] = []
@@ -124,7 +135,7 @@ def _compared(study: Study) -> list[Block]:
     return [Block("Compared", points=_sure(study), tables=tables)]
 
 
-def _sure(study: Study) -> list[str]:
+def _sure(study: StudyResults) -> list[str]:
     found = [pair for pair in study.comparisons if _float(pair.get("p_holm")) < SURE]
     return [
         f"{pair['first']} succeeds more often than {pair['second']}: {pair['wins']} to "
@@ -138,9 +149,9 @@ def _figures(title: str, figures: list[Figure]) -> list[Block]:
     return [Block(title, figures=figures)] if figures else []
 
 
-def _sheets(study: Study) -> list[Block]:
+def _sheets(study: StudyResults) -> list[Block]:
     found = [
-        Picture.of(
+        PageImage.of(
             f"{_named(study, row)}: {row['outcome']}",
             encoded,
             f"{study.folder}: the sheet of run {row['run']}",
@@ -156,12 +167,12 @@ def _sheets(study: Study) -> list[Block]:
     return [Block("Contact sheets", text, pictures=found)]
 
 
-def _named(study: Study, row: Row) -> str:
+def _named(study: StudyResults, row: Row) -> str:
     settings = {key: row[key] for key in study.axes}
     return f"run {row['run']}, {listed(settings | {'seed': row.get('seed')})}"
 
 
-def _cells(study: Study) -> list[Block]:
+def _cells(study: StudyResults) -> list[Block]:
     found = grouped(list(study.axes), study.rows)
     rows = [
         [*(shown(v) for v in settings.values()), str(len(group)),
@@ -175,7 +186,7 @@ def _cells(study: Study) -> list[Block]:
     ]
 
 
-def _runs(study: Study) -> list[Block]:
+def _runs(study: StudyResults) -> list[Block]:
     left_out = ("version_", "sheet")
     names = [n for n in study.rows[0] if not n.startswith(left_out)]
     rows = [[_cell(row.get(n)) for n in names] for row in study.rows[:MOST_ROWS]]
@@ -192,7 +203,7 @@ def _are_bounds(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(b, dict) and "name" in b for b in value)
 
 
-def _failures(study: Study) -> list[Block]:
+def _failures(study: StudyResults) -> list[Block]:
     if not study.failures:
         return []
     points: list[str] = []

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.report.charts import ERRORS, Axis, Curve, curves
+from servo.report.charts import ERRORS, Curve, Scale, curves
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
-from servo.report.study_data import Series, Study
+from servo.report.study_data import Series, StudyResults
 from servo.report.words import cut
 from sim.types import Array
 
@@ -29,7 +29,7 @@ DISTANCES = {
 }
 
 
-def figures(study: Study) -> list[Figure]:
+def figures(study: StudyResults) -> list[Figure]:
     """Errors and survival over time, a colour a value of the compared axis."""
     groups = {
         name: [s for row in rows if (s := study.series.get(row["run"])) is not None]
@@ -84,7 +84,11 @@ def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -
         return None
     said = f"Median and 10 to 90 % of the runs. {note}"
     return curves(
-        title, Axis("time [s]"), Axis("distance [px]", low=0, log_from=ERRORS), drawn, note=said
+        title,
+        Scale("time [s]"),
+        Scale("distance [px]", low=0, log_from=ERRORS),
+        drawn,
+        note=said,
     )
 
 
@@ -96,5 +100,9 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
         return None
     said = f"Runs that were never off the target after the first second. {note}"
     return curves(
-        "Still on target", Axis("time [s]"), Axis("share of runs", 0, 1.02), drawn, note=said
+        "Still on target",
+        Scale("time [s]"),
+        Scale("share of runs", 0, 1.02),
+        drawn,
+        note=said,
     )

@@ -80,7 +80,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class TrackMeasure:
     """One number about a track."""
 
     name: str
@@ -144,33 +144,33 @@ def _state_rmse(c: Comparison, column: int) -> float:
 
 H, L = Better.HIGHER, Better.LOWER
 MEASURES = (
-    Measure("auc", "", H, "success: area under the curve of upright box overlap",
+    TrackMeasure("auc", "", H, "success: area under the curve of upright box overlap",
             lambda c: float(c.success().mean())),
-    Measure("auc_turned", "", H, "the same for rectangles as they are turned",
+    TrackMeasure("auc_turned", "", H, "the same for rectangles as they are turned",
             lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None]))),
-    Measure("precision_20", "", H, "share of frames with an error of at most 20 px",
+    TrackMeasure("precision_20", "", H, "share of frames with an error of at most 20 px",
             lambda c: float(c.precision()[NEAR])),
-    Measure("precision_norm", "", H, "area under the curve of error over the target's size",
+    TrackMeasure("precision_norm", "", H, "area under the curve of error over the target's size",
             lambda c: float(np.mean(np.hypot(*_relative(c).T) <= SHARES[:, None]))),
-    Measure("rmse_px", "px", L, "root mean square error of the centre",
+    TrackMeasure("rmse_px", "px", L, "root mean square error of the centre",
             lambda c: float(np.sqrt(np.mean(c.errors**2)))),
-    Measure("mean_error_px", "px", L, "mean error of the centre",
+    TrackMeasure("mean_error_px", "px", L, "mean error of the centre",
             lambda c: float(np.mean(c.errors))),
-    Measure("angle_rmse_deg", "deg", L, "root mean square error of theta",
+    TrackMeasure("angle_rmse_deg", "deg", L, "root mean square error of theta",
             lambda c: _state_rmse(c, 2)),
-    Measure("scale_rmse", "", L, "root mean square relative error of the size",
+    TrackMeasure("scale_rmse", "", L, "root mean square relative error of the size",
             lambda c: _state_rmse(c, 3)),
-    Measure("frames_until_loss", "", H, "frames before five in a row off by the target's size",
+    TrackMeasure("frames_until_loss", "", H, "frames before five in a row off by the target's size",
             frames_until_loss),
-    Measure("completed", "", H, "1 if it was never lost",
+    TrackMeasure("completed", "", H, "1 if it was never lost",
             lambda c: float(frames_until_loss(c) == len(c.errors))),
-    Measure("held", "", H, "1 if the overlap exceeds 0.5 in 90 % of the frames",
+    TrackMeasure("held", "", H, "1 if the overlap exceeds 0.5 in 90 % of the frames",
             lambda c: float(np.mean(c.overlaps > HALF) >= MOST)),
-    Measure("lost_auc", "", H, "area under the ROC of 1 - confidence as a sign of being off",
+    TrackMeasure("lost_auc", "", H, "area under the ROC of 1 - confidence as a sign of being off",
             lost_signal),
-    Measure("milliseconds", "ms", L, "median time for a frame",
+    TrackMeasure("milliseconds", "ms", L, "median time for a frame",
             lambda c: float(np.median(c.track.milliseconds[1:])) if len(c.errors) > 1 else 0.0),
-    Measure("evaluations", "", L, "mean number of histograms read for a frame",
+    TrackMeasure("evaluations", "", L, "mean number of histograms read for a frame",
             lambda c: float(np.mean(c.track.evaluations[1:])) if len(c.errors) > 1 else 0.0),
 )  # fmt: skip
 
