@@ -44,7 +44,7 @@ class Row:
     tracker: str
     runs: int
     means: dict[str, Interval]
-    """By measure; those that nothing could be said of are not there."""
+    """By measure; a measure without a value is not there."""
     families: dict[str, float | None]
     """Mean success by family; None where it could not be measured."""
     against_best: McNemar | None

@@ -49,8 +49,8 @@ def run(
     check_number(len(chosen) * len(entries) * seeds)
     jobs = [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
     title = Path(name).stem
-    with Workers(workers) as team, result_folder(folder, "bench"):
-        done, code = work(jobs, folder, team, console, f"bench {title}")
+    with Workers(workers) as pool, result_folder(folder, "bench"):
+        done, code = work(jobs, folder, pool, console, f"bench {title}")
         results = [d.result for d in done if d.result is not None]
         if not results:
             return code
@@ -72,14 +72,14 @@ def print_rows(console: Console, rows: Sequence[ranking.Row]) -> None:
         table.add_column(title, justify="left" if title == "tracker" else "right", no_wrap=True)
     for row in rows:
         test = row.against_best
-        told = ("", "") if test is None else (f"{test.z:.2f}", f"{row.p:.3f}")
+        tested = ("", "") if test is None else (f"{test.z:.2f}", f"{row.p:.3f}")
         cells: list[str] = []
         for title, name in SHOWN.items():
             interval = row.means.get(name)
             cells.append("" if interval is None else _short(interval.value))
             if title == INTERVAL:
                 cells.append("" if interval is None else f"{interval.low:.3f}-{interval.high:.3f}")
-        table.add_row(escape(row.tracker), *cells, *told)
+        table.add_row(escape(row.tracker), *cells, *tested)
     console.print(table)
     plain(console, LEGEND)
     families = list(rows[0].families)

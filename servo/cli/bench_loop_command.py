@@ -33,8 +33,8 @@ def run(
     jobs = [
         LoopJob(c, name, s) for c in chosen for name in loop_jobs.SCENARIOS for s in range(seeds)
     ]
-    with Workers(workers) as team, result_folder(folder, "bench closed_loop"):
-        done, code = work(jobs, folder, team, console, "bench closed loop")
+    with Workers(workers) as pool, result_folder(folder, "bench closed_loop"):
+        done, code = work(jobs, folder, pool, console, "bench closed loop")
         results = [d.result for d in done if d.result is not None]
         paths = write(results, folder, command) if results else []
     if results:

@@ -110,9 +110,9 @@ def perform(check: Check) -> Checked:
 def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[Ended]:
     """The ends of all runs, in the order of the table."""
     ends: dict[int, Ended] = {}
-    with Workers(min(workers, len(checks))) as team, progress_bar(console) as progress:
+    with Workers(min(workers, len(checks))) as pool, progress_bar(console) as progress:
         task = progress.add_task("check", total=len(checks), note="")
-        for check, ended in team.ends(checks, perform):
+        for check, ended in pool.ends(checks, perform):
             ends[check.number] = ended
             scenario = check.scenario
             note = f"{escape(scenario.name)}, seed {scenario.run.seed}"

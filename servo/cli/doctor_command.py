@@ -23,7 +23,7 @@ LENGTH = 60.0
 TIMED = ("camshift", "cv_mean_shift", "mean_shift", "mk_ssd", "pf_ssd", "condensation", "annealed",
          "mk_pf", "kams", "cv_mil")  # fmt: skip
 UNIT = "camshift"
-"""Tracker times are told as multiples of OpenCV's."""
+"""Tracker times are given as multiples of OpenCV's."""
 
 
 def examine(*, bench: bool) -> int:

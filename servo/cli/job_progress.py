@@ -17,7 +17,7 @@ from servo.output.result_folder import GOES_ON
 
 
 def work(
-    jobs: Sequence[Job], folder: Path, team: Workers, console: Console, title: str
+    jobs: Sequence[Job], folder: Path, pool: Workers, console: Console, title: str
 ) -> tuple[list[Done], int]:
     """Run jobs under a progress bar, in the order asked for; the exit code: 1 for failures.
 
@@ -34,7 +34,7 @@ def work(
     try:
         with progress_bar(console) as bar:
             task = bar.add_task(escape(title), total=len(jobs), note=COMPILING)
-            for one in team.results(jobs, folder):
+            for one in pool.results(jobs, folder):
                 done[one.job.key] = one
                 if one.refused is not None and one.refused.errno in FULL:
                     raise one.refused

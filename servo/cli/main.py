@@ -231,7 +231,7 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
 @app.command()
 @click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
 def doctor(bench: bool) -> None:
-    """Tell renderer, versions and speed of this machine."""
+    """Report renderer, versions and speed of this machine."""
     from servo.cli.doctor_command import examine
 
     sys.exit(examine(bench=bench))

@@ -48,9 +48,9 @@ def run(
         gl.backend()
     verdicts: dict[str, Verdict] = {}
     failed = 0
-    with Workers(workers) as team, result_folder(folder, "papers"):
+    with Workers(workers) as pool, result_folder(folder, "papers"):
         for claim in chosen:
-            done, code = work(jobs[claim.name], folder, team, console, claim.name)
+            done, code = work(jobs[claim.name], folder, pool, console, claim.name)
             if code:
                 failed = code
                 continue

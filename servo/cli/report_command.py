@@ -22,7 +22,7 @@ KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
     ((SequenceBench.FILE,), bench_section.section),
     ((TABLE, STREAM), run_section.section),
 )
-"""Files that tell what a folder is, and who reads it."""
+"""Files by which a folder is recognised, and the section that reads it."""
 
 
 def write(folders: Sequence[Path], out: Path | None) -> Path:

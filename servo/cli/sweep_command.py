@@ -152,10 +152,10 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     for path in paths:
         plain(console, f"  {path}")
     plain(console, f"a page of it: servobench report {shlex.quote(str(store.folder))}")
-    told = missed([axis.key for axis in study.every_axis], study.expect, rows)
-    for line in told:
+    not_kept = missed([axis.key for axis in study.every_axis], study.expect, rows)
+    for line in not_kept:
         plain(Console(stderr=True), f"servobench: {line}")
-    return 1 if told else 0
+    return 1 if not_kept else 0
 
 
 def _parquet(table: pa.Table) -> bytes:

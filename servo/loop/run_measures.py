@@ -68,7 +68,7 @@ MEANINGS = {
     "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
-    "lost_pct": ("%", "frames in which the tracker said LOST"),
+    "lost_pct": ("%", "frames in which the tracker reported LOST"),
     "step_ms": ("ms", "wall-clock time of a step, median"),
 }
 """Unit and meaning of every measure. Those with `_rms_`, `_peak_` and `_off_` count from

@@ -24,7 +24,7 @@ class TrackReport(Made):
     undecodable: list[str]
     """Names of pictures that could not be read."""
     lost: int
-    """Frames in which the tracker said LOST."""
+    """Frames in which the tracker reported LOST."""
     measures: dict[str, Number | None]
     """None where a measure has no finite value; empty without a truth."""
     units: dict[str, str]

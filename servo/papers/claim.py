@@ -65,7 +65,7 @@ class Claim:
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: Any
 ) -> Contender:
-    """A tracker for an experiment; its label tells the preset unless given."""
+    """A tracker for an experiment; its label has the preset unless given."""
     begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
     config = kinds.config_of(TRACKERS, kind)(**begin | settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)

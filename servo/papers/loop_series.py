@@ -26,7 +26,7 @@ class LoopSeries:
     changes: tuple[str, ...] = ()
     """As with --set."""
     label: str = ""
-    """Tells apart what differs in `changes`."""
+    """Distinguishes jobs that differ in `changes` only."""
 
     @property
     def key(self) -> str:

@@ -26,7 +26,7 @@ from tracking.evaluation.statistics import Interval
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 MOST_SHEETS, MOST_ROWS = 24, 500
 SURE = 0.05
-"""A p value below this is said to tell two trackers apart."""
+"""A p value below this counts as a difference between two trackers."""
 
 
 def section(folder: Path) -> Section:
@@ -71,9 +71,9 @@ def _told(trackers: Sequence[Row]) -> list[str]:
     best, others = trackers[0].tracker, trackers[1:]
     worse = [t.tracker for t in others if t.against_best and t.p < SURE]
     alike = [t.tracker for t in others if t.tracker not in worse]
-    told = [f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g})."]
-    doubt = [f"Not told apart from {best} by these runs: {', '.join(alike)}."]
-    return [*(told if worse else []), *(doubt if alike else [])]
+    sentences = [f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g})."]
+    doubt = [f"Not distinguished from {best} by these runs: {', '.join(alike)}."]
+    return [*(sentences if worse else []), *(doubt if alike else [])]
 
 
 def _table(trackers: Sequence[Row]) -> Table:
@@ -105,8 +105,8 @@ def _sheets(folder: Path, best: str) -> list[Block]:
     paths = sorted((folder / SHEETS).glob("*.png"))
     if not paths:
         return []
-    told = f"The first seed of each sequence: truth white, {best} green."
-    text = [told, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
+    legend = f"The first seed of each sequence: truth white, {best} green."
+    text = [legend, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
     shown_ = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
     return [Block("Contact sheets", text, pictures=shown_)]
 

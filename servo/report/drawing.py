@@ -64,7 +64,7 @@ def canvas(height: float = SIZE[1]) -> Generator[tuple[Figure, Axes]]:
 
 
 def svg(figure: Figure, title: str) -> Markup:
-    """The figure as an element of a page, which scales and names itself to who cannot see it."""
+    """The figure as an element of a page, which scales, and has a label for screen readers."""
     file = io.StringIO()
     figure.savefig(file, format="svg", transparent=True, metadata=NO_METADATA)
     text = file.getvalue()

@@ -57,7 +57,7 @@ def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = 
 
 
 def _absurd(column: pa.ChunkedArray) -> bool:
-    """Whether a finite number is too large; inf and nan are said of what has no value."""
+    """Whether a finite number is too large; inf and nan stand for what has no value."""
     values = np.asarray(column.to_numpy(), float)
     return bool((np.abs(values[np.isfinite(values)]) > ABSURD).any())
 

@@ -22,7 +22,7 @@ JPEG_QUALITY = 82
 
 
 class Tone(Enum):
-    """What a word means for the reader."""
+    """Whether a word is good or bad news."""
 
     GOOD = "good"
     BAD = "bad"
@@ -31,7 +31,7 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A word that is seen first."""
+    """A word in colour."""
 
     text: str
     tone: Tone

@@ -78,14 +78,14 @@ class StudyResults:
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
         """Contact sheets, those of runs that did not succeed first."""
-        told = 0
+        shown = 0
         for row in sorted(self.rows, key=lambda r: (bool(r[SUCCESS]), r["run"])):
             kept = _kept(_path(self.folder, row["run"]), [SHEET])
             picture = kept[0].get(SHEET) if kept else None
             if picture is not None:
                 yield row, picture
-                told += 1
-                if told == most:
+                shown += 1
+                if shown == most:
                     return
 
 
@@ -116,8 +116,8 @@ def load(folder: Path) -> StudyResults:
         rows = whole.to_pylist()
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
     pairs = folder / COMPARISONS
-    told = files.rows(pairs) if pairs.exists() else []
-    return StudyResults(folder, plan, rows, series, failed, told, broken)
+    comparisons = files.rows(pairs) if pairs.exists() else []
+    return StudyResults(folder, plan, rows, series, failed, comparisons, broken)
 
 
 def values(rows: list[Row], name: str) -> Array:

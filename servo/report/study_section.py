@@ -99,8 +99,8 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
         text.append(f"Files of runs that could not be read: {study.broken}.")
     rows = [["axis", key, ", ".join(map(shown, values))] for key, values in plan.axes.items()]
     for key, laws in plan.draws.items():
-        told = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
-        rows.append(["drawn for each seed", key, "; ".join(told)])
+        described = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
+        rows.append(["drawn for each seed", key, "; ".join(described)])
     rows += [["bound", name, f"at {'least' if name == 'success_rate' else 'most'} {bound:g}"]
              for name, bound in plan.expect.items()]  # fmt: skip
     rows.append(["seeds", "", ", ".join(map(str, plan.seeds[:MOST_TOLD]))
@@ -128,10 +128,10 @@ def _compared(study: StudyResults) -> list[Block]:
     if study.comparisons:
         names = ("first", "second", "wins", "losses", "ties", "z", "p", "p_holm")
         pairs = [[_number(pair.get(n)) for n in names] for pair in study.comparisons[:MOST_ROWS]]
-        told = (
+        described = (
             "McNemar's test on success, paired over all else; p_holm is corrected for their number."
         )
-        tables.append(Table(names, pairs, words=range(2), note=told))
+        tables.append(Table(names, pairs, words=range(2), note=described))
     return [Block("Compared", points=_sure(study), tables=tables)]
 
 

@@ -89,15 +89,15 @@ def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
 
 def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -> list[str]:
     """A sentence for each bound that the rows with the same values of axes do not keep."""
-    told: list[str] = []
+    sentences: list[str] = []
     for settings, group in grouped(keys, rows):
         for name, bound in expect.items():
             found, least = _mean(group, "success" if name == SUCCESS else name), name == SUCCESS
             if not (found >= bound if least else found <= bound):
                 where = ", ".join(f"{k} = {v}" for k, v in settings.items()) or "all runs"
                 words = "at least" if least else "at most"
-                told.append(f"{where}: {name} is {found:.3g}, expected {words} {bound:g}")
-    return told
+                sentences.append(f"{where}: {name} is {found:.3g}, expected {words} {bound:g}")
+    return sentences
 
 
 def cells_csv(study: Study, cells: Sequence[Cell]) -> str:

@@ -37,21 +37,21 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
     sizes = np.stack([m.size for m in members])
     centres = np.stack([m.pose.translation for m in members])
     quaternions = [_quaternion(m.pose.rotation) for m in members]
-    look: dict[str, Any] = {
+    style: dict[str, Any] = {
         "quaternions": quaternions,
         "colors": [m.rgba for m in members],
         "fill_mode": "solid",
     }
     if kind == "box":
-        return rr.Boxes3D(half_sizes=sizes, centers=centres, **look)
+        return rr.Boxes3D(half_sizes=sizes, centers=centres, **style)
     if kind == "ellipsoid":
-        return rr.Ellipsoids3D(half_sizes=sizes, centers=centres, **look)
+        return rr.Ellipsoids3D(half_sizes=sizes, centers=centres, **style)
     if kind == "cylinder":
-        return rr.Cylinders3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], centers=centres, **look)
+        return rr.Cylinders3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], centers=centres, **style)
     # Rerun's capsules begin at their first end, MuJoCo's are centred.
     axes = np.stack([m.pose.rotation[:, 2] for m in members])
     begin = centres - axes * sizes[:, 1:2]
-    return rr.Capsules3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], translations=begin, **look)
+    return rr.Capsules3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], translations=begin, **style)
 
 
 def _quaternion(R: Array) -> rr.Quaternion:

@@ -125,8 +125,8 @@ class RerunLog:
         )  # fmt: skip
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", WHITE), ("goal", RED), ("estimate", GREEN)):
-            look = rr.LineStrips2D.from_fields(colors=colour, radii=LINE_RADIUS)
-            self._rec.log(f"{IMAGE}/{name}", look, static=True)
+            style = rr.LineStrips2D.from_fields(colors=colour, radii=LINE_RADIUS)
+            self._rec.log(f"{IMAGE}/{name}", style, static=True)
         dots = rr.Points2D.from_fields(colors=AMBER, radii=1.0)
         self._rec.log(f"{IMAGE}/particles", dots, static=True)
 
@@ -173,9 +173,9 @@ class RerunLog:
             columns = rr.Scalars.columns(scalars=table.ravel())
             self._rec.send_columns(path, index, columns.partition([table.shape[1]] * len(table)))
         poses = np.stack([s.bodies for s in steps])
-        eyes = [s.truth.T_world_camera for s in steps]
+        cameras = [s.truth.T_world_camera for s in steps]
         self._send_poses(
-            "world/eye", index, [e.translation for e in eyes], [e.rotation for e in eyes]
+            "world/eye", index, [c.translation for c in cameras], [c.rotation for c in cameras]
         )
         for i, name in enumerate(self._moving):
             self._send_poses(f"world/{name}", index, poses[:, i, :, 3], poses[:, i, :, :3])

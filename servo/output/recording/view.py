@@ -60,7 +60,7 @@ def show(path: Path, *, web: bool) -> int:
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
-    """Draw the viewer as it would look at a simulated time into a PNG, without a window.
+    """Draw the viewer at a simulated time into a PNG, without a window.
 
     Args:
         path: The recording.
