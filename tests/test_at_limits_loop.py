@@ -17,8 +17,8 @@ from servo.scenario.load import load
 from servo.study.results import missed
 from servo.types import Mode
 from sim import kinds
-from sim.assembly import steps_between
 from sim.geometry import inverse_if_strong
+from sim.timing import steps_between
 from tracking.types import Status as Tracked
 
 

@@ -139,10 +139,10 @@ def test_open_files(monkeypatch, soft, hard, outcome):
 
 def test_time_without_workers():
     workers = {0: SimpleNamespace(status=Status.closed)}
-    nurse = local_cluster._Nurse(SimpleNamespace(workers=workers, scale=lambda _: None), 2, 5)
+    nurse = local_cluster._Replacement(SimpleNamespace(workers=workers, scale=lambda _: None), 2, 5)
     nurse(0)  # the sixth is the last that is replaced
     assert nurse.replaced == 6
-    nurse = local_cluster._Nurse(SimpleNamespace(workers={}), 2, 0, 119.5)
+    nurse = local_cluster._Replacement(SimpleNamespace(workers={}), 2, 0, 119.5)
     nurse(0)
     with pytest.raises(Lost):
         nurse(0)
@@ -154,7 +154,7 @@ def test_time_without_workers():
 
 @pytest.mark.parametrize(("threads", "right"), [({}, True), ({"a": 1}, True), ({"a": 2}, False)])
 def test_threads_of_workers(threads, right):
-    crew = cluster.Crew(SimpleNamespace(nthreads=lambda: threads), "it", lambda _: None)
+    crew = cluster.Cluster(SimpleNamespace(nthreads=lambda: threads), "it", lambda _: None)
     if right:
         assert crew.workers() == len(threads)
     else:

@@ -3,7 +3,6 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from tracking.evaluation.sequences.generators._texture import blotches
 
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
@@ -14,6 +13,7 @@ from tracking import adapters
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.evaluation.sequences import picture_file, truth, video_file
+from tracking.evaluation.sequences.generators._painting import blotches
 
 
 def test_a_singular_matrix_has_no_strong_inverse():

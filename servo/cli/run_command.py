@@ -44,12 +44,8 @@ def run_scenario(
     with console.status(WAITING):
         episode = Episode(scenario)
     with episode:
-        output = RunFolder(
-            prepare(out, f"{scenario.name}-{scenario.run.seed}"),
-            episode,
-            rerun=rerun,
-            command=again,
-        )
+        folder = prepare(out, f"{scenario.name}-{scenario.run.seed}")
+        output = RunFolder(folder, episode, rerun=rerun, command=again)
         steps: list[Step] = []
         writing: list[float] = []
         try:

@@ -74,4 +74,15 @@ def _table(scenario: Scenario) -> dict[str, Any]:
         same = scenarios.parse(scenario.table, scenario.name, scenario.name).settings() == settings
     except Mistake:
         same = False
-    return as_json(scenario.table if same else settings | {"expect": scenario.expect})
+    return as_json(
+        scenario.table if same else _without_none(settings | {"expect": scenario.expect})
+    )
+
+
+def _without_none(table: dict[str, Any]) -> dict[str, Any]:
+    """A table for TOML, which has no null: what is None has its default."""
+    return {
+        key: _without_none(value) if isinstance(value, dict) else value
+        for key, value in table.items()
+        if value is not None
+    }
