@@ -79,10 +79,8 @@ def _table(scenario: Scenario) -> dict[str, Any]:
     )
 
 
-def _without_none(table: dict[str, Any]) -> dict[str, Any]:
-    """A table for TOML, which has no null: what is None has its default."""
-    return {
-        key: _without_none(value) if isinstance(value, dict) else value
-        for key, value in table.items()
-        if value is not None
-    }
+def _without_none(value: Any) -> Any:
+    """A value for TOML, which has no null: a setting that is None has its default."""
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return [_without_none(item) for item in value] if isinstance(value, list) else value
