@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+import functools
 import json
 import math
 import os
@@ -76,14 +77,13 @@ def drawn():
     """What a Matplotlib figure shows, as plain values: axes, words, lines, bars, areas, colours."""
     from matplotlib.colors import to_hex
 
-    def shade(colour):
-        return to_hex(colour, keep_alpha=True)
+    shade = functools.partial(to_hex, keep_alpha=True)
 
     def of_axes(ax):
         legend = ax.get_legend()
         ticks = (*ax.get_xticklabels(), *ax.get_yticklabels())
         return {
-            "words": [ax.get_title(), ax.get_xlabel(), ax.get_ylabel()],
+            "words": [ax.get_title() or ax.get_title("left"), ax.get_xlabel(), ax.get_ylabel()],
             "limits": [*ax.get_xlim(), *ax.get_ylim()],
             "scales": [ax.get_xscale(), ax.get_yscale()],
             "frame": [shade(ax.get_facecolor()), *(s.get_visible() for s in ax.spines.values())],

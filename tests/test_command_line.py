@@ -1,0 +1,35 @@
+"""The command line that is stored with results: it repeats what was typed."""
+
+import shlex
+
+import pytest
+
+from servo.output.command_line import command_line
+from servo.scenario.override import assignment
+from servo.study.plan import Run
+
+
+def test_a_command_line_repeats_what_was_typed():
+    line = command_line("run", "my scenario.toml", set=["a=b c", "d=[1, 2]"], seed=0, out=None)
+    assert shlex.split(line) == [
+        "servobench", "run", "my scenario.toml", "--set", "a=b c", "--set", "d=[1, 2]",
+        "--seed", "0",
+    ]  # fmt: skip
+    assert command_line("track", "-x.mp4", video=True, rerun=False, truth_format="otb") == (
+        "servobench track --video --truth-format otb -- -x.mp4"
+    )
+
+
+VALUES = [
+    1, 2.5, True, "kams", "true", "inf", "2026-01-01", " a ", "a b", "it's", 'a"b', "", "a\nb",
+    "[1]", [0.5, 1], [[1], ["x"]], {"kind": "a", "at": [1, 2], "deep": {"b": "c d"}},
+    [{"kind": "board", "start": 1e-7}], "x\u2028y", 1e300,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("value", VALUES, ids=repr)
+def test_a_value_of_a_study_is_the_same_after_set(value):
+    run = Run(0, "still", 3, {"tracker.x": value}, {}, "still.toml", False)
+    words = shlex.split(run.command({}))
+    assert words[:5] == ["servobench", "run", "still", "--seed", "3"]
+    assert assignment(words[6]) == ("tracker.x", value)
