@@ -13,14 +13,14 @@ from typing import final
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from servo.estimators import _error
+from servo.estimators import _error_filter
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Config(_error.ErrorSettings):
+class Config(_error_filter.ErrorSettings):
     """Constants of the filter."""
 
     def build(self, rng: np.random.Generator) -> ErrorKalman:
@@ -44,17 +44,17 @@ class ErrorKalman:
         """The first error starts the filter."""
         c = self._config
         if self._filter is None:
-            self._filter = f = _error.error_filter(
+            self._filter = f = _error_filter.error_filter(
                 np.square(self._features.noise), c.noise(dt), c.rho, dt
             )
             f.x = np.kron(error, [1.0, 0.0, 0.0])[:, None]
-            return _error.unseen(_states(f), own, c.rho, dt)
+            return _error_filter.unseen(_states(f), own, c.rho, dt)
         f = self._filter
         f.predict(own.past[:, None])
-        expected = f.x[:: _error.ORDER, 0]
+        expected = f.x[:: _error_filter.ORDER, 0]
         gap = self._features.error(error, expected)
         f.update(expected + gap)
-        ahead = _error.look_ahead(_states(f), own, c.rho, dt)
+        ahead = _error_filter.look_ahead(_states(f), own, c.rho, dt)
         return Prediction(*ahead, gap, gap**2 / np.diag(f.S))
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
@@ -63,8 +63,8 @@ class ErrorKalman:
             none = np.zeros(len(self._features.names))
             return Prediction.unmeasured(none, none)
         self._filter.predict(own.past[:, None])
-        return _error.unseen(_states(self._filter), own, self._config.rho, dt)
+        return _error_filter.unseen(_states(self._filter), own, self._config.rho, dt)
 
 
 def _states(f: KalmanFilter) -> Array:
-    return f.x.reshape(-1, _error.ORDER).copy()
+    return f.x.reshape(-1, _error_filter.ORDER).copy()

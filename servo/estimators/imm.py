@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from filterpy.kalman import IMMEstimator
 
-from servo.estimators import _error
+from servo.estimators import _error_filter
 from servo.estimators._kalman import Ratio
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
@@ -22,7 +22,7 @@ from sim.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Config(_error.ErrorSettings):
+class Config(_error_filter.ErrorSettings):
     """Constants of the smooth model, and the noise of the manoeuvring one."""
 
     jump: Ratio = 1.0
@@ -52,7 +52,7 @@ class Imm:
         c = self._config
         if not self._mixtures:
             self._mixtures = [self._begin(i, error[i], dt) for i in range(len(error))]
-            return _error.unseen(self._states(), own, c.rho, dt)
+            return _error_filter.unseen(self._states(), own, c.rho, dt)
         expected = np.empty_like(error)
         innovation, nis = np.zeros_like(error), np.zeros_like(error)
         for i, mixture in enumerate(self._mixtures):
@@ -64,7 +64,7 @@ class Imm:
             y = np.array([f.y[0, 0] for f in mixture.filters])
             S = np.array([f.S[0, 0] for f in mixture.filters])
             innovation[i], nis[i] = mixture.mu @ y, mixture.mu @ (y**2 / S)
-        ahead = _error.look_ahead(self._states(), own, c.rho, dt)
+        ahead = _error_filter.look_ahead(self._states(), own, c.rho, dt)
         return Prediction(*ahead, innovation, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
@@ -75,7 +75,7 @@ class Imm:
         for i, mixture in enumerate(self._mixtures):
             mixture.predict(own.past[i : i + 1, None])
             mixture.x = mixture.x_prior.copy()
-        return _error.unseen(self._states(), own, self._config.rho, dt)
+        return _error_filter.unseen(self._states(), own, self._config.rho, dt)
 
     def _states(self) -> Array:
         return np.array([mixture.x[:, 0] for mixture in self._mixtures])
@@ -85,7 +85,7 @@ class Imm:
         smooth = c.noise(dt)
         variance = np.square(self._features.noise[feature : feature + 1])
         filters = [
-            _error.error_filter(variance, noise, c.rho, dt)
+            _error_filter.error_filter(variance, noise, c.rho, dt)
             for noise in (smooth, replace(smooth, velocity=c.jump))
         ]
         for f in filters:
