@@ -133,7 +133,7 @@ async def _reach(address: str, security: Security) -> Client:
             said = f"it had no worker for {cluster.PATIENCE:g} s"
             await client.wait_for_workers(1)
         return client
-    except Exception as error:  # whatever speaks there, or does not
+    except Exception as error:  # of any server, or none
         with suppress(Exception):
             await client.close(CLOSING)
         reason = said if isinstance(error, TimeoutError) else _reason(error)

@@ -1,4 +1,4 @@
-"""Tasks over the workers of a cluster: each is done once, whatever dies meanwhile."""
+"""Tasks over the workers of a cluster: each is done once, also when workers die."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def carry_out(
                 task, _ = under_way.pop(str(future.key))
                 yield task, _result(future, cluster.name)
             top_up()
-    except (OSError, CancelledError) as error:  # whatever was asked of it just then
+    except (OSError, CancelledError) as error:  # in any call to it
         raise Lost(f"{cluster.name} is gone") from error
     finally:
         for _, future in under_way.values():

@@ -1,4 +1,4 @@
-"""How every command ends: one sentence and an exit code, whatever went wrong, and whoever reads."""
+"""How every command ends: with one sentence and an exit code, for any failure and any output."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def guarded(command: Callable[[], Any]) -> None:
     """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
-    os.environ["MPLBACKEND"] = "agg"  # no plot has a window, whatever the user's notebooks have
+    os.environ["MPLBACKEND"] = "agg"  # no plot has a window, whatever the user's setting
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # nothing can be printed in no columns
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
@@ -61,7 +61,7 @@ def _end(sentence: str, code: int) -> None:
 
 
 class Printer:
-    """A stream that can be printed to whatever it is: closed, full, or of few characters.
+    """A stream that can be printed to in any state: closed, full, or with few characters.
 
     A command writes its files first and prints afterwards; printing never makes it fail.
     """

@@ -167,7 +167,7 @@ def _parquet(table: pa.Table) -> bytes:
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for key in cells[0].settings:
-        # These give way, lest a digit be left out.
+        # Words wrap, so that numbers keep all their digits.
         table.add_column(escape(key).replace(".", ".\n", 1), overflow="fold")
     for title in ("runs", "held", "95 %", *SHOWN):
         table.add_column(title, justify="right", no_wrap=True)

@@ -1,4 +1,4 @@
-"""TOML as data: a text becomes a table or one sentence; what would only break later is refused."""
+"""TOML texts as tables; what would fail later is refused here, in one sentence."""
 
 from __future__ import annotations
 

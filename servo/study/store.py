@@ -1,4 +1,4 @@
-"""The folder of a study: what is finished stays, whatever is killed.
+"""The folder of a study: a finished run stays when a process is killed.
 
 `study.json` says what is to be run; each finished run is a Parquet file of one row, written aside,
 flushed to the disk and renamed. A file that is not the row of its place in the plan counts as not

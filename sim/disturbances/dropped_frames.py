@@ -1,4 +1,4 @@
-"""The camera drops frames: each moment's fate is drawn once, whatever the camera's rate."""
+"""The camera drops frames at random times, which do not depend on its rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whatever is killed; nothing is written through a link.
+"""Files that are written whole or not at all; nothing is written through a link.
 
 A file is written aside, flushed to the disk, and renamed over what was there. The folder may come
 from somebody else: a link in it is replaced where it is a file, and refused where it is a folder.
