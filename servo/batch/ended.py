@@ -1,4 +1,4 @@
-"""How a task ended, here or in another process, and that a cluster is lost."""
+"""How a task ended, in this process or in another one, and the error of a lost cluster."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Task = TypeVar("Task")
 
 
 class Lost(RuntimeError):
-    """A cluster does no more work, in one clause: which, and why."""
+    """A cluster has stopped working; the message says which one, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +33,13 @@ class Ended:
 
 
 def failed(error: BaseException) -> Ended:
-    """The end of a task that raised this."""
+    """How a task ended that raised this."""
     mistake = str(error) if isinstance(error, Mistake) else ""
     return Ended(None, "".join(traceback.format_exception(error)), mistake)
 
 
 def one_by_one(tasks: Iterable[Task], work: Callable[[Task], Any]) -> Iterator[tuple[Task, Ended]]:
-    """Do tasks in this process, in their order."""
+    """Do tasks in this process, one after the other."""
     for task in tasks:
         try:
             ended = Ended(work(task))

@@ -18,7 +18,7 @@ RESULTS = "results"
 
 
 class Job(Protocol):
-    """Work that is done in one go, alike every time; it travels between processes."""
+    """A piece of work with the same result each time; it is sent between processes."""
 
     @property
     def key(self) -> str:
@@ -79,7 +79,7 @@ def attempt(job: Job, folder: Path) -> Done:
 
 
 def known(job: Job, folder: Path) -> Done | None:
-    """The result of this very job, if the folder has it whole."""
+    """The stored result of this job; None where there is none."""
     try:
         result = _read(job, folder)
     except Mistake:
@@ -101,7 +101,7 @@ def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
 
 
 def _read(job: Job, folder: Path) -> dict[str, Any] | None:
-    """The result of this very job; None where there is none, or one of another job.
+    """The stored result of this job; None where there is none, or that of another job.
 
     Raises:
         Mistake: The file is no result, or not as it was written.

@@ -57,7 +57,7 @@ def check_workers(workers: int) -> None:
 
 
 def _allow_files(needed: int) -> None:
-    """Let this process and its children open so many files.
+    """Allow this process and its children to open this many files.
 
     Raises:
         Refused: The machine does not allow it.
@@ -138,7 +138,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _track_resources() -> None:
-    """Start Python's process that cleans up after us, and have it do so without a word.
+    """Start Python's process that cleans up after us, silently.
 
     It ignores Ctrl-C and TERM, but not that the terminal is closed.
     """

@@ -46,7 +46,7 @@ def check_address(text: str) -> str:
 
 
 def check_settings(text: str) -> None:
-    """Refuse what needs no connection to be seen as wrong.
+    """Refuse a wrong address or wrong TLS settings before connecting.
 
     Raises:
         Mistake: It is no address, or Dask's settings of TLS do not suffice for it.
@@ -141,7 +141,7 @@ async def _reach(address: str, security: Security) -> Client:
 
 
 def _reason(error: BaseException) -> str:
-    """The first cause that has words."""
+    """The message of the deepest cause that has one."""
     if not isinstance(error, OSError | ImportError):
         return "what answers there does not speak Dask's protocol"
     words = str(error)

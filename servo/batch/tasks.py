@@ -22,7 +22,7 @@ Task = TypeVar("Task")
 def carry_out(
     cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Any]
 ) -> Iterator[tuple[Task, Ended]]:
-    """Do tasks, as many at once as there are workers; the order is that of their ends.
+    """Do tasks, as many at once as there are workers; yields them as they end.
 
     A worker that dies takes only its own task with it, which another worker then does.
 
@@ -63,7 +63,7 @@ def carry_out(
 
 
 def _ready(ended: as_completed) -> list[Future[Any]]:
-    """What has ended, as soon as something has; nothing after a `TICK`."""
+    """The tasks that have ended; waits at most a `TICK` for one."""
     until = time.monotonic() + TICK
     while not ended.has_ready() and time.monotonic() < until:
         with ended.thread_condition:

@@ -18,7 +18,7 @@ MOST_RUNS = 100_000
 
 
 def check_number(runs: int) -> None:
-    """Refuse more runs than any machine ends.
+    """Refuse more runs than the limit.
 
     Raises:
         Mistake: There are too many.
@@ -31,7 +31,7 @@ class Workers:
     """Processes that do jobs, started when there is something to do; use it in a `with`."""
 
     def __init__(self, workers: int) -> None:
-        """Plan so many processes.
+        """Set the number of processes; they start with the first task.
 
         Args:
             workers: Number of processes; 1: this one.
@@ -53,7 +53,7 @@ class Workers:
         self._open.__exit__(*error)
 
     def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
-        """Do what has no result yet; the others give what they have. The order is that of ends."""
+        """The results of all jobs: the stored ones first, then the others as they end."""
         kept = {job.key: known(job, folder) for job in jobs}
         yield from (done for done in kept.values() if done is not None)
         todo = [job for job in jobs if kept[job.key] is None]
@@ -63,7 +63,7 @@ class Workers:
     def ends(
         self, tasks: Sequence[Task], work: Callable[[Task], Any]
     ) -> Iterator[tuple[Task, Ended]]:
-        """Do tasks; the order is that of their ends.
+        """Do tasks; yields them as they end.
 
         Raises:
             Refused: The machine lets no process work.

@@ -60,7 +60,7 @@ class Entry(Protocol):
 
     @property
     def family(self) -> str:
-        """What it is counted with."""
+        """Sequences of one family are averaged together."""
         ...
 
     def describe(self) -> dict[str, Any]:

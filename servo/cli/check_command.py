@@ -31,7 +31,7 @@ WORDS = ("scenario", "outcome", "bounds")
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One run. It travels between processes."""
+    """One run; it is sent between processes."""
 
     number: int
     """Row of the table."""
@@ -80,11 +80,11 @@ def check_scenarios(
     errors = Console(stderr=True)
     for check, checked in rows:
         print_missed(errors, checked.missed, check.command)
-    return max(_tell_failures(errors, checks, ends), any(checked.missed for _, checked in rows))
+    return max(_print_failures(errors, checks, ends), any(checked.missed for _, checked in rows))
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change that each run would undo.
+    """Refuse a change of the seed, which `--seed` and `--seeds` give.
 
     Raises:
         Mistake: It is one of the seed.
@@ -120,8 +120,8 @@ def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[
     return [ends[check.number] for check in checks]
 
 
-def _tell_failures(console: Console, checks: Sequence[Check], ends: Sequence[Ended]) -> int:
-    """Print why runs failed, alike mistakes once; the exit code."""
+def _print_failures(console: Console, checks: Sequence[Check], ends: Sequence[Ended]) -> int:
+    """Print why runs failed, each mistake once; the exit code."""
     failed = [(check, end) for check, end in zip(checks, ends, strict=True) if end.error]
     for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):
         plain(console, f"servobench: {sentence}")

@@ -1,4 +1,4 @@
-"""What this machine renders with, in which versions, and how long things take on it."""
+"""What `servobench doctor` does: report renderer, versions and speed of this machine."""
 
 from __future__ import annotations
 

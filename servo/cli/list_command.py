@@ -1,4 +1,4 @@
-"""What there is to choose from: scenarios, kinds, and the settings of a kind or a section."""
+"""What `servobench list` does: print scenarios, kinds, and the settings of a kind or a section."""
 
 from __future__ import annotations
 

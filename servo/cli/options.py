@@ -1,4 +1,4 @@
-"""What the commands of the command line have in common: their options, and how they are listed."""
+"""Options that several commands share, and the group that lists the commands."""
 
 from __future__ import annotations
 

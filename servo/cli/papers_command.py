@@ -1,4 +1,4 @@
-"""What `servobench papers` does: run the experiments, say for each claim whether it holds."""
+"""What `servobench papers` does: run the experiments, and print whether each claim holds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `servobench report` does: see what each folder is, and write one page about them all."""
+"""What `servobench report` does: recognise each folder, and write one page about all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `servobench sweep` does: run what is missing of a study, keep it, and sum it up."""
+"""What `servobench sweep` does: run what is missing of a study, store it, and summarise it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class SweepRequest:
 
     @property
     def command(self) -> str:
-        """The command itself, but for where it writes and how it is spread."""
+        """The command line, without where it writes and over how many workers."""
         return command_line("sweep", self.name, set=list(self.changes), seeds=self.seeds)
 
 

@@ -1,4 +1,4 @@
-"""What all commands print alike: progress, plain lines, and the words for waiting and stopping."""
+"""Printing that all commands share: progress, plain lines, messages of waiting and stopping."""
 
 from __future__ import annotations
 
@@ -31,6 +31,6 @@ def plain(console: Console, text: str) -> None:
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
-    """Say that Ctrl-C, or another signal that ends us, was heard; and end the program."""
+    """Print that Ctrl-C or another ending signal arrived, and end the program."""
     plain(Console(stderr=True), f"{STOPPED} {more}".rstrip())
     raise SystemExit(exit_code(cause))

@@ -1,4 +1,4 @@
-"""Paper 0: kernel annealed mean shift among clutter (Naeem, Pridmore, Mills)."""
+"""The KAMS paper: kernel annealed mean shift among clutter (Naeem, Pridmore, Mills)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paper 1, the trackers: one kernel and nine, deterministic, probabilistic, and both
+"""The multi-kernel paper, its trackers: one kernel and nine, deterministic, probabilistic, and both
 (Teuliere, Marchand, Eck).
 """
 

@@ -1,6 +1,4 @@
-"""Paper 1, the servo: what the estimate of the target's motion is worth (Teuliere, Marchand,
-Eck, section VI).
-"""
+"""The multi-kernel paper, its servoing: the effect of estimating the target's motion (section VI)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Paper 2: a particle filter on colour and texture against mean shift on the same histogram
-(Nagy, Ahmed, Zayed).
-"""
+"""The PFJCTH paper: a particle filter and mean shift on the same histogram of colour and texture."""
 
 from __future__ import annotations
 

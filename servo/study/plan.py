@@ -43,7 +43,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run of a study: all that a worker needs to know. It travels between processes."""
+    """One run of a study: all that a worker needs; it is sent between processes."""
 
     number: int
     """Place in the study, from 0."""
@@ -67,7 +67,7 @@ class Run:
         return scenario
 
     def command(self, changes: dict[str, Value]) -> str:
-        """What runs it alone; changes are those of the whole study."""
+        """The command that runs it alone; changes are those of the whole study."""
         every = changes | {k: v for k, v in self.settings.items() if k != SCENARIO}
         sets = [f"{k}={_toml(v)}" for k, v in ordered(every).items()]
         return command_line("run", self.scenario, seed=self.seed, set=sets)

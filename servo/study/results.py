@@ -1,4 +1,4 @@
-"""What a study has shown: cells with intervals, paired comparisons, and bounds that were missed."""
+"""The results of a study: cells with intervals, paired comparisons, and bounds that were missed."""
 
 from __future__ import annotations
 

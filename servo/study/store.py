@@ -149,7 +149,7 @@ class Store:
             return atomic.write(self.folder, name, content)
 
     def close(self) -> None:
-        """Let others write."""
+        """Release the folder."""
         self._open.close()
 
     def __enter__(self) -> Store:
