@@ -1,4 +1,4 @@
-"""The multi-kernel paper, its servoing: the effect of estimating the target's motion (section VI)."""
+"""The multi-kernel paper, section VI: what estimating the target's motion does to the servo."""
 
 from __future__ import annotations
 

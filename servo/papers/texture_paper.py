@@ -1,4 +1,4 @@
-"""The PFJCTH paper: a particle filter and mean shift on the same histogram of colour and texture."""
+"""The PFJCTH paper: particle filter and mean shift on one histogram of colour and texture."""
 
 from __future__ import annotations
 
