@@ -35,7 +35,7 @@ class Refused(RuntimeError):
 
     @staticmethod
     def by(error: OSError, kept: str = "") -> Refused:
-        """Of the operating system's error; `kept` says what is there nevertheless."""
+        """Build it from an operating system's error; `kept` names what was written before."""
         return Refused("; ".join(filter(None, (refusal(error), kept))))
 
 

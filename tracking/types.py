@@ -78,7 +78,7 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What a tracker says about one frame."""
+    """What a tracker reports for one frame."""
 
     state: State
     """Where the target is."""

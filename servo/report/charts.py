@@ -52,7 +52,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What an axis says, and how it is scaled."""
+    """The title of an axis, and how it is scaled."""
 
     title: str
     low: float | None = None

@@ -77,7 +77,7 @@ def _settings(config: Any) -> Schema:
 
 
 def _of_type(hint: Any) -> Schema:
-    """What pydantic says of a type, without what TOML does not have: null."""
+    """The JSON Schema of a type, without null, which TOML does not have."""
     found = TypeAdapter(hint).json_schema()
     found = _inlined(found, found.pop("$defs", {}))
     found.pop("title", None)

@@ -77,7 +77,7 @@ class ParticleFilter:
         return State.of(self.samples[int(np.argmax(self.weights))])
 
     def estimate(self, state: State, distance: float, status: Status, evaluations: int) -> Estimate:
-        """What a filter that found this state says about the frame."""
+        """The report of a filter that found this state in the frame."""
         return Estimate(
             state=state,
             covariance=self.covariance(),

@@ -57,7 +57,7 @@ def check_beginning(head: bytes) -> None:
     """Refuse what does not begin as a video does.
 
     Raises:
-        ValueError: The first bytes are of something else; the sentence says of what.
+        ValueError: The file is empty, or its first bytes are not those of a video.
     """
     if not head:
         raise ValueError("this is an empty file")
