@@ -1,4 +1,4 @@
-"""The scene put together: a robot in its room, the target, props, compiled for a camera."""
+"""The scene put together: a robot and a target attached to the room, compiled for a camera."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -11,13 +11,11 @@ import mujoco
 import numpy as np
 
 from sim.render import CameraConfig
-from sim.robot import EYE, Design
-from sim.types import Array
+from sim.robot import CAMERA, Design
+from sim.target import Target
 
-OUTLINE = "target/outline"
-TARGET, OTHER = "target/car", "other/car"
-PROPS = {"car": "other/"}
-"""MJCF models in scenes/ that a disturbance may need, by the prefix of their names in the scene."""
+ROBOT, TARGET, SECOND = "robot", "target", "second_target"
+"""Names in the scene: the robot's begin with "robot/"; the targets are bodies of these names."""
 SPOT = "spot"
 """The prop of a light that is not the same everywhere: MuJoCo lights corners and blends between
 them, so the table needs more of them."""
@@ -25,28 +23,44 @@ FINE_QUADS = 8
 
 
 def build_model(
-    physics_rate: float, camera: CameraConfig, robot: Design, props: Iterable[str] = ()
+    physics_rate: float,
+    camera: CameraConfig,
+    robot: Design,
+    target: Target,
+    props: Iterable[str] = (),
 ) -> mujoco.MjModel:
-    """The robot's scene with the car in it, compiled for a camera."""
-    scenes = resources.files("scenes")
-    with resources.as_file(scenes) as folder:
-        spec = mujoco.MjSpec.from_file(str(folder / robot.model))
-        wanted = set(props)
-        models = [("car", "target/"), *((p, PROPS[p]) for p in sorted(wanted & set(PROPS)))]
-        for name, prefix in models:
-            model = mujoco.MjSpec.from_file(str(folder / f"{name}.xml"))
-            spec.attach(model, prefix=prefix, frame=spec.worldbody.add_frame())
+    """The room with the robot and the target in it, compiled for a camera.
+
+    Args:
+        physics_rate: Physics steps a second [Hz].
+        camera: Size of the pictures and field of view.
+        robot: What carries the camera.
+        target: What is followed.
+        props: What the disturbances need: "second_target", "spot".
+    """
+    wanted = set(props)
+    with resources.as_file(resources.files("scenes")) as folder:
+        room = mujoco.MjSpec.from_file(str(folder / "room.xml"))
+        _attach_robot(room, robot, camera)
+        # An attached model cannot be copied any more.
+        models = {TARGET: target.spec.copy()}
+        if SECOND in wanted:
+            models[SECOND] = target.spec.copy()
+        for name, model in models.items():
+            body = room.worldbody.add_body(name=name, mocap=True)
+            room.attach(model, prefix=f"{name}/", frame=body.add_frame())
         if SPOT in wanted:
-            spec.visual.quality.numquads = FINE_QUADS
-        spec.option.timestep = 1.0 / physics_rate
-        spec.camera(EYE).fovy = camera.fovy_deg
-        spec.visual.global_.offwidth = camera.width * camera.supersample
-        spec.visual.global_.offheight = camera.height * camera.supersample
-        return spec.compile()
+            room.visual.quality.numquads = FINE_QUADS
+        room.option.timestep = 1.0 / physics_rate
+        room.visual.global_.offwidth = camera.width * camera.supersample
+        room.visual.global_.offheight = camera.height * camera.supersample
+        return room.compile()
 
 
-def outline_of(model: mujoco.MjModel) -> Array:
-    """Corners (4, 3) of the target's reference rectangle in its own frame [m]."""
-    site = model.site(OUTLINE)
-    a, b, _ = site.size
-    return site.pos + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
+def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:
+    """The camera's name is then CAMERA."""
+    turned = np.empty(4)
+    mujoco.mju_mat2Quat(turned, robot.base.rotation.flatten())
+    frame = room.worldbody.add_frame(pos=robot.base.translation, quat=turned)
+    room.attach(robot.spec.copy(), prefix=f"{ROBOT}/", frame=frame)
+    room.camera(CAMERA).fovy = camera.fovy_deg

@@ -1,16 +1,16 @@
 """A robot that carries the camera: camera twist to joint rates, for any chain of velocity-driven
 joints.
 
-Nothing here knows which robot it is: joints, limits and actuators come from the MJCF model, in
-which every actuator is a `velocity` servo of one joint, and the camera's optical centre is the site
-`eye`. A model that is built otherwise is refused: its robot would move, but not as it is asked to.
+Nothing here knows which robot it is: joints, limits and actuators come from its model, in which
+every actuator is a `velocity` servo of one joint, and the camera's optical centre is the site `eye`.
+A model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import mujoco
@@ -22,6 +22,9 @@ from sim.render import VISION_FROM_MUJOCO
 from sim.types import Array, Pose, Posture
 
 EYE = "eye"
+"""Name of the camera in a robot's model, and of the site in its optical centre."""
+CAMERA = f"robot/{EYE}"
+"""Their name in the scene."""
 STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
@@ -42,13 +45,22 @@ class Drives:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A robot before it is built."""
+    """A robot before it is put into the room."""
 
-    model: str
-    """Its MJCF file in scenes/."""
-    home: tuple[float, ...]
-    """Joint positions from which all others are sought [m or rad]."""
+    name: str
+    """What messages call its model, such as "gantry.xml"."""
+    spec: mujoco.MjSpec
+    """Its model, with a camera and a site `eye`, and one velocity actuator for each joint."""
     drives: Drives
+    homes: tuple[tuple[float, ...], ...]
+    """Joint positions from which all others are sought, one after another [m or rad]."""
+    base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
+    """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
+
+
+def own_name(name: str) -> str:
+    """A name as the robot's own model has it."""
+    return name.removeprefix("robot/")
 
 
 def damped_inverse(J: Array, drives: Drives) -> Array:
@@ -67,11 +79,11 @@ def damped_inverse(J: Array, drives: Drives) -> Array:
 
 def _check_drives(model: mujoco.MjModel, design: Design) -> None:
     """Refuse actuators that are no velocity servos, and an optical centre away from the camera."""
-    place = f"the robot's model {design.model}"
+    place = f"the robot's model {design.name}"
     if model.nu == 0:
         raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
     for i in range(model.nu):
-        name = model.actuator(i).name
+        name = own_name(model.actuator(i).name)
         gain, bias = model.actuator_gainprm[i, 0], model.actuator_biasprm[i, :3]
         if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT or model.actuator_gear[i, 0] != 1:
             raise ValueError(f"{place}: the actuator '{name}' has to drive one joint, with gear 1")
@@ -83,7 +95,7 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
                 f"{place}: the actuator '{name}' has the ctrlrange {low:g} {high:g}; it has to "
                 "allow both directions"
             )
-    eye, camera = model.site(EYE), model.camera(EYE)
+    eye, camera = model.site(CAMERA), model.camera(CAMERA)
     same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
     if eye.bodyid != camera.bodyid or not same:
         raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
@@ -100,9 +112,9 @@ class Robot:
         """
         _check_drives(model, design)
         self._model, self._design = model, design
-        self._site = model.site(EYE).id
+        self._site = model.site(CAMERA).id
         joints = model.actuator_trnid[:, 0]
-        self.names = tuple(model.joint(j).name for j in joints)
+        self.names = tuple(own_name(model.joint(j).name) for j in joints)
         slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
         self.units = tuple("m" if slide else "rad" for slide in slides)
         self._qpos = model.jnt_qposadr[joints]
@@ -161,7 +173,10 @@ class Robot:
 
     def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> bool:
         """Set the joints so that the camera takes this pose; whether the limits allow it."""
-        data.qpos[self._qpos] = self._design.home
+        return any(self._solve(data, home, T_world_camera) for home in self._design.homes)
+
+    def _solve(self, data: mujoco.MjData, home: tuple[float, ...], T_world_camera: Pose) -> bool:
+        data.qpos[self._qpos] = home
         for _ in range(SOLVE_STEPS):
             mujoco.mj_kinematics(self._model, data)
             mujoco.mj_comPos(self._model, data)

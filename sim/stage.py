@@ -1,4 +1,4 @@
-"""Puts what moves by itself where it is at a time: target, board, second car, lights."""
+"""Puts what moves by itself where it is at a time: target, board, second target, lights."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -12,7 +12,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from sim.assembly import OTHER, SPOT, TARGET
+from sim.assembly import SECOND, SPOT, TARGET
 from sim.types import Effect, Pose
 
 BOARD, LAMP = "board", "lamp"
@@ -34,7 +34,7 @@ class Disturbance(Protocol):
     """What disturbs the world at any time."""
 
     props: tuple[str, ...]
-    """What it needs in the scene: "car" a second one, "spot" a finely lit table."""
+    """What it needs in the scene: "second_target", or "spot" for a finely lit table."""
 
     def at(self, time: float) -> Effect:
         """The effect at a time [s]."""
@@ -48,10 +48,10 @@ class Stage:
         self, model: mujoco.MjModel, motion: Motion, disturbances: Sequence[Disturbance]
     ) -> None:
         self._model, self._motion, self._disturbances = model, motion, tuple(disturbances)
-        self._has_other = any("car" in d.props for d in disturbances)
+        self._has_second = any(SECOND in d.props for d in disturbances)
         self._mocap = {
             name: int(model.body(name).mocapid[0])
-            for name in (TARGET, BOARD, *([OTHER] if self._has_other else []))
+            for name in (TARGET, BOARD, *([SECOND] if self._has_second else []))
         }
         self._lamp, self._spot = model.light(LAMP).id, model.light(SPOT).id
         self._lamp_diffuse = model.light(LAMP).diffuse.copy()
@@ -73,8 +73,8 @@ class Stage:
             return
         effect = self.effect(time)
         self._place_board(data, effect.board, target, eye)
-        if self._has_other:
-            self._put(data, OTHER, effect.other or _below())
+        if self._has_second:
+            self._put(data, SECOND, effect.second or _below())
         model, spot = self._model, effect.spot
         model.light_diffuse[self._lamp] = self._lamp_diffuse * effect.lamp
         model.light_active[self._spot] = spot is not None

@@ -158,8 +158,8 @@ class Effect:
     """A spot light."""
     board: float | None = None
     """Sideways distance of the board from the line of sight to the target [m]; None: parked."""
-    other: Pose | None = None
-    """Pose of a second car on the table; None: there is none."""
+    second: Pose | None = None
+    """Pose of a second target on the table; None: there is none."""
     dropped: bool = False
     """Whether the camera drops this frame."""
 
@@ -170,6 +170,6 @@ class Effect:
             lamp=self.lamp * other.lamp,
             spot=other.spot or self.spot,
             board=self.board if other.board is None else other.board,
-            other=other.other or self.other,
+            second=other.second or self.second,
             dropped=self.dropped or other.dropped,
         )

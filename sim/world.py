@@ -14,11 +14,12 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim import placement
-from sim.assembly import TARGET, build_model, outline_of
+from sim.assembly import TARGET, build_model
 from sim.geometry import log_se3
 from sim.render import CameraConfig, Renderer, Sensor, camera_pose, pinhole
-from sim.robot import EYE, Design, Robot
+from sim.robot import CAMERA, Design, Robot
 from sim.stage import Disturbance, Motion, Stage
+from sim.target import Target
 from sim.timing import exposure_steps, steps_between
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
@@ -42,6 +43,7 @@ class World:
         self,
         config: WorldConfig,
         robot: Design,
+        target: Target,
         camera: CameraConfig,
         motion: Motion,
         disturbances: Sequence[Disturbance],
@@ -53,15 +55,17 @@ class World:
         )
         self.period = 1.0 / camera.rate
         props = [prop for d in disturbances for prop in d.props]
-        self.model = build_model(config.physics_rate, camera, robot, props)
+        self.model = build_model(config.physics_rate, camera, robot, target, props)
         self.data = mujoco.MjData(self.model)
         self.robot = Robot(self.model, robot)
-        self.camera = pinhole(self.model, EYE, camera.width, camera.height)
-        self._eye = self.model.camera(EYE).id
-        self.outline = outline_of(self.model)
+        self.camera = pinhole(self.model, CAMERA, camera.width, camera.height)
+        self._eye = self.model.camera(CAMERA).id
+        self.outline = target.outline
         self._stage = Stage(self.model, motion, disturbances)
         self._visibility = config.visibility
-        self._renderer = Renderer(self.model, EYE, camera.width, camera.height, camera.supersample)
+        self._renderer = Renderer(
+            self.model, CAMERA, camera.width, camera.height, camera.supersample
+        )
         self._sensor = Sensor(camera, rng)
         self._exposed_at = exposure_steps(camera, steps)
         # The physics steps of a frame interval at which something is to be done, and its end.
@@ -161,6 +165,7 @@ class World:
         return camera_pose(self.data, self._eye)
 
     def _visible(self) -> float:
-        car = self.model.geom_bodyid == self.model.body(TARGET).id
-        alone = self._renderer.silhouette(self.data, car, alone=True)
-        return self._renderer.silhouette(self.data, car, alone=False) / alone if alone else 0.0
+        model = self.model
+        own = model.body_rootid[model.geom_bodyid] == model.body(TARGET).id
+        alone = self._renderer.silhouette(self.data, own, alone=True)
+        return self._renderer.silhouette(self.data, own, alone=False) / alone if alone else 0.0

@@ -33,9 +33,13 @@ class Episode:
         disturbances = [
             d.build(stream(seed, f"disturbance {i}")) for i, d in enumerate(s.disturbances)
         ]
-        robot, sensor = s.robot.build(stream(seed, "robot")), stream(seed, "sensor")
+        sensor = stream(seed, "sensor")
         try:
-            self.world = World(s.world, robot, s.camera, motion, disturbances, sensor)
+            robot, target = (
+                part.build(stream(seed, name))
+                for name, part in (("robot", s.robot), ("target", s.target))
+            )
+            self.world = World(s.world, robot, target, s.camera, motion, disturbances, sensor)
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from None
         self.frames = s.frames

@@ -9,6 +9,7 @@ from importlib.resources.abc import Traversable
 
 PLUGINS = {
     "robot": ("sim.robots", "gantry"),
+    "target": ("sim.targets", "car"),
     "motion": ("sim.motions", "still"),
     "tracker": ("tracking.trackers", "pf_ssd"),
     "features": ("servo.features", "moments"),

@@ -61,6 +61,7 @@ class Scenario:
     sight: SightConfig
     measure: MeasureConfig
     robot: Any
+    target: Any
     motion: Any
     tracker: Any
     features: Any

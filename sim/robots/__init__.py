@@ -1,3 +1,1 @@
-"""Robots that carry the camera, one a file: `Config.build(rng)` gives a `Design`, which names its
-MJCF model in scenes/.
-"""
+"""Robots that carry the camera, one a file: `Config.build(rng)` gives a `Design`."""

@@ -1,9 +1,13 @@
 """A six-joint arm on a pedestal behind the table, with the camera at its wrist."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import resources
 
+import mujoco
 import numpy as np
 
 from sim.robot import Design, Drives
@@ -18,4 +22,5 @@ class Config(Drives):
 
     def build(self, rng: np.random.Generator) -> Design:
         """The robot; draws nothing."""
-        return Design("arm.xml", home=ELBOW_UP, drives=self)
+        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "arm.xml"))
+        return Design("arm.xml", spec, drives=self, homes=(ELBOW_UP,))

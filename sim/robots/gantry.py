@@ -1,9 +1,13 @@
 """A 6-DOF gantry over the table: three slides, and a wrist whose axes meet in the camera."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import resources
 
+import mujoco
 import numpy as np
 
 from sim.robot import Design, Drives
@@ -15,4 +19,5 @@ class Config(Drives):
 
     def build(self, rng: np.random.Generator) -> Design:
         """The robot; draws nothing."""
-        return Design("gantry.xml", home=(0.0,) * 6, drives=self)
+        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "gantry.xml"))
+        return Design("gantry.xml", spec, drives=self, homes=((0.0,) * 6,))

@@ -1,4 +1,4 @@
-"""A second car, the target's twin, drives straight across the table."""
+"""A second target, the first one's twin, drives straight across the table."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ class Config:
     speed: Speed = 0.2
     """Speed [m/s]."""
 
-    def build(self, rng: np.random.Generator) -> SecondCar:
+    def build(self, rng: np.random.Generator) -> SecondTarget:
         """The disturbance; draws nothing."""
-        return SecondCar(self)
+        return SecondTarget(self)
 
 
 @final
-class SecondCar:
+class SecondTarget:
     """There for a while, driving."""
 
-    props: tuple[str, ...] = ("car",)
+    props: tuple[str, ...] = ("second_target",)
 
     def __init__(self, config: Config) -> None:
         c = self._config = config
@@ -49,4 +49,4 @@ class SecondCar:
         since = time - self._config.start
         if not 0 <= since <= self._config.duration:
             return Effect()
-        return Effect(other=self._drive.at(since))
+        return Effect(second=self._drive.at(since))

@@ -1,0 +1,46 @@
+"""The object to be followed: its model, and the reference rectangle that stands for it."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.types import Array
+
+OUTLINE = "outline"
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """An object before it is put into the room. Its frame: x along the nose, z up, table at z = 0."""
+
+    spec: mujoco.MjSpec
+    """Its model, of which everything moves as one."""
+    outline: Array
+    """Corners (4, 3) of its reference rectangle in its frame [m]: level, in the order in which an
+    image with the nose to the right shows them, from the top left clockwise."""
+
+
+def rectangle(centre: Array, length: float, width: float) -> Array:
+    """Corners (4, 3) of a level rectangle, in the order of `Target.outline`.
+
+    Args:
+        centre: Its middle (3,) [m].
+        length: Along the target's x [m].
+        width: Along the target's y [m].
+    """
+    a, b = length / 2, width / 2
+    return centre + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
+
+
+def outline_site(spec: mujoco.MjSpec) -> Array | None:
+    """The rectangle (4, 3) that a model's site `outline` names; None where it has no such site."""
+    site = spec.site(OUTLINE)
+    if site is None:
+        return None
+    length, width, _ = 2 * np.array(site.size)
+    return rectangle(np.array(site.pos), length, width)

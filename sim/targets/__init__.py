@@ -1,0 +1,1 @@
+"""Objects to be followed, one a file: `Config.build(rng)` gives a `Target`."""

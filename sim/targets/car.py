@@ -1,0 +1,25 @@
+"""A blue toy car of 0.20 x 0.10 m with dark windows and a white stripe on its bonnet."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import resources
+
+import mujoco
+import numpy as np
+
+from sim.target import Target, outline_site
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, rng: np.random.Generator) -> Target:
+        """The target; draws nothing."""
+        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml"))
+        outline = outline_site(spec)
+        assert outline is not None
+        return Target(spec, outline)
