@@ -1,9 +1,9 @@
 """A robot that carries the camera: camera twist to joint rates, for any chain of velocity-driven
 joints.
 
-Nothing here knows which robot it is: joints, limits and actuators come from its model, in which
-every actuator is a `velocity` servo of one joint, and the camera's optical centre is the site `eye`.
-A model that is built otherwise is refused: its robot would move, but not as it is asked to.
+Nothing here knows which robot it is: joints, limits and actuators come from its model. There every
+actuator is a `velocity` servo of one joint, and the camera's optical centre is the site `eye`. A
+model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
 # pyright: reportAttributeAccessIssue=false

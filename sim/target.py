@@ -16,7 +16,10 @@ OUTLINE = "outline"
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """An object before it is put into the room. Its frame: x along the nose, z up, table at z = 0."""
+    """An object before it is put into the room.
+
+    Its frame has x along the nose and z up; z = 0 is the table's top.
+    """
 
     spec: mujoco.MjSpec
     """Its model, of which everything moves as one."""

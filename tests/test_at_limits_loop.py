@@ -50,7 +50,7 @@ def test_disturbances_begin_and_end_at_their_times():
         True, False, False, True,
     ]  # fmt: skip
     car = {"start": 3.0, "duration": 6.0}
-    assert [effect("second_car", t, **car).other is None for t in (2.99, 3.0, 9.0, 9.01)] == [
+    assert [effect("second_target", t, **car).second is None for t in (2.99, 3.0, 9.0, 9.01)] == [
         True, False, False, True,
     ]  # fmt: skip
     drop = {"start": 0.5, "share": 1.0}

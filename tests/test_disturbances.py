@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.disturbances import board, brightness, dropped_frames, second_car, spot
+from sim.disturbances import board, brightness, dropped_frames, second_target, spot
 from sim.types import Effect, Spot
 
 RNG = np.random.default_rng(0)
@@ -39,12 +39,12 @@ def test_a_board_that_stops_aside_goes_back_where_it_came_from():
     assert disturbance.at(3.1).board == pytest.approx(-0.4)
 
 
-def test_a_second_car_comes_drives_and_goes():
-    disturbance = second_car.Config(start=3.0, duration=2.0, x=0.1, y=-0.5, speed=0.2).build(RNG)
-    assert disturbance.props == ("car",)
-    assert disturbance.at(2.9).other is None
-    np.testing.assert_allclose(disturbance.at(4.0).other.translation, [0.1, -0.3, 0.0], atol=1e-12)
-    assert disturbance.at(5.1).other is None
+def test_a_second_target_comes_drives_and_goes():
+    disturbance = second_target.Config(start=3.0, duration=2.0, x=0.1, y=-0.5, speed=0.2).build(RNG)
+    assert disturbance.props == ("second_target",)
+    assert disturbance.at(2.9).second is None
+    np.testing.assert_allclose(disturbance.at(4.0).second.translation, [0.1, -0.3, 0.0], atol=1e-12)
+    assert disturbance.at(5.1).second is None
 
 
 def test_a_spot_fades_in_while_the_lamp_dims():

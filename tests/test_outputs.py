@@ -121,18 +121,18 @@ def test_the_recording_holds_every_entity_for_every_frame(folder):
         assert rows[f"/plots/{name}", "SeriesLines:names"] == 1, name
     for body in (
         "eye",
-        "bridge",
-        "carriage",
-        "column",
-        "yaw_link",
-        "pitch_link",
-        "roll_link",
+        "robot/bridge",
+        "robot/carriage",
+        "robot/column",
+        "robot/yaw_link",
+        "robot/pitch_link",
+        "robot/roll_link",
         "board",
-        "target/car",
+        "target",
     ):
         assert rows[f"/world/{body}", "Transform3D:translation"] == 60, body
     assert rows["/world/table", "Mesh3D:vertex_positions"] == 1
-    assert rows["/world/target/car/box", "Boxes3D:half_sizes"] == 1
+    assert rows["/world/target/box", "Boxes3D:half_sizes"] == 1
     assert rows["/events", "TextLog:text"] >= 2
 
 
@@ -160,7 +160,7 @@ def test_the_recording_shows_what_the_steps_say(folder):
     yaw = row["joint_yaw_rad"]
     np.testing.assert_allclose(matrix[:, 0], [np.cos(yaw), np.sin(yaw), 0.0], atol=2e-3)
     np.testing.assert_allclose(matrix[:, 2], [0.0, 0.0, -1.0], atol=2e-3)
-    wrist = np.array(found["/world/yaw_link", "Transform3D:mat3x3"][0]).reshape(3, 3).T
+    wrist = np.array(found["/world/robot/yaw_link", "Transform3D:mat3x3"][0]).reshape(3, 3).T
     np.testing.assert_allclose(wrist[:, 0], [np.cos(yaw), np.sin(yaw), 0.0], atol=2e-3)
     np.testing.assert_allclose(wrist[:, 1], [-np.sin(yaw), np.cos(yaw), 0.0], atol=2e-3)
     np.testing.assert_allclose(position[:2], [row["joint_x_m"], row["joint_y_m"]], atol=2e-3)

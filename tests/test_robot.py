@@ -7,13 +7,15 @@ import pytest
 from sim.assembly import build_model
 from sim.geometry import log_se3
 from sim.render import CameraConfig, camera_pose
-from sim.robot import EYE, Drives, Robot, damped_inverse
+from sim.robot import CAMERA, Drives, Robot, damped_inverse
 from sim.robots import arm, gantry
+from sim.targets import car
 
 
 def built(kind):
     design = kind.Config().build(np.random.default_rng(0))
-    model = build_model(480.0, CameraConfig(), design)
+    target = car.Config().build(np.random.default_rng(0))
+    model = build_model(480.0, CameraConfig(), design, target)
     return Robot(model, design), model, mujoco.MjData(model)
 
 
@@ -27,7 +29,7 @@ def pose_at(model, data, q):
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)
-    return camera_pose(data, model.camera(EYE).id)
+    return camera_pose(data, model.camera(CAMERA).id)
 
 
 @pytest.mark.parametrize("kind", [gantry, arm])

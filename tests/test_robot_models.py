@@ -1,7 +1,6 @@
 """Robot models that differ from ours: driven as they say, or refused with what is wrong."""
 
 import re
-import shutil
 from importlib import resources
 
 import mujoco
@@ -18,7 +17,7 @@ ONE_JOINT = """
 <mujoco>
   <worldbody>
     <body name="slide"><joint name="x" type="slide" axis="1 0 0"/><geom size=".01" mass="1"/>
-      <camera name="eye" pos="0 0 1"/><site name="eye" pos="0 0 {height}"/>
+      <camera name="robot/eye" pos="0 0 1"/><site name="robot/eye" pos="0 0 {height}"/>
     </body>
   </worldbody>
   <actuator>{actuator}</actuator>
@@ -31,7 +30,7 @@ def robot(actuator=VELOCITY, height=1):
     model = mujoco.MjModel.from_xml_string(ONE_JOINT.format(actuator=actuator, height=height))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return Robot(model, Design("mine.xml", (0.0,), DRIVES)), data
+    return Robot(model, Design("mine.xml", mujoco.MjSpec(), DRIVES, ((0.0,),))), data
 
 
 def test_without_a_ctrlrange_a_drive_has_no_limit():
@@ -56,7 +55,7 @@ WRONG = {
     '<velocity name="x" joint="x" kv="10" gear="3"/>': (
         "the actuator 'x' has to drive one joint, with gear 1"
     ),
-    '<velocity name="x" site="eye" kv="10"/>': (
+    '<velocity name="x" site="robot/eye" kv="10"/>': (
         "the actuator 'x' has to drive one joint, with gear 1"
     ),
     '<velocity name="x" joint="x" kv="10" ctrlrange="0 0.5"/>': (
@@ -78,17 +77,15 @@ def test_a_site_away_from_the_camera_is_refused():
 
 
 @pytest.fixture
-def edited(monkeypatch, tmp_path):
+def edited(monkeypatch):
     """Makes the gantry another robot: its file with one text replaced."""
 
     def edit(pattern, replacement):
-        folder = resources.files("scenes")
-        for name in ("room.xml", "wood.png"):
-            shutil.copy(str(folder / name), tmp_path)
-        text, count = re.subn(pattern, replacement, (folder / "gantry.xml").read_text())
+        text = (resources.files("scenes") / "gantry.xml").read_text()
+        text, count = re.subn(pattern, replacement, text)
         assert count
-        (tmp_path / "mine.xml").write_text(text)
-        design = Design(str(tmp_path / "mine.xml"), (0.0,) * 6, Drives())
+        spec = mujoco.MjSpec.from_string(text)
+        design = Design("mine.xml", spec, Drives(), ((0.0,) * 6,))
         monkeypatch.setattr(gantry.Config, "build", lambda config, rng: design)
 
     return edit

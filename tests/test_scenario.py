@@ -72,7 +72,7 @@ BAD = {
     "a disturbance without kind": (
         "[[disturbances]]\nstart = 1.0\n",
         "mine.toml: disturbances[0] needs a kind: one of board, brightness, dropped_frames, "
-        "second_car, spot",
+        "second_target, spot",
     ),
     "a wrong choice": (
         '[controller]\nkind = "ibvs"\ndof = ["vx", "up"]\n',

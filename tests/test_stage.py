@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from sim.disturbances import dropped_frames, second_car, spot
+from sim.disturbances import dropped_frames, second_target, spot
 from sim.motions import line, still
 from sim.render import CameraConfig
 from sim.robots import arm, gantry
+from sim.targets import car
 from sim.world import World, WorldConfig
 
 RNG = np.random.default_rng()
@@ -13,10 +14,9 @@ STILL = still.Config(heading_deg=10.0).build(RNG)
 
 
 def make(motion=STILL, disturbances=(), robot=gantry):
-    design = robot.Config().build(RNG)
-    return World(
-        WorldConfig(), design, CameraConfig(), motion, disturbances, np.random.default_rng(1)
-    )
+    design, target = robot.Config().build(RNG), car.Config().build(RNG)
+    rng = np.random.default_rng(1)
+    return World(WorldConfig(), design, target, CameraConfig(), motion, disturbances, rng)
 
 
 def see(world, y=120.0, theta=0.0):
@@ -38,8 +38,8 @@ def test_a_dropped_frame_is_the_last_picture_again_and_says_so():
     world.close()
 
 
-def test_a_second_car_is_seen_where_it_is_and_only_then():
-    twin = second_car.Config(start=0.05, x=0.25, y=0.0, speed=0.0).build(np.random.default_rng())
+def test_a_second_target_is_seen_where_it_is_and_only_then():
+    twin = second_target.Config(start=0.05, x=0.25, y=0.0, speed=0.0).build(np.random.default_rng())
     world = make(disturbances=[twin])
     before, _ = see(world)
     world.step(np.zeros(6))

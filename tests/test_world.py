@@ -8,6 +8,7 @@ from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.render import CameraConfig
 from sim.robots import gantry
+from sim.targets import car
 from sim.timing import steps_between
 from sim.world import World, WorldConfig
 
@@ -18,6 +19,7 @@ def make(camera=None, motion=STILL, disturbances=(), robot=gantry, **world):
     return World(
         WorldConfig(**world),
         robot.Config().build(np.random.default_rng()),
+        car.Config().build(np.random.default_rng()),
         camera or CameraConfig(),
         motion,
         disturbances,
@@ -78,8 +80,8 @@ def test_the_truth_lies_on_the_rendered_car(world):
 
 def test_the_silhouette_has_the_size_of_the_reference_rectangle(world):
     see(world)
-    car = world.model.geom_bodyid == world.model.body("target/car").id
-    pixels = world._renderer.silhouette(world.data, car, alone=True)
+    target = world.model.geom_bodyid == world.model.body("target").id
+    pixels = world._renderer.silhouette(world.data, target, alone=True)
     rectangle = 0.2 * 0.1 * (world.camera.fx / 1.0) ** 2
     assert pixels == pytest.approx(rectangle, rel=0.06)  # rounded corners, wheels that stick out
 

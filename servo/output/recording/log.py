@@ -3,7 +3,7 @@
 | entity | what |
 |---|---|
 | world/table, world/fixed/* | table top with texture, things that never move |
-| world/BODY, world/BODY/* | gantry links, car, board: pose; their shapes |
+| world/BODY, world/BODY/* | robot/LINK, target, board: pose; their shapes |
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
 | world/eye/image/estimate, goal, truth | green, red and white rectangles |
 | world/eye/image/particles | the particle cloud |
