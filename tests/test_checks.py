@@ -256,7 +256,8 @@ OTHER_PARTS = {
     "jumps by 1 m within a millisecond": (check_motion, config_for(
         lambda rng: SimpleNamespace(at=lambda t: Pose(np.eye(3), np.array([t > 1, 0.0, 0.0]))))),
     "draw from build(rng) only": (check_motion, config_for(
-        lambda rng: SimpleNamespace(at=lambda t: Pose(np.eye(3), 1e-3 * np.random.default_rng().random(3))))),
+        lambda rng: SimpleNamespace(
+            at=lambda t: Pose(np.eye(3), 1e-3 * np.random.default_rng().random(3))))),
     "it has no tuple `props`": (
         check_disturbance, config_for(lambda rng: SimpleNamespace(at=lambda t: Effect()))),
     "it does something before time 0": (check_disturbance, config_for(
