@@ -61,7 +61,7 @@ def config_of(folder: str, kind: str) -> type[Any]:
 
 
 def as_config(folder: str, found: Any, name: str) -> type[Any]:
-    """A `Config` class for what somebody gives as a part of a kind of folder.
+    """A `Config` class for an object that is given as a part.
 
     A folder may adapt other things: its function `adapted` makes a `Config` class of them.
 
