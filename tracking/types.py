@@ -96,6 +96,13 @@ class Estimate:
     """Histograms evaluated in this frame."""
     particles: Array | None = None
     """Particles (N, 5): x, y, theta, scale, weight; weights sum to 1."""
+    corners: Array | None = None
+    """Corners (4, 2) [px] in the order of the region's, where the tracker follows more than a
+    similarity: the outline in place of the region at `state`."""
+
+    def outline(self, region: Region) -> Array:
+        """Corners (4, 2) of the target [px]: those reported, else the region's at the state."""
+        return region.corners(self.state) if self.corners is None else self.corners
 
 
 def unknown_covariance() -> Array:
