@@ -21,13 +21,12 @@ MODELS = {
     "Vit": ("net",),
     "DaSiamRPN": ("model", "kernel_cls1", "kernel_r1"),
 }
-"""The model files that a tracker needs, in this order."""
+"""The model files of the trackers that have some, in this order; these have a score, too."""
 CONTRIB = ("CSRT", "KCF")
 """Trackers of OpenCV's additional modules."""
 SUFFIX = ".onnx"
 LARGEST = 2_000_000_000
 """Largest model file [bytes]."""
-SCORE = "getTrackingScore"
 
 
 class Cv2Tracker:
@@ -57,10 +56,11 @@ class Cv2Tracker:
             with silent_libraries():
                 return self._tracker.init(image, box)
         except cv2.error as error:
-            raise ValueError(
-                f"{self._place()} refuses a region of {box[2]} x {box[3]} px in an image of "
-                f"{image.shape[1]} x {image.shape[0]} px: {_reason(error)}"
-            ) from None
+            what = (
+                f" refuses a region of {box[2]} x {box[3]} px in an image of "
+                f"{image.shape[1]} x {image.shape[0]} px" * (not self._models)
+            )
+            raise ValueError(f"{self._place()}{what}: {_reason(error)}") from None
 
     def update(self, image: Image) -> tuple[bool, Any]:
         """Find the target; a picture of another size than the first cannot be compared.
@@ -82,15 +82,15 @@ class Cv2Tracker:
 
     def score(self) -> float:
         """OpenCV's score of the last update, kept within 0..1."""
-        return float(np.clip(np.nan_to_num(getattr(self._tracker, SCORE)()), 0, 1))
+        return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
     def _made(self) -> Any:
         made_by = factory_of(self._name)
         parts = MODELS.get(self._name, ())
         if len(self._models) != len(parts):
-            files = f"{len(parts)} files ({', '.join(parts)})" if parts else "no files"
+            files = f"needs its model files {', '.join(parts)}" if parts else "has no model file"
             raise ValueError(
-                f"OpenCV's {self._name} needs {files} as model; given are {len(self._models)}"
+                f"OpenCV's {self._name} {files}; the number given is {len(self._models)}"
             )
         for path in self._models:
             check_model(path)

@@ -156,7 +156,7 @@ def wrap(
         ValueError: The tracker's score is to judge, but none is named.
     """
     of = factory if hasattr(factory, "__qualname__") else type(factory)
-    kind = name or f"{of.__module__}:{of.__qualname__}"
+    kind = name or ":".join(filter(None, (of.__module__, of.__qualname__)))
     begin = judge or ("score" if score else "histogram")
     if begin == "score" and score is None:
         raise ValueError(f"{kind}: its score is to judge; name it with score=")

@@ -6,10 +6,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from tracking.external.cv2_tracker import SCORE, Cv2Tracker
+from tracking.external.cv2_tracker import MODELS, Cv2Tracker
 from tracking.external.judge import JudgeSettings
 from tracking.external.wrapped import Wrapped, Wrapping
 
@@ -31,7 +30,5 @@ class Config(JudgeSettings):
         def make(seed: int) -> Cv2Tracker:
             return Cv2Tracker(self.name, models, seed)
 
-        scored = hasattr(getattr(cv2, f"Tracker{self.name}", None), SCORE)
-        name = f"OpenCV's {self.name}"
-        wrapping = Wrapping(make, "opencv", "score" if scored else None, name)
-        return Wrapped(self, wrapping, rng)
+        score = "score" if self.name in MODELS else None
+        return Wrapped(self, Wrapping(make, "opencv", score, f"OpenCV's {self.name}"), rng)
