@@ -56,11 +56,12 @@ class Cv2Tracker:
             with silent_libraries():
                 return self._tracker.init(image, box)
         except cv2.error as error:
-            what = (
-                f" refuses a region of {box[2]} x {box[3]} px in an image of "
-                f"{image.shape[1]} x {image.shape[0]} px" * (not self._models)
-            )
-            raise ValueError(f"{self._place()}{what}: {_reason(error)}") from None
+            if self._models:
+                raise ValueError(f"{self._place()}: {_reason(error)}") from None
+            raise ValueError(
+                f"the region is {box[2]} x {box[3]} px in an image of {image.shape[1]} x "
+                f"{image.shape[0]} px; {self._place()} refuses it: {_reason(error)}"
+            ) from None
 
     def update(self, image: Image) -> tuple[bool, Any]:
         """Find the target; a picture of another size than the first cannot be compared.
