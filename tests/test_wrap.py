@@ -184,7 +184,7 @@ def test_opencvs_own_classes_and_functions_are_factories():
 
 def test_it_is_a_config_like_any_other():
     config = wrap(Moving, score="certainty")
-    assert kinds.kind_of(config()) == config.kind == f"{__name__}:Moving"
+    assert kinds.kind_of(config()) == config.kind == "followed:Moving"
     assert (wrap(Moving)().judge, config().judge, config().least_score) == (
         "histogram", "score", 0.3
     )  # fmt: skip

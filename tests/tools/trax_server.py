@@ -55,7 +55,7 @@ for line in sys.stdin:
         "negative": '@@TRAX:state "1,2,-3,4"', "mask": '@@TRAX:state "m0,0,2,2,1,2"',
         "lost": '@@TRAX:state "0"',
     }.get(mode)  # fmt: skip
-    if count > 1 and said:
+    if count > 0 and said:
         say(said)
         continue
     moves = range(0, len(numbers), 2) if len(numbers) > 4 else [0]
@@ -66,6 +66,6 @@ for line in sys.stdin:
         around = [(x - 55, y - 40) for x, y in pairs]
         moved = [v for x, y in around for v in (55 + c * x - s * y, 40 + s * x + c * y)]
         moved = moved[4:] + moved[:4]  # in another order
-    answer(moved, f'"confidence={0.9 if count < 5 else 0.1}"')
+    answer(moved, "" if mode == "plain" else f'"confidence={0.9 if count < 5 else 0.1}"')
     if mode == "twice":
         answer(moved)

@@ -152,7 +152,7 @@ class TraxClient:
         try:
             words = shlex.split(self._command)
         except ValueError as error:
-            raise ValueError(f"TraX server '{self._command}': {error}") from None
+            raise self._unstarted(error) from None
         if not words:
             raise ValueError("a TraX server needs a command, such as 'python server.py'")
         pipe = subprocess.PIPE
@@ -162,8 +162,10 @@ class TraxClient:
                 env=os.environ | {"TRAX": "1"},
             )  # fmt: skip
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise ValueError(f"TraX server '{self._command}' cannot be started: {reason}") from None
+            raise self._unstarted(getattr(error, "strerror", None) or error) from None
+
+    def _unstarted(self, reason: object) -> ValueError:
+        return ValueError(f"TraX server '{self._command}' cannot be started: {reason}")
 
 
 def _thread(work: Any, *arguments: Any) -> threading.Thread:

@@ -61,15 +61,13 @@ class Wrapping:
             )
         return {p.name: DRAWN[p.name](rng) for p in taken if p.name in DRAWN}
 
-    def read_score(self, tracker: Any) -> float | None:
+    def read_score(self, tracker: Any) -> float:
         """The tracker's own score, 0..1, where it has one.
 
         Raises:
             ValueError: It is not between 0 and 1.
         """
-        if self.score is None:
-            return None
-        found = self.score(tracker) if callable(self.score) else getattr(tracker, self.score)
+        found = self.score(tracker) if callable(self.score) else getattr(tracker, str(self.score))
         return score_in(found() if callable(found) else found, self.name)
 
 
@@ -115,7 +113,8 @@ class Wrapped:
             distance, status = self._judge.unseen(frame)
         else:
             self._placed.follow_box(box)
-            score = self._wrapping.read_score(self._caller.tracker)
+            by_score = self._settings.judge == "score"
+            score = self._wrapping.read_score(self._caller.tracker) if by_score else None
             distance, status = self._judge.seen(frame, self._placed.state, score)
         follows = (False, self._placed.resizes)
         return Estimate(self._placed.state, unknown_covariance(), distance, status, follows)
