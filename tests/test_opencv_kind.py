@@ -63,7 +63,6 @@ def test_one_model_may_be_a_text_and_several_a_list(vit, tmp_path):
 def test_mil_is_the_default_and_repeats_by_its_seed():
     once, again = follow(Config(), count=6), follow(Config(), count=6)
     assert [e.state for e in once] == [e.state for e in again]
-    assert all(abs(e.state.x - START.x - 2 * k) < 15 for k, e in enumerate(once, 1))
     assert {e.follows for e in once} == {(False, False)}
 
 
@@ -156,6 +155,6 @@ def test_what_opencv_refuses_is_unseen_once_the_model_has_worked(models, monkeyp
     assert [e.status.name for e in follow(config, 5)] == ["LOCKED", "UNSURE", "LOCKED", "LOCKED"]
     Leaving.fails = 1
     if models:
-        assert refused(config) == "OpenCV's Vit with net.onnx: roi"
+        assert refused(config).startswith("OpenCV's Vit with net.onnx: ")
     else:
         assert follow(config)[0].status is Status.UNSURE

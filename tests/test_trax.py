@@ -9,19 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from followed import REGION, START, frame
-from hypothesis import given
-from hypothesis import strategies as st
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 from tracking.adapters.trax_server import run_trax
 from tracking.external import trax_messages as messages
-from tracking.external.trax_messages import Message
 from tracking.trackers.trax import Config
 from tracking.types import State, Status
 
 SERVER = Path(__file__).parent / "tools" / "trax_server.py"
-TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\r"))
 
 
 def config(*words, timeout=10.0, **settings):
@@ -172,38 +168,6 @@ def test_no_process_and_no_file_stays(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@given(st.lists(TEXTS, max_size=3), st.dictionaries(st.text("aZ._9", min_size=1), TEXTS))
-def test_a_message_is_read_as_it_was_written(texts, named):
-    arguments = [f"/{text}" for text in texts]  # with a slash it is no key
-    sent = Message("state", arguments, named)
-    assert messages.message_in(sent.line()) == sent
-
-
-def test_other_lines_are_no_messages():
-    for line in ("loading", "@@TRAX:dance", " @@TRAX:state", "@@TRAX", ""):
-        assert messages.message_in(line) is None
-    assert messages.message_in("@@TRAX:status 1,2,3,4 x.y=z\r\n") == Message(
-        "state", ["1,2,3,4"], {"x.y": "z"}
-    )
-
-
-@pytest.mark.parametrize("picture", [["path"], ["memory"], ["buffer"], ["data"]])
-def test_a_picture_comes_back_as_it_was(picture, tmp_path):
-    image = frame(0).image
-    text = messages.picture_text(image, picture, tmp_path / "a b.png")
-    found = messages.picture_in(text)
-    if picture == ["path"]:
-        assert found == tmp_path / "a b.png"
-    else:
-        np.testing.assert_array_equal(found, image)
-
-
-@pytest.mark.parametrize("text", ["image:3;2;rgb;AAAA", "data:image/png;AAAA", "image:1"])
-def test_a_picture_that_is_none_is_refused(text):
-    with pytest.raises(ValueError, match=r"the picture .*\.\.\. cannot be decoded"):
-        messages.picture_in(text)
-
-
 def served(*lines, kind="frozen"):
     out = io.StringIO()
     run_trax(kind, requests=io.StringIO("\n".join(lines)), answers=out)
@@ -235,3 +199,24 @@ def test_ours_over_the_protocol_is_ours_and_closes_the_loop():
     found = last.estimate.state
     assert last.estimate.follows == (True, True)
     assert np.hypot(found.x - last.truth.centre[0], found.y - last.truth.centre[1]) < 2.0
+
+
+REFERENCE = """
+import trax
+with trax.Server(["polygon"], ["memory"]) as server:
+    while (asked := server.wait()).type != "quit":
+        if asked.type == "initialize":
+            corners, count = list(asked.objects[0][0]), -1
+        count += 1
+        moved = [(x + 2 * count, y) for x, y in corners]
+        server.status([(trax.Polygon.create(moved), {"confidence": 0.8})])
+"""
+
+
+def test_the_reference_server_is_followed(tmp_path):
+    pytest.importorskip("trax", reason="vot-trax is not installed")
+    (tmp_path / "server.py").write_text(REFERENCE)
+    command = f"{sys.executable} {tmp_path / 'server.py'}"
+    found = follow(Config(command=command, judge="score"))
+    assert [e.state.x for e in found] == pytest.approx([57.0, 59.0, 61.0, 63.0, 65.0])
+    assert {round(e.distance, 6) for e in found} == {0.2}

@@ -1,4 +1,4 @@
-"""Our trackers in the convention of the GOT-10k toolkit (Huang, Zhao, Huang 2019)."""
+"""Our trackers in the convention of the GOT-10k toolkit (Huang, Zhao, Huang 2021)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Lines of the TraX protocol (Cehovin, TraX: The visual Tracking eXchange protocol and library,
-Neurocomputing 2017, doi 10.1016/j.neucom.2017.02.036), for both ends of it.
+"""Lines of the TraX protocol (Cehovin 2017), for both ends of it.
 
 A message is a line @@TRAX:TYPE with quoted arguments and named ones (key=value); all other lines
 are a program's own output. In versions 1 to 3 `initialize` carries picture and region; in version 4
