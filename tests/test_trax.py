@@ -92,7 +92,6 @@ def test_a_target_that_the_server_does_not_see_is_unseen():
         ("crashes", "ended with code 3 where its state is expected: out of memory"),
         ("leaves", "ended with code 0 where its state is expected"),
         ("hello", "said hello where its state is expected"),
-        ("twice", "said state unasked"),
         ("nonsense", 'answered @@TRAX:state "here, or there", which is no region'),
         ("three", 'answered @@TRAX:state "1,2,3", which is no region'),
         ("none", "answered @@TRAX:state, which is no region"),
@@ -122,6 +121,16 @@ def test_a_box_that_is_none_is_a_sentence(words, message):
     with pytest.raises(ValueError) as refused:
         follow(settings)
     assert str(refused.value) == f"TraX server '{settings.command}': {message}"
+
+
+def test_a_server_that_answers_twice_is_out_of_step():
+    tracker = config("twice").build(np.random.default_rng(0))
+    tracker.start(frame(0), REGION, START)
+    tracker.update(frame(1))
+    while tracker._client._answers.empty():
+        time.sleep(0.01)
+    with pytest.raises(ValueError, match=r"said state unasked$"):
+        tracker.update(frame(2))
 
 
 @pytest.mark.parametrize(("mode", "wanted"), [("silent", "hello"), ("hangs", "state")])
@@ -192,7 +201,7 @@ def test_our_server_answers_both_ways_to_begin(tmp_path):
 def test_ours_over_the_protocol_is_ours_and_closes_the_loop():
     command = f"{sys.executable} -m tracking.adapters.trax_server mk_ssd"
     tracker = Config(command=command)
-    scenario = dataclasses.replace(load("still", ["run.duration=0.7"]), tracker=tracker)
+    scenario = dataclasses.replace(load("still", ["run.duration=0.4"]), tracker=tracker)
     with Episode(scenario) as episode:
         last = [step.light() for step in episode][-1]
     assert last.estimate.status is Status.LOCKED

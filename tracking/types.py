@@ -85,7 +85,8 @@ class Estimate:
     covariance: Array
     """Covariance (4, 4) of (x, y, theta, ln scale); nan where the tracker has none."""
     distance: float
-    """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1."""
+    """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1; or
+    1 - the score of a tracker that is judged by its own."""
     status: Status
     """How sure the tracker is."""
     follows: tuple[bool, bool] = (True, True)

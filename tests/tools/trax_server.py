@@ -67,5 +67,6 @@ for line in sys.stdin:
         moved = [v for x, y in around for v in (55 + c * x - s * y, 40 + s * x + c * y)]
         moved = moved[4:] + moved[:4]  # in another order
     answer(moved, "" if mode == "plain" else f'"confidence={0.9 if count < 5 else 0.1}"')
-    if mode == "twice":
+    if mode == "twice" and count == 1:
         answer(moved)
+        time.sleep(0.2)
