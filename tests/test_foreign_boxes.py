@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.external.boxes import ORDERS, Placed, convex
+from tracking.external.boxes import Placed, convex
 from tracking.types import Region, State
 
 REGION, START = Region(40.0, 20.0), State(100.0, 60.0, 0.3, 1.5)
@@ -24,7 +24,9 @@ def test_a_box_relative_to_the_first_moves_and_scales():
     assert (place.state.theta, place.turns, place.resizes) == (0.3, False, True)
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize(
+    "order", [np.roll(way, k) for k in range(4) for way in ((0, 1, 2, 3), (3, 2, 1, 0))], ids=str
+)
 def test_corners_in_any_order_are_those_of_the_region(order):
     place, state = placed(), State(110.0, 50.0, 0.5, 1.2)
     corners = REGION.corners(state)
