@@ -97,3 +97,12 @@ def test_a_score_that_is_to_judge_must_be_there():
         wrap(Moving, judge="score")
     with pytest.raises(ValueError, match='theirs has no score: judge = "histogram" needs none'):
         follow(wrap(Moving, name="theirs")(judge="score"))
+
+
+def test_a_convention_or_a_score_that_is_not_there_is_refused():
+    with pytest.raises(ValueError) as refused:
+        wrap(Moving, convention="vot", name="theirs")
+    assert str(refused.value) == "theirs: there is no convention 'vot'; there is opencv, got10k"
+    with pytest.raises(ValueError) as refused:
+        follow(wrap(Moving, score="sure", name="theirs")())
+    assert str(refused.value) == "theirs has no 'sure', which is to give its score"

@@ -67,7 +67,7 @@ class TraxClient:
         self._count, hello = 0, self._answer("hello").named
 
         def listed(key: str, default: str) -> list[str]:
-            return [word for word in hello.get(f"trax.{key}", default).split(";") if word]
+            return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
 
         self._separate = hello.get("trax.version", "1") not in TOGETHER
         self._pictures, regions = listed("image", "path"), listed("region", "rectangle")

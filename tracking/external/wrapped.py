@@ -6,7 +6,7 @@ import dataclasses
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, final
+from typing import Any, ClassVar, Literal, final, get_args
 
 import numpy as np
 
@@ -65,8 +65,10 @@ class Wrapping:
         """The tracker's own score, 0..1, where it has one.
 
         Raises:
-            ValueError: It is not between 0 and 1.
+            ValueError: It is not there, or not between 0 and 1.
         """
+        if isinstance(self.score, str) and not hasattr(tracker, self.score):
+            raise ValueError(f"{self.name} has no '{self.score}', which is to give its score")
         found = self.score(tracker) if callable(self.score) else getattr(tracker, str(self.score))
         return score_in(found() if callable(found) else found, self.name)
 
@@ -152,10 +154,14 @@ def wrap(
         name: The kind; None: module:class.
 
     Raises:
-        ValueError: The tracker's score is to judge, but none is named.
+        ValueError: There is no such convention; or the tracker's score is to judge, but none is
+            named.
     """
     of = factory if hasattr(factory, "__qualname__") else type(factory)
     kind = name or ":".join(filter(None, (of.__module__, of.__qualname__)))
+    if convention not in (None, *get_args(Name)):
+        there = ", ".join(get_args(Name))
+        raise ValueError(f"{kind}: there is no convention '{convention}'; there is {there}")
     begin = judge or ("score" if score else "histogram")
     if begin == "score" and score is None:
         raise ValueError(f"{kind}: its score is to judge; name it with score=")
