@@ -117,13 +117,11 @@ def _part(key: str, value: Any) -> Any:
     """The `Config` of a part that is given from Python."""
     if key not in PLUGINS:
         raise Mistake(unknown(key, PLUGINS, "part"))
-    whole = value
+    whole, name = value, getattr(value, "__qualname__", repr(value))
     if dataclasses.is_dataclass(whole) and not isinstance(whole, type):
         return whole
     try:
-        return kinds.as_config(
-            PLUGINS[key][0], value, getattr(value, "__qualname__", repr(value))
-        )()
+        return kinds.as_config(PLUGINS[key][0], value, name)()
     except kinds.UnknownKind as error:
         raise Mistake(f"{key}: {error}") from None
 
