@@ -10,7 +10,7 @@ from importlib import resources
 import mujoco
 import numpy as np
 
-from sim.render import CameraConfig
+from sim.camera import FOVY, CameraConfig
 from sim.robot import EYE, Design
 from sim.types import Array
 
@@ -39,9 +39,7 @@ def build_model(
         if SPOT in wanted:
             spec.visual.quality.numquads = FINE_QUADS
         spec.option.timestep = 1.0 / physics_rate
-        spec.camera(EYE).fovy = camera.fovy_deg
-        spec.visual.global_.offwidth = camera.width * camera.supersample
-        spec.visual.global_.offheight = camera.height * camera.supersample
+        spec.camera(EYE).fovy = camera.fovy_deg or FOVY
         return spec.compile()
 
 

@@ -26,7 +26,7 @@ from servo.scenario.sections import (
 )
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
-from sim.render import CameraConfig
+from sim.camera import CameraConfig
 from sim.world import WorldConfig
 
 Table = dict[str, Any]
