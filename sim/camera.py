@@ -119,6 +119,11 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
     Raises:
         ValueError: No picture can be rendered for it; or the model's camera is not perspective.
     """
+    if config.calibration is not None:
+        raise ValueError(
+            "camera.calibration is read where a scenario is loaded: servo.load takes it as "
+            '"camera.calibration=FILE"'
+        )
     own = pinhole(model, name, config.width, config.height)
     fx, fy, lens = own.fx, own.fy, config.lens
     has_sensor = bool(model.cam_sensorsize[model.camera(name).id].all())

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
 
 import numpy as np
@@ -55,7 +56,13 @@ class Distortion:
     """In OpenCV's order."""
 
     def __post_init__(self) -> None:
-        wanted = COEFFICIENTS[self.model]
+        wanted = COEFFICIENTS.get(self.model)
+        if wanted is None:
+            raise ValueError(
+                f"there is no distortion '{self.model}'; there is {', '.join(COEFFICIENTS)}"
+            )
+        if not all(map(isfinite, self.coefficients)):
+            raise ValueError(f"the distortion {self.model} needs finite coefficients")
         if len(self.coefficients) != wanted:
             raise ValueError(
                 f"the distortion {self.model} has {wanted} coefficients, "

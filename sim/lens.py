@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from sim.camera import border
 from sim.types import Array, Camera
 
-SHARP = 0.7
+SHARP = 0.8
 """On the optical axis the rendered picture has at least this many pixels for one of the camera's.
 """
-LARGEST = 3
+LARGEST = 4
 """The rendered picture is at most this many times as wide, and as high."""
 
 

@@ -40,8 +40,8 @@ class Rates:
         return Rates(steps * rate, steps, steps // updates)
 
     def changed(self, physics_rate: float, drive_rate: float, rate: float) -> dict[str, float]:
-        """The rates used [Hz] that are not those asked for, by setting."""
-        drive = max(self.physics / self.drive_steps, rate)
+        """The rates used [Hz] where they are not those asked for, by setting."""
+        drive = max(self.physics / self.drive_steps, rate)  # once a frame at least
         pairs = {
             "world.physics_rate": (self.physics, physics_rate),
             "world.drive_rate": (drive, max(drive_rate, rate)),

@@ -38,8 +38,8 @@ class Camera:
 
     @property
     def focal(self) -> float:
-        """Geometric mean of the focal lengths [px]: size in the image over size at depth 1 m, on the
-        optical axis.
+        """Geometric mean of the focal lengths [px]: size in the image over size at depth 1 m; where
+        a lens distorts, on the optical axis.
         """
         return float(np.sqrt(self.fx * self.fy))
 
