@@ -8,7 +8,6 @@ from sim.camera import CameraConfig
 from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.robots import gantry
-from sim.timing import Rates
 from sim.world import World, WorldConfig
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
@@ -207,35 +206,6 @@ def test_the_same_world_twice_gives_the_same_pixels():
         images.append(made.look().image)
         made.close()
     np.testing.assert_array_equal(images[0], images[1])
-
-
-@pytest.mark.parametrize(("rate", "fitted", "changed"), [
-    (30.0, Rates(480.0, 16, 4), {}),
-    (5.0, Rates(480.0, 96, 4), {}),
-    (25.0, Rates(500.0, 20, 4), {"world.physics_rate": 500.0, "world.drive_rate": 125.0}),
-    (29.97, Rates(599.4, 20, 5), {"world.physics_rate": 599.4, "world.drive_rate": 119.88}),
-    (50.0, Rates(500.0, 10, 5), {"world.physics_rate": 500.0, "world.drive_rate": 100.0}),
-    (1000.0, Rates(1000.0, 1, 1), {"world.physics_rate": 1000.0}),
-])  # fmt: skip
-def test_physics_is_fitted_to_the_cameras_rate(rate, fitted, changed):
-    found = Rates.of(480.0, 120.0, rate)
-    assert found == fitted
-    assert found.changed(480.0, 120.0, rate) == changed
-
-
-@pytest.mark.parametrize("rate", [25.0, 29.97, 50.0])
-def test_a_camera_of_any_rate_stays_in_step_with_the_world(rate):
-    drive = line.Config(x=0.0, speed=0.5).build(np.random.default_rng())
-    made = make(CameraConfig(rate=rate), drive)
-    see(made)
-    for k in range(1, 8):
-        made.step(np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        assert made.data.time == pytest.approx(k / rate, rel=1e-12)
-        assert made.truth().T_world_target.translation[0] == pytest.approx(0.5 * k / rate)
-    per_step = made.model.opt.timestep * Rates.of(480.0, 120.0, rate).steps
-    assert per_step == pytest.approx(1 / rate, rel=1e-12)
-    assert made.posture().twist[0] == pytest.approx(0.1, rel=0.05)
-    made.close()
 
 
 def test_a_blur_holds_the_targets_own_motion():

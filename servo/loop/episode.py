@@ -14,6 +14,7 @@ from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
 from servo.scenario.load import Scenario
+from sim.render import MakeRenderer, OpenGLRenderer
 from sim.world import World
 from tracking.types import Region, State
 
@@ -26,7 +27,7 @@ class Episode:
         NoRenderer: This machine cannot render.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, renderer: MakeRenderer = OpenGLRenderer) -> None:
         s, seed = scenario, scenario.run.seed
         self.scenario = s
         motion = s.motion.build(stream(seed, "motion"))
@@ -35,7 +36,7 @@ class Episode:
         ]
         robot, sensor = s.robot.build(stream(seed, "robot")), stream(seed, "sensor")
         try:
-            self.world = World(s.world, robot, s.camera, motion, disturbances, sensor)
+            self.world = World(s.world, robot, s.camera, motion, disturbances, sensor, renderer)
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from None
         self.frames = s.frames
