@@ -24,11 +24,7 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """The camera of the robot.
-
-    Pixel coordinates start at the image's top left corner, so the middle of the image is at half
-    its width and height: OpenCV's cx and cy, which start at the middle of a pixel, are 0.5 less.
-    """
+    """The camera of the robot."""
 
     width: Annotated[int, Ge(16), Le(2560)] = 320
     """Image width [px]."""
@@ -45,9 +41,10 @@ class CameraConfig:
     fy: Focal | None = None
     """Focal length along v [px]; by default fx."""
     cx: Principal | None = None
-    """Principal point, u [px]; by default the middle, or what the model's sensor gives."""
+    """Principal point, u from the image's left border [px], 0.5 more than OpenCV's; by default the
+    middle, or what the model's sensor gives."""
     cy: Principal | None = None
-    """Principal point, v [px]; by default the middle, or what the model's sensor gives."""
+    """Principal point, v from the upper border [px]; by default as for cx."""
     distortion: Model | None = None
     """Distortion of the lens: "plumb_bob" (k1 k2 p1 p2 k3), "rational" (k1 k2 p1 p2 k3 k4 k5 k6) or
     "fisheye" (k1 k2 k3 k4); by default there is none."""
