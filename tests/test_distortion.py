@@ -1,10 +1,12 @@
 """The distortion of a lens: OpenCV's formulas, their inverse, and what lies beyond their reach."""
 
 import cv2
+import mujoco
 import numpy as np
 import pytest
 
-from sim.distortion import Distortion, _bent, _extended
+from sim.camera import CameraConfig, camera_of
+from sim.distortion import COEFFICIENTS, Distortion, _bent, _extended
 from sim.types import Camera
 
 LENSES = {
@@ -17,6 +19,15 @@ LENSES = {
 }
 BARREL = Distortion("plumb_bob", (-0.3, 0.0, 0.0, 0.0, 0.0))
 """Its radius r - 0.3 r^3 is largest at r = 1 / sqrt(0.9)."""
+
+
+REFUSED = ("folds back inside the picture", "is more than 85 deg", "are no distortion of a lens")
+
+
+def camera_model():
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><camera name="eye" fovy="45"/></worldbody></mujoco>'
+    )
 
 
 def rays_within(lens, share, count=500):
@@ -91,6 +102,28 @@ def test_a_camera_goes_through_its_lens():
         camera.normalise(camera.project(points)), points[:, :2] / points[:, 2:], atol=1e-11
     )
     assert hash(camera) == hash(Camera(250.0, 260.0, 170.0, 110.0, 320, 240, LENSES["barrel"]))
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0, 10_000.0])
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_any_coefficients_are_a_camera_or_a_sentence(model, size):
+    """One at a time, and random ones: nothing warns, and what is taken can be undone."""
+    count, rng, model_of = COEFFICIENTS[model], np.random.default_rng(0), camera_model()
+    some = [*np.eye(count), *-np.eye(count), *rng.uniform(-1, 1, (4, count))]
+    taken, refusals = 0, set()
+    for c in some:
+        config = CameraConfig(32, 24, distortion=model, coefficients=tuple((size * c).tolist()))
+        try:
+            camera = camera_of(config, model_of, "eye")
+        except ValueError as refused:
+            refusals.add(str(refused))
+            continue
+        taken += 1
+        pixels = np.random.default_rng(1).uniform((0, 0), (32, 24), (200, 2))
+        rays = camera.normalise(pixels)
+        np.testing.assert_allclose(camera.to_pixels(rays), pixels, atol=1e-5)
+    assert taken >= 3
+    assert all(any(reason in sentence for reason in REFUSED) for sentence in refusals), refusals
 
 
 @pytest.mark.parametrize(("given", "sentence"), [
