@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -27,6 +24,7 @@ from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.plan import Study
 from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
+from servo.study.run_file import parquet
 from servo.study.store import COMPARISONS, RESULTS, Store
 from servo.study.study_file import StudyFile
 from sim import gl
@@ -140,7 +138,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     rows = table.to_pylist()
     cells, pairs = cells_of(study, rows), comparisons(study, rows)
     _print_cells(console, cells)
-    paths = [store.write(RESULTS, _parquet(table))]
+    paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
         paths.append(store.write(COMPARISONS, comparisons_csv(pairs)))
@@ -156,12 +154,6 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     for line in not_kept:
         plain(Console(stderr=True), f"servobench: {line}")
     return 1 if not_kept else 0
-
-
-def _parquet(table: pa.Table) -> bytes:
-    sink = io.BytesIO()
-    pq.write_table(table, sink, write_page_checksum=True)
-    return sink.getvalue()
 
 
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:

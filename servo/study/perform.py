@@ -1,4 +1,4 @@
-"""One run of a study, from its settings to its row; this is what workers do."""
+"""One run of a study, from its settings to its row: the task of the workers."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from tracking.files.json_text import number
 Row = dict[str, Any]
 TILES, JPEG_QUALITY = 8, 80
 TIMED = ("step_ms", "track_ms")
-"""What differs from run to run."""
+"""Columns of measured times, which differ when a run is repeated."""
 
 
 def perform(run: Run) -> Row:
-    """Everything that is kept of a run, by column.
+    """Do a run; its row, by column.
 
     Raises:
-        Mistake: A setting does not fit.
+        Mistake: A setting is not valid.
     """
     scenario = run.parsed()
     last = scenario.frames - 1
