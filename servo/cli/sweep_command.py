@@ -1,4 +1,4 @@
-"""What `servobench sweep` does: run what is missing of a study, store it, and summarise it."""
+"""The command `servobench sweep`: do the missing runs of a study, store and summarise them."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ from sim import gl
 
 SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
          "ms": "track_ms"}  # fmt: skip
-"""Measures in the table, by the words that head them."""
+"""Measures in the table, by the titles of their columns."""
 LEGEND = (
     "held: share of runs that ended as hoped, with its 95 % bootstrap interval; true centre "
     "against the goal, rms and\npeak [px]; estimate against truth, rms [px]; tracker's time [ms]: "
     "means over runs"
 )
 MOST_SHOWN = 60
-"""Cells in the printed table; the files have all."""
+"""Most cells in the printed table; the files have all."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """What the command line asks for."""
+    """The options of the command line."""
 
-    name: str
+    study: str
     changes: Sequence[str]
     seeds: int | None
     workers: int
@@ -55,19 +55,20 @@ class SweepRequest:
 
     @property
     def command(self) -> str:
-        """The command line, without where it writes and over how many workers."""
-        return command_line("sweep", self.name, set=list(self.changes), seeds=self.seeds)
+        """The command line, without --out, --workers and --scheduler."""
+        return command_line("sweep", self.study, set=list(self.changes), seeds=self.seeds)
 
 
 def run(request: SweepRequest) -> int:
-    """Run what is missing of a study; the exit code: 1 where a run failed or a bound was missed.
+    """Do the missing runs of a study; the exit code: 1 if a run failed or a bound was missed.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The study or its folder is wrong, or the scheduler cannot be used.
+        Refused: A file cannot be written, or the workers cannot work.
     """
     console = Console(quiet=request.quiet)
     with console.status("reading the study"):
-        study = load(request.name, request.changes, request.seeds)
+        study = load(request.study, request.changes, request.seeds)
     folder = request.out or Path("runs") / f"sweep-{study.name}"
     if request.scheduler is None:
         check_workers(request.workers)
@@ -92,7 +93,7 @@ def run(request: SweepRequest) -> int:
 def _work(
     study: Study, store: Store, request: SweepRequest, console: Console
 ) -> list[tuple[Path, str]]:
-    """Run what is missing; the file of each failed run, with the last line of its error."""
+    """Do the missing runs; the file of each failed run, with the last line of its error."""
     done = store.done()
     failed: list[tuple[Path, str]] = []
     if len(done) == study.size:
@@ -130,7 +131,7 @@ def _again(store: Store, study: Study, request: SweepRequest) -> str:
 
 
 def _sum_up(study: Study, store: Store, console: Console) -> int:
-    """Write the tables, and print what matters; the exit code."""
+    """Write the tables and print a summary; the exit code: 1 if a bound was missed."""
     done = store.done()
     if not done:
         return 0
@@ -159,7 +160,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for key in cells[0].settings:
-        # Words wrap, so that numbers keep all their digits.
+        # Long texts wrap, so that numbers keep all their digits.
         table.add_column(escape(key).replace(".", ".\n", 1), overflow="fold")
     for title in ("runs", "held", "95 %", *SHOWN):
         table.add_column(title, justify="right", no_wrap=True)
