@@ -1,4 +1,4 @@
-"""The section about a run: measures against bounds, errors over time, pictures, the command."""
+"""The section about a run: measures and bounds, errors over time, pictures, settings."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ TILES = 12
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
 SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropped."
 MIDDLE = (1, 99)
-"""Percentiles of the measured motion that its plot shows; its outliers leave it."""
+"""Percentiles of the measured motion that its plot shows; outliers may be outside."""
 
 
 def section(folder: Path) -> Section:
-    """All about a run's folder.
+    """The section about the folder of a run.
 
     Raises:
-        Mistake: The run is not finished, or a file is broken.
+        Mistake: The run is not finished, or a file is damaged.
     """
     path = folder / RunReport.FILE
     if not path.exists():
@@ -82,12 +82,8 @@ def _bounds(run: RunReport) -> Block:
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
         text = ["This scenario has no bounds."]
-    return Block(
-        "Measures and bounds",
-        text,
-        list(map(str, run.missed)),
-        [Table(head, rows, words=(0, 2, 4, 5))],
-    )
+    table = Table(head, rows, words=(0, 2, 4, 5))
+    return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
@@ -126,7 +122,7 @@ def _column(prefix: str, name: str, ending: str) -> str:
 
 
 def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade) -> Figure:
-    """The target's own motion in the image: measured, estimated, true."""
+    """The figure of the target's own motion in the image: measured, estimated, true."""
     measured, estimated, true = found
     true = true.copy()
     true[:1] = np.nan  # before the first frame there is no motion
