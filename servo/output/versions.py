@@ -1,4 +1,4 @@
-"""The versions that decide the numbers: of the packages, and of our own source."""
+"""Versions of the packages that decide the numbers, and a digest of our own source."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ VERSIONED = (
     "rerun-sdk",
 )
 PACKAGES, ENDINGS = ("servo", "tracking", "sim", "scenes"), (".py", ".xml", ".png")
-"""What our source is; the scenarios are kept with each result anyway."""
+"""Packages and files that the digest includes; scenarios are stored with each result."""
 PICTURES = "pictures"
-"""Of the README: they decide nothing."""
+"""Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
 DIGITS = 12
 
 
 def versions() -> dict[str, str]:
-    """Version by package, and the digest of our own source, which changes with any edit."""
+    """Versions by package, and the digest of our own source, which any edit changes."""
     found = {name: metadata.version(name) for name in VERSIONED}
     return {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), **found}
 
 
 @functools.cache
 def source_digest() -> str:
-    """A short digest of the installed source and models, as they are when it is first asked for."""
+    """A short digest of the installed source and models at the first call."""
     whole = hashlib.sha256()
     for package in PACKAGES:
         with resources.as_file(resources.files(package)) as root:

@@ -21,29 +21,31 @@ WHITE, AMBER = (255, 255, 255), (255, 190, 40)
 
 
 class TrackLog:
-    """Writes one recording."""
+    """Writer of the recording of one track."""
 
     def __init__(self, path: Path, region: Region, rate: float) -> None:
-        """A recording to a path.
+        """Start a recording.
 
         Args:
             path: The file.
             region: The template.
-            rate: Pictures a second: after so many, what was logged is written to the file.
+            rate: Pictures a second; after so many, the logged data is written to the file.
         """
         self._region, self._at_once = region, max(1, round(rate))
         self._file = RecordingFile("servobench_track", path, _blueprint())
         self._rec = self._file.stream
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture and its numbers.
+        """Log a picture and its numbers.
 
         Raises:
-            Refused: The disk takes no more.
+            Refused: The disk cannot be written.
         """
         rec, estimate = self._rec, shot.estimate
         rec.set_time("frame", sequence=shot.index)
-        rec.set_time("sim_time", duration=shot.picture.time)  # as in runs, for `servobench view`
+        rec.set_time(
+            "sim_time", duration=shot.picture.time
+        )  # the timeline of runs, for `servobench view`
         if shot.picture.image is not None:
             bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
             _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
@@ -65,12 +67,12 @@ class TrackLog:
         """Finish the file.
 
         Raises:
-            Refused: The disk takes no more.
+            Refused: The disk cannot be written.
         """
         self._file.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is: nothing more is logged."""
+        """Leave the file as it is; nothing more is logged."""
 
 
 def _blueprint() -> rrb.Blueprint:
