@@ -12,7 +12,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.study.parse import SUCCESS
 from servo.study.perform import Row
 from servo.study.plan import Study
-from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
+from tracking.evaluation.statistics import Interval, McNemar, bootstrap, cells, holm, titles
 from tracking.files.csv_text import csv_text
 
 AVERAGED = (*MEANINGS, "track_ms")
@@ -100,18 +100,15 @@ def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -
     return sentences
 
 
-def cells_csv(study: Study, cells: Sequence[Cell]) -> str:
+def cells_csv(study: Study, found: Sequence[Cell]) -> str:
     """The cells as CSV: axes, runs, and success rate and means with their 95 % intervals."""
     keys = [axis.key for axis in study.every_axis]
-    head = [*keys, "runs", *_three(SUCCESS), *(c for name in AVERAGED for c in _three(name))]
     lines = [
-        [
-            *(cell.settings[k] for k in keys), cell.runs, *_numbers(cell.success),
-            *(n for name in AVERAGED for n in _numbers(cell.means.get(name))),
-        ]
-        for cell in cells
+        [*(cell.settings[k] for k in keys), cell.runs,
+         *cells([cell.success, *map(cell.means.get, AVERAGED)])]
+        for cell in found
     ]  # fmt: skip
-    return csv_text(head, lines)
+    return csv_text([*keys, "runs", *titles([SUCCESS, *AVERAGED])], lines)
 
 
 def comparisons_csv(found: Sequence[Compared]) -> str:
@@ -133,11 +130,3 @@ def _mean(rows: Sequence[Row], name: str) -> float:
     """Mean of a measure over the runs that have it; infinite if none has."""
     found = [row[name] for row in rows if row.get(name) is not None]
     return float(np.mean(found)) if found else np.inf
-
-
-def _three(name: str) -> tuple[str, str, str]:
-    return name, f"{name}_low", f"{name}_high"
-
-
-def _numbers(interval: Interval | None) -> tuple[Any, Any, Any]:
-    return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)

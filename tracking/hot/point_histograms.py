@@ -1,7 +1,7 @@
-"""Compiled: histograms at a fixed set of template points that every state carries along.
+"""Compiled loops for histograms at fixed points of the template, which move with the state.
 
 A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
-the image; the pixel there has the label of its bin, or a negative one if it counts as no bin.
+the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ def _read(
     seen: NDArray[Any],
     used: NDArray[Any],
 ) -> int:
-    """Add the points' weights to a flat histogram (K * bins,), which is zero.
+    """Add the weights of the points to a flat histogram (K * bins,) of zeros.
 
-    Writes the place in it that each point falls on (P,), or -1, and the places that are no longer
-    zero; returns how many of these there are.
+    Writes the index of each point's bin to `seen` (P,), or -1, and the indices of bins that are not
+    zero to `used`; returns the number of these.
     """
     labels, left, top = window
     h, w = labels.shape
@@ -69,7 +69,7 @@ def histograms(
     count: int,
     bins: int,
 ) -> Array:
-    """What each part of one state (4,) shows (count, bins), not normalised."""
+    """Histograms (count, bins) of the parts of one state (4,), not normalised."""
     found = np.zeros(count * bins)
     seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
     _read(window, state, points, parts, weights, bins, found, seen, used)
@@ -84,7 +84,7 @@ def coefficients(
 
     Args:
         window: Labels, left, top.
-        states: (N, 4).
+        states: States (N, 4).
         points: Template points (P, 2) [px].
         parts: Part of each point (P,), 0..K-1.
         weights: Kernel weight of each point (P,), above 0, summing to 1 over a part.
@@ -105,7 +105,7 @@ def coefficients(
 
 @compiled()
 def squared_distances(rho: Array) -> Array:
-    """d_m^2 (N,) of coefficients (N, K)."""
+    """Squared distances d_m^2 (N,) of coefficients (N, K)."""
     found = np.empty(len(rho))
     for n in range(len(rho)):
         found[n] = max(1.0 - np.mean(rho[n]), 0.0)
@@ -127,7 +127,7 @@ def _mean_shift_step(
     """Coefficient at a state, and the mean-shift vector in the image [px]."""
     count = _read(window, state, points, parts, weights, 0, histogram, seen, used)
     mass, shift_x, shift_y, rho = 0.0, 0.0, 0.0, 0.0
-    for i in range(count):  # a bin's mass becomes the pull of its points
+    for i in range(count):  # the mass of a bin is replaced by the weight of its points
         root = float(np.sqrt(histogram[used[i]]))
         rho += float(root_q[used[i]] * root)
         histogram[used[i]] = root_q[used[i]] / root
@@ -157,19 +157,19 @@ def mean_shift(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, int]:
-    """Move each state (N, 4) to the nearest mode of the likeness to one reference histogram.
+    """Move each state (N, 4) to the nearest maximum of the coefficient with a reference histogram.
 
     Args:
         window: Labels, left, top.
-        states: Where to begin.
+        states: First states (N, 4).
         points: Template points under an Epanechnikov kernel (P, 2) [px].
         weights: Their kernel weights (P,), summing to 1.
         root_q: Square roots of the reference histogram (1, B).
-        most: Largest number of histograms read for a state.
+        most: Largest number of evaluated histograms for a state.
         tolerance: A shorter shift ends the search [px].
 
     Returns:
-        states (N, 4), their coefficients (N,), and how many histograms were read.
+        States (N, 4), their coefficients (N,), and the number of evaluated histograms.
     """
     found, rho, evaluations = states.copy(), np.zeros(len(states)), 0
     parts = np.zeros(len(points), np.int64)
@@ -192,7 +192,7 @@ def mean_shift(
             )
             evaluations += 1
             left -= 1
-            if better < rho[n]:  # the safeguard: half the step (Comaniciu, Ramesh, Meer 2003)
+            if better < rho[n]:  # halve the step (Comaniciu, Ramesh, Meer 2003)
                 dx, dy = dx / 2, dy / 2
                 continue
             here[0], here[1] = there[0], there[1]

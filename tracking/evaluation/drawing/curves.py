@@ -1,4 +1,4 @@
-"""Success and precision plots over many runs (Wu, Lim, Yang, Online Object Tracking, 2013)."""
+"""Success and precision plots over many runs, as usual for trackers (Wu, Lim, Yang 2013)."""
 
 from __future__ import annotations
 
