@@ -5,17 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from servo.bench import ranking
 from servo.bench.loop_jobs import LoopBench
-from servo.bench.ranking import (
-    INTERVAL,
-    LEGEND,
-    RANKS,
-    SHEETS,
-    SHOWN,
-    Row,
-    SequenceBench,
-    SequenceRun,
-)
+from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.mistake import Mistake
 from servo.output import formats
 from servo.report import loop_section, page
@@ -53,7 +45,7 @@ def section(folder: Path) -> Section:
         _runs(bench.runs),
         again(bench),
     ]  # fmt: skip
-    score = best.means.get(RANKS)
+    score = best.means.get(ranking.RANKS)
     facts = [
         Fact("best tracker", best.tracker),
         Fact("its success AUC", shown(score.value if score else None), "95 % interval: "
@@ -79,11 +71,16 @@ def _compared(trackers: Sequence[Row]) -> list[str]:
 def _table(trackers: Sequence[Row]) -> Table:
     rows: list[list[Cell]] = []
     for t in trackers:
-        cells = [_cell(t.means.get(name), title == INTERVAL) for title, name in SHOWN.items()]
+        cells = [
+            _cell(t.means.get(name), title == ranking.INTERVAL)
+            for title, name in ranking.SHOWN.items()
+        ]
         test = t.against_best
         end = [shown(test.z), shown(t.p)] if test else ["", ""]
         rows.append([t.tracker, str(t.runs), *cells, *end])
-    return Table(("tracker", "runs", *SHOWN, "z", "p"), rows, note=" ".join(LEGEND.split()))
+    return Table(
+        ("tracker", "runs", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())
+    )
 
 
 def _cell(mean: Interval | None, with_interval: bool) -> str:
@@ -102,7 +99,7 @@ def _families(trackers: Sequence[Row]) -> list[Block]:
 
 
 def _sheets(folder: Path, best: str) -> list[Block]:
-    paths = sorted((folder / SHEETS).glob("*.png"))
+    paths = sorted((folder / ranking.SHEETS).glob("*.png"))
     if not paths:
         return []
     legend = f"The first seed of each sequence: truth white, {best} green."

@@ -36,14 +36,8 @@ import rerun as rr
 from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
-from servo.output.recording.archetypes import (
-    IMAGE,
-    LINE_RADIUS,
-    blueprint,
-    goal_corners,
-    outline_strips,
-    solids,
-)
+from servo.output.recording import archetypes
+from servo.output.recording.archetypes import IMAGE
 from servo.output.recording.file import RecordingFile
 from servo.types import DOF
 from sim.robot import Robot
@@ -82,7 +76,7 @@ class RerunLog:
         self._features = episode.loop.features.names
         self._moving, self._plots = world.moving, _plots(world.robot, self._features)
         self._at_once = max(1, round(episode.scenario.camera.rate))
-        self._file = RecordingFile("servobench", path, blueprint(self._features))
+        self._file = RecordingFile("servobench", path, archetypes.blueprint(self._features))
         self._rec = self._file.stream
         self._before: Step | None = None
         self._steps: list[Step] = []
@@ -129,7 +123,7 @@ class RerunLog:
         )  # fmt: skip
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._rec.log("world/table", mesh, static=True)
-        for path, archetype in solids(shapes_of(model), ("fixed", *self._moving)):
+        for path, archetype in archetypes.solids(shapes_of(model), ("fixed", *self._moving)):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy], principal_point=[camera.cx, camera.cy],
@@ -138,7 +132,7 @@ class RerunLog:
         )  # fmt: skip
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", WHITE), ("goal", RED), ("estimate", GREEN)):
-            style = rr.LineStrips2D.from_fields(colors=colour, radii=LINE_RADIUS)
+            style = rr.LineStrips2D.from_fields(colors=colour, radii=archetypes.LINE_RADIUS)
             self._rec.log(f"{IMAGE}/{name}", style, static=True)
         dots = rr.Points2D.from_fields(colors=AMBER, radii=1.0)
         self._rec.log(f"{IMAGE}/particles", dots, static=True)
@@ -162,11 +156,11 @@ class RerunLog:
         self._rec.send_columns(IMAGE, index, images)
         places = {
             "truth": [s.truth.corners for s in steps],
-            "goal": [goal_corners(s) for s in steps],
+            "goal": [archetypes.goal_corners(s) for s in steps],
             "estimate": [s.region.corners(s.estimate.state) for s in steps],
         }
         for name, corners in places.items():
-            strips = [strip for c in corners for strip in outline_strips(c)]
+            strips = [strip for c in corners for strip in archetypes.outline_strips(c)]
             columns = rr.LineStrips2D.columns(strips=strips)
             per_frame = [len(strips) // len(steps)] * len(steps)
             self._rec.send_columns(f"{IMAGE}/{name}", index, columns.partition(per_frame))
