@@ -79,8 +79,8 @@ def _result(future: Future[Any], name: str) -> Ended:
     error: Any = future.exception()
     if isinstance(error, KilledWorker):
         return Ended(
-            None, f"{DEATHS + 1} workers died of it, one after the other: for want of memory, or "
-            "somebody killed them\n"
+            None, f"{DEATHS + 1} workers died during this task, one after the other: there is too "
+            "little memory, or they were killed\n"
         )  # fmt: skip
     return failed(error)
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import cv2
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -21,7 +19,7 @@ from servo.cli.terminal import columns, plain
 from servo.output.command_line import command_line
 from servo.output.result_folder import result_folder
 from tracking.evaluation.drawing import curves
-from tracking.evaluation.drawing.contact_sheet import sheet
+from tracking.evaluation.drawing.contact_sheet import encoded, sheet
 from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 
@@ -115,7 +113,6 @@ def _sheets(jobs: Sequence[SequenceJob], best: str, folder: Path) -> list[Path]:
         if job.contender.label == best and job.seed == 0:
             sequence = job.entry.build(0)
             found = read_track(track_path(folder, job.key)).corners
-            picture: Any = sheet(sequence.source, sequence.truth, found)
-            bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
-            atomic.write(place, f"{sequence.name}.png", cv2.imencode(".png", bgr)[1].tobytes())
+            picture = sheet(sequence.source, sequence.truth, found)
+            atomic.write(place, f"{sequence.name}.png", encoded(picture))
     return [place]

@@ -33,7 +33,7 @@ SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rm
          "ms": "track_ms"}  # fmt: skip
 """Measures in the table, by the titles of their columns."""
 LEGEND = (
-    "held: share of runs that ended as hoped, with its 95 % bootstrap interval; true centre "
+    "held: share of runs with the expected outcome, with its 95 % bootstrap interval; true centre "
     "against the goal, rms and\npeak [px]; estimate against truth, rms [px]; tracker's time [ms]: "
     "means over runs"
 )
@@ -150,7 +150,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
             )
     for path in paths:
         plain(console, f"  {path}")
-    plain(console, f"a page of it: servobench report {shlex.quote(str(store.folder))}")
+    plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
     not_kept = missed([axis.key for axis in study.every_axis], study.expect, rows)
     for line in not_kept:
         plain(Console(stderr=True), f"servobench: {line}")

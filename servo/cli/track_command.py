@@ -83,7 +83,7 @@ def run(request: TrackRequest) -> int:
     except ValueError as error:
         raise Mistake(str(error)) from None
     if first is None:
-        raise Mistake(f"{request.source}: there is not one picture in it")
+        raise Mistake(f"{request.source}: there are no pictures in it")
     kind = settings["kind"]
     name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
     folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
@@ -231,7 +231,7 @@ def _print_oddities(console: Console, seen: list[Shot]) -> None:
         plain(
             console,
             f"servobench: the pictures change their size at {change.picture.name} to "
-            f"{width} x {height} px; the target is looked for at the same pixels",
+            f"{width} x {height} px; the target is searched for at the same pixels",
         )
     if blind:
         plain(

@@ -126,8 +126,8 @@ def _manifest(
         raise Mistake(f"{error.fact}; choose another folder with --out") from None
     except Mistake:
         raise Mistake(
-            f"{path}: this file is damaged, so that nobody knows what the results beside "
-            "it are; choose another folder with --out"
+            f"{path}: this file is damaged, so the results beside it cannot be identified; "
+            "choose another folder with --out"
         ) from None
 
 
@@ -140,8 +140,8 @@ def check_versions(folder: Path, before: dict[str, str], now: dict[str, str]) ->
     for name, version in now.items():
         if before.get(name) != version:
             raise Mistake(
-                f"{folder}: this was begun with {name} {before.get(name)}, here is {version}: its "
-                "numbers would not compare; choose another folder with --out"
+                f"{folder}: this was begun with {name} {before.get(name)}, but {version} is "
+                "installed: the numbers could not be compared; choose another folder with --out"
             )
 
 

@@ -49,7 +49,7 @@ def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = 
     except Mistake:
         raise
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
-        raise Mistake(f"{path}: this is no Parquet table; {HALF}") from None
+        raise Mistake(f"{path}: this is not a Parquet table; {HALF}") from None
     for name, column in zip(found.column_names, found.columns, strict=True):
         if pa.types.is_floating(column.type) and _absurd(column):
             raise Mistake(f"{path}: the column '{name}' holds a number beyond {ABSURD:g}")

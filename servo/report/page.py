@@ -109,7 +109,7 @@ class PageImage:
         raw = np.frombuffer(encoded, np.uint8)
         image = cv2.imdecode(raw, cv2.IMREAD_COLOR) if len(raw) else None
         if image is None:
-            raise Mistake(f"{place}: this is no picture; it may be half-written")
+            raise Mistake(f"{place}: this is not a picture; it may be half-written")
         height, width = image.shape[:2]
         is_jpeg = encoded.startswith(b"\xff\xd8")
         if sheet and not is_jpeg:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import tomli_w
 
@@ -20,7 +18,7 @@ from servo.report.drawing import INK, colour
 from servo.report.page import Badge, Block, Fact, Figure, PageImage, Section, Table, Tone, again
 from servo.report.words import shown
 from sim.types import Array
-from tracking.evaluation.drawing.contact_sheet import page, tile
+from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture as Shown
 
 TILES = 12
@@ -151,10 +149,8 @@ def _pictures(folder: Path) -> Block:
     if not found:
         return Block(title, ["There are no pictures in this recording."])
     tiles = [tile(Shown(f"{p.time:.1f} s", p.time, p.image), p.truth, p.estimate) for p in found]
-    whole: Any = page(tiles)
-    encoded = cv2.imencode(".png", cv2.cvtColor(whole, cv2.COLOR_RGB2BGR))[1].tobytes()
-    return Block(title, ["Truth white, estimate green."],
-                 pictures=[PageImage.of("", encoded, str(path), sheet=True)])  # fmt: skip
+    sheet = PageImage.of("", encoded(page(tiles)), str(path), sheet=True)
+    return Block(title, ["Truth white, estimate green."], pictures=[sheet])
 
 
 def _scenario(path: Path, run: RunReport) -> Block:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import numpy as np
 
 from servo.loop.episode import measured_run
@@ -12,7 +11,7 @@ from servo.loop.run_measures import CONVERGED_PX, Outcome, violations
 from servo.loop.step import Step
 from servo.output.versions import versions
 from servo.study.plan import Run
-from tracking.evaluation.drawing.contact_sheet import page, tile
+from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture
 from tracking.files.json_text import number
 
@@ -54,7 +53,7 @@ def perform(run: Run) -> Row:
         "track_ms": 1e3 * float(np.median([s.seconds.track for s in steps])),
         **version_columns(),
         **_series(steps),
-        "sheet": _jpeg(tiles) if tiles else None,
+        "sheet": encoded(page(tiles), JPEG_QUALITY) if tiles else None,
     }
 
 
@@ -83,9 +82,3 @@ def _series(steps: list[Step]) -> dict[str, list[Any]]:
 def _tile(step: Step) -> Any:
     picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
     return tile(picture, step.truth.corners, step.region.corners(step.estimate.state))
-
-
-def _jpeg(tiles: list[Any]) -> bytes:
-    picture: Any = page(tiles)
-    bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
-    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()

@@ -64,7 +64,7 @@ class Store:
         for what in DECIDE:
             if as_json(getattr(before, what)) != as_json(getattr(now, what)):
                 raise Mistake(
-                    f"{self.folder}: another study is kept here (its {what} differs); "
+                    f"{self.folder}: this folder holds another study (its {what} differs); "
                     "choose another folder with --out"
                 )
         check_versions(self.folder, before.versions, now.versions)
@@ -99,9 +99,10 @@ class Store:
         number = int(row["run"])
         for column, here in version_columns().items():
             if row.get(column) != here:
+                name = column.removeprefix("version_")
                 raise Mistake(
-                    f"a worker has {column.removeprefix('version_')} {row.get(column)}, here is "
-                    f"{here}: its numbers would not compare; install the same on every worker"
+                    f"a worker has {name} {row.get(column)}, but {here} is installed here: the "
+                    "numbers could not be compared; install the same on every worker"
                 )
         path, encoded = self.folder / RUNS / _name(number), self._files.encoded(row)
         try:
@@ -136,7 +137,7 @@ class Store:
             path = self.folder / RUNS / _name(number)
             table = self._files.read(path)
             if table is None:
-                raise Refused(f"{path}: somebody changed this file; the same command runs it again")
+                raise Refused(f"{path}: this file was changed; the same command repeats the run")
             tables.append(table)
         return pa.concat_tables(tables)
 

@@ -29,7 +29,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import rerun as rr
 
@@ -43,6 +42,7 @@ from servo.types import DOF
 from sim.robot import Robot
 from sim.shapes import shapes_of, table_top
 from sim.types import Array
+from tracking.evaluation.drawing.contact_sheet import encoded
 
 JPEG_QUALITY = 80
 GREEN, RED, WHITE, AMBER = (60, 220, 90), (240, 60, 50), (255, 255, 255), (255, 190, 40)
@@ -90,9 +90,7 @@ class RerunLog:
         Raises:
             Refused: The disk cannot be written.
         """
-        bgr = cv2.cvtColor(step.frame.image, cv2.COLOR_RGB2BGR)
-        _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        self._jpegs.append(jpeg.tobytes())
+        self._jpegs.append(encoded(step.frame.image, JPEG_QUALITY))
         for event in events(self._before, step):
             self._rec.set_time("frame", sequence=step.frame.index)
             self._rec.set_time("sim_time", duration=step.frame.time)

@@ -81,7 +81,7 @@ def _recorded(
     raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
     image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
     if image is None:
-        raise Mistake(f"{path}: frame {frame} is no picture")
+        raise Mistake(f"{path}: frame {frame} is not a picture")
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
     return RecordedFrame(
         time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate

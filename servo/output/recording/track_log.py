@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -13,6 +12,7 @@ from servo.output.recording.file import RecordingFile
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import COLOURS
+from tracking.evaluation.drawing.contact_sheet import encoded
 from tracking.evaluation.track import Shot
 from tracking.types import Region
 
@@ -47,9 +47,8 @@ class TrackLog:
             "sim_time", duration=shot.picture.time
         )  # the timeline of runs, for `servobench view`
         if shot.picture.image is not None:
-            bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
-            _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-            rec.log(IMAGE, rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+            data = encoded(shot.picture.image, JPEG_QUALITY)
+            rec.log(IMAGE, rr.EncodedImage(contents=data, media_type="image/jpeg"))
         corners = self._region.corners(estimate.state)
         rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
         if truth is not None:

@@ -93,7 +93,7 @@ def size_of(data: bytes) -> tuple[int, int]:
     netpbm = PNM.match(data[:1000])
     if netpbm:
         return int(netpbm[1]), int(netpbm[2])
-    raise ValueError(f"this is no picture; known are {FORMATS}")
+    raise ValueError(f"this is not a picture; known formats are {FORMATS}")
 
 
 def rgb(image: np.ndarray) -> Image:

@@ -177,7 +177,7 @@ def _is_sequence(path: Path) -> bool:
         ValueError: It has only one of them, is a broken link, or cannot be read.
     """
     if path.is_symlink() and not path.exists():
-        raise ValueError(f"{path}: this link leads nowhere")
+        raise ValueError(f"{path}: this link is broken")
     if not is_folder(path):
         return False
     place = pictures_in(path)

@@ -180,7 +180,7 @@ def _numbers(line: str, place: str) -> Array:
         raise ValueError(f"{place}: '{line[:LONGEST]}' lacks some numbers; all or none may be nan")
     if np.abs(numbers).max() > FARTHEST:
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is no place in a picture; the limit is {FARTHEST:g}"
+            f"{place}: '{line[:LONGEST]}' is not a position in a picture; the limit is {FARTHEST:g}"
         )
     return numbers
 

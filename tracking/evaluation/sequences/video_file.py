@@ -68,7 +68,7 @@ def check_beginning(head: bytes) -> None:
             raise ValueError(sentence)
     if all(byte >= 32 or byte in b"\t\r\n" for byte in head):
         raise ValueError("this is a text, such as a playlist, not a video: give the video itself")
-    raise ValueError(f"this is not a video; known are {KNOWN}")
+    raise ValueError(f"this is not a video; known formats are {KNOWN}")
 
 
 def describe(path: Path) -> tuple[float, int]:
@@ -167,7 +167,7 @@ def _stream(container: InputContainer) -> VideoStream:
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
     if not stream.width or not stream.height:
-        raise ValueError("not one frame of this video can be decoded")
+        raise ValueError("no frame of this video can be decoded")
     check_size(stream.width, stream.height, "first frame")
     return stream
 
