@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+LARGEST_PICTURE = 16_384
+"""Longest side of a picture from a file [px]: larger ones only take all memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sim.files.picture_file import read_image, rgb
 from sim.types import Frame, Image
 from tracking import create
-from tracking.evaluation.sequences.picture_file import read_image, rgb
 from tracking.evaluation.sequences.quadrilateral import boxes, corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 from tracking.types import Estimate, Region, State, Status

@@ -1,1 +1,1 @@
-"""Reading and writing files: whole or not at all, never through links, never without end."""
+"""Writing files: whole or not at all, never through links; and the texts that go into them."""
