@@ -26,6 +26,8 @@ class Target:
     outline: Array
     """Corners (4, 3) of its reference rectangle in its frame [m]: level, in the order in which an
     image with the nose to the right shows them, from the top left clockwise."""
+    found: bool = False
+    """Whether the rectangle was found from what is seen from above, because nobody gave it."""
 
 
 def rectangle(centre: Array, length: float, width: float) -> Array:
