@@ -2,7 +2,7 @@
 thing.
 
 Dropping a file into one of the folders is all it takes to add a motion, a tracker, an estimator,
-...
+... Installed packages add kinds by entry points; see `sim.installed`.
 """
 
 from __future__ import annotations
@@ -14,45 +14,93 @@ import importlib.util
 import inspect
 import itertools
 import pkgutil
+from collections import Counter
+from contextlib import suppress
 from pathlib import Path
+from textwrap import dedent
 from typing import Any, cast
+
+from sim.installed import FOLDERS, BrokenPart, Installed, Trusted, imported, installed
+
+OWN = ("sim", "tracking", "servo")
+"""The packages whose folders of plugins name a kind by its file."""
 
 
 class UnknownKind(ValueError):
-    """No file of that name in the folder; the message lists what there is."""
+    """No kind of that name; the message lists what there is."""
 
 
 def names(folder: str) -> list[str]:
-    """The kinds a folder (a package such as 'tracking.trackers') has, sorted."""
-    spec = importlib.util.find_spec(folder)
-    paths = spec.submodule_search_locations if spec else None
-    return sorted(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
+    """The kinds a folder (a package such as 'tracking.trackers') has, sorted.
+
+    An installed package's kind that has the name of another one is called package:kind.
+    """
+    return sorted([*_own(folder), *_added(folder)])
+
+
+def package_of(folder: str, kind: str) -> str:
+    """The package and version that a kind comes from; nothing for ours."""
+    found = _added(folder).get(kind)
+    return "" if found is None else f"{found.package} {found.version}"
 
 
 def config_of(folder: str, kind: str) -> type[Any]:
     """The `Config` class of one kind.
 
     Raises:
-        UnknownKind: The folder has no such file.
+        UnknownKind: The folder has no such kind, it cannot be imported, or it is no `Config`.
     """
-    _check(folder, kind)
-    return importlib.import_module(f"{folder}.{kind}").Config
+    if kind in _own(folder):
+        return importlib.import_module(f"{folder}.{kind}").Config
+    try:
+        return as_config(folder, imported(_path_of(folder, kind)), kind)
+    except BrokenPart as error:
+        package = package_of(folder, kind)
+        of = f"the kind '{kind}' of {package}: " if package else ""
+        raise UnknownKind(f"{of}{error}") from error
 
 
-OWN = ("sim", "tracking", "servo")
-"""The packages whose folders of plugins name a kind by its file."""
+def as_config(folder: str, found: Any, name: str) -> type[Any]:
+    """A `Config` class for what somebody gives as a part of a kind of folder.
+
+    A folder may adapt other things: its function `adapted` makes a `Config` class of them.
+
+    Raises:
+        UnknownKind: It is no `Config`, and the folder cannot adapt it.
+    """
+    if isinstance(found, type) and callable(getattr(found, "build", None)):
+        _check_config(found, name)
+        return found
+    adapted = getattr(importlib.import_module(folder), "adapted", None)
+    if adapted is not None and callable(found):
+        return adapted(found)
+    raise UnknownKind(f"'{name}' is no Config: that is a dataclass with a method build(rng)")
+
+
+def _check_config(config: type[Any], name: str) -> None:
+    if not dataclasses.is_dataclass(config):
+        raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
+    missing = dataclasses.MISSING
+    bare = [f.name for f in dataclasses.fields(config)
+            if f.init and f.default is missing and f.default_factory is missing]  # fmt: skip
+    if bare:
+        raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
 
 
 def kind_of(config: Any) -> str:
     """The kind of a `Config`: its own attribute `kind` where it has one, the name of its file in
-    one of our folders, and module:Class from elsewhere.
+    one of our folders, that of its entry point, or module:Class.
     """
     own, of = getattr(config, "kind", None), type(config)
-    if isinstance(own, str):
+    if not isinstance(own, str):
+        package, _, kind = of.__module__.rpartition(".")
+        if package.partition(".")[0] in OWN and of.__qualname__ == "Config":
+            return kind
+        own = f"{of.__module__}:{of.__qualname__}"
+    if ":" not in own:
         return own
-    package, _, kind = of.__module__.rpartition(".")
-    ours = package.partition(".")[0] in OWN and of.__qualname__ == "Config"
-    return kind if ours else f"{of.__module__}:{of.__qualname__}"
+    added = (item for folder in FOLDERS for item in _added(folder).items())
+    return next((name for name, found in added if found.path == own), own)
 
 
 def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
@@ -69,31 +117,83 @@ def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
 
 
 def presets(folder: str, kind: str) -> dict[str, dict[str, Any]]:
-    """All presets of a kind by name: the `PRESETS` of its file."""
-    _check(folder, kind)
-    return getattr(importlib.import_module(f"{folder}.{kind}"), "PRESETS", {})
-
-
-def _check(folder: str, kind: str) -> None:
-    """Refuse what is no file of the folder, before anything is imported by that name."""
-    if kind not in names(folder):
-        raise UnknownKind(f"there is no kind '{kind}'; there is {', '.join(names(folder))}")
+    """All presets of a kind by name: the `PRESETS` of its file, or of another's `Config`."""
+    config = config_of(folder, kind)
+    own = kind in _own(folder)
+    return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
 
 def summary(folder: str, kind: str) -> str:
-    """The first sentence of the kind's file, read without importing what it needs."""
-    _check(folder, kind)
-    spec = importlib.util.find_spec(f"{folder}.{kind}")
-    source = "" if spec is None or spec.origin is None else Path(spec.origin).read_text("utf-8")
-    text = ast.get_docstring(ast.parse(source)) or ""
-    return " ".join(text.split("\n\n")[0].split())
+    """The first sentence of the kind's file, read without importing what it needs; of another
+    package's kind, that of its class.
+    """
+    if kind in _own(folder):
+        return _first_sentence(_tree_of(f"{folder}.{kind}"))
+    module, _, name = _path_of(folder, kind).partition(":")
+    tree = _tree_of(module)
+    classes = [n for n in ast.walk(tree) if isinstance(n, ast.ClassDef) and n.name == name]
+    return next(filter(None, map(_first_sentence, [*classes, tree])), "")
+
+
+def _own(folder: str) -> list[str]:
+    spec = importlib.util.find_spec(folder)
+    paths = spec.submodule_search_locations if spec else None
+    return sorted(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
+
+
+def _added(folder: str) -> dict[str, Installed]:
+    """Kinds of installed packages by the names they go by."""
+    found = installed(folder)
+    taken = Counter([*_own(folder), *(k.kind for k in found)]) if found else Counter[str]()
+    return {k.kind if taken[k.kind] == 1 else f"{k.package}:{k.kind}": k for k in found}
+
+
+def _path_of(folder: str, kind: str) -> str:
+    """module:Class of a kind that is not ours.
+
+    Raises:
+        UnknownKind: There is no such kind, several packages have it, or a file names code.
+    """
+    for found in installed(folder):
+        if kind == f"{found.package}:{found.kind}":
+            return found.path
+    if (added := _added(folder).get(kind)) is not None:
+        return added.path
+    if ":" not in kind:
+        several = [n for n in _added(folder) if n.endswith(f":{kind}")]
+        which = f"several packages have a kind '{kind}': write {' or '.join(several)}"
+        raise UnknownKind(which if several else f"there is no kind '{kind}'; there is "
+                          f"{', '.join(names(folder))}")  # fmt: skip
+    if not isinstance(kind, Trusted):
+        raise UnknownKind(
+            f"'{kind}' is no kind of an installed package, and a file may not name code to "
+            "import: give it with --set, or from Python"
+        )
+    return kind
+
+
+def _tree_of(module: str) -> ast.Module:
+    """The parsed source of a module; empty where there is none."""
+    with suppress(ImportError, SyntaxError, ValueError):
+        spec = importlib.util.find_spec(module)
+        if spec is not None and spec.origin is not None:
+            return ast.parse(Path(spec.origin).read_text("utf-8"))
+    return ast.parse("")
+
+
+def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
+    return " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
 
 
 def field_docs(config: type[Any]) -> dict[str, str]:
     """The docstring under each field of a dataclass, by field name."""
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):
-        body = cast(ast.ClassDef, ast.parse(inspect.getsource(base)).body[0]).body
+        try:
+            source = dedent(inspect.getsource(base))
+            body = cast(ast.ClassDef, ast.parse(source).body[0]).body
+        except (OSError, TypeError, SyntaxError):  # a class made by a function
+            continue
         for node, after in itertools.pairwise(body):
             match node, after:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str() as text)):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sim import kinds
+from sim.installed import Trusted
 
 if TYPE_CHECKING:
     from tracking.types import Tracker
@@ -21,7 +22,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """A tracker by its kind, such as "pf_ssd", with any of its settings.
 
     Args:
-        kind: A file of tracking/trackers.
+        kind: A file of tracking/trackers, a kind of an installed package, or "module:Name".
         seed: Of the tracker's random draws.
         preset: "paper" for the settings of the paper it comes from; None for the best ones known.
         **settings: Fields of its `Config`; `servobench list KIND` prints them.
@@ -32,6 +33,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
+    kind = Trusted(kind)
     begin = {} if preset is None else kinds.preset(FOLDER, kind, preset)
     config = kinds.config_of(FOLDER, kind)(**begin | settings)
     return config.build(np.random.default_rng(seed))

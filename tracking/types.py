@@ -96,6 +96,9 @@ class Estimate:
     """Histograms evaluated in this frame."""
     particles: Array | None = None
     """Particles (N, 5): x, y, theta, scale, weight; weights sum to 1."""
+    corners: Array | None = None
+    """Corners (4, 2) of the target [px], in the order of `Region.corners`, from a tracker that
+    follows more than position, angle and size."""
 
 
 def unknown_covariance() -> Array:

@@ -12,6 +12,7 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from sim import kinds
+from sim.installed import Trusted
 from tracking.evaluation.sequences.sequence import is_folder, read_all
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.sequences.truth import Format
@@ -48,14 +49,19 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
 def contenders(text: str | None) -> list[Contender]:
     """Trackers by "kind" or "kind:preset", separated by commas; all of them for None.
 
+    A kind of another package may be "package:kind", and a class to import "module:Name".
+
     Raises:
         Mistake: There is no such tracker or preset.
     """
     words = kinds.names(TRACKERS) if text is None else [w.strip() for w in text.split(",")]
     chosen: list[dict[str, Any]] = []
+    known = kinds.names(TRACKERS)
     for word in words:
-        kind, colon, preset = word.partition(":")
-        chosen.append({"kind": kind} | ({"preset": preset} if colon else {}))
+        kind, *rest = word.split(":")
+        if kind not in known and rest:
+            kind = f"{kind}:{rest.pop(0)}"
+        chosen.append({"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {}))
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
 
 

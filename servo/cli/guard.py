@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.gl import NoRenderer, check_environment
+from sim.kinds import UnknownKind
 
 MISTAKEN, REFUSED = 2, 1
 """Exit codes: the user can put it right; the machine did not do it."""
@@ -37,7 +38,7 @@ def guarded(command: Callable[[], Any]) -> None:
         _check_folder()
         check_environment()
         command()
-    except (Mistake, NoRenderer) as error:
+    except (Mistake, NoRenderer, UnknownKind) as error:
         _end(str(error), MISTAKEN)
     except Refused as error:
         _end(str(error), REFUSED)

@@ -52,7 +52,9 @@ def show(name: str) -> None:
 def _show_names(found: Iterable[tuple[str, str]]) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     for part, name in found:
-        table.add_row(part, f"[bold]{name}[/]", escape(_sentence(part, name)))
+        package = kinds.package_of(FOLDERS[part], name) if part in FOLDERS else ""
+        about = f"({package}) " * bool(package) + _sentence(part, name)
+        table.add_row(part, f"[bold]{escape(name)}[/]", escape(about))
     Console().print(table)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import median
@@ -13,13 +14,18 @@ from rich.table import Table
 
 from servo.cli.terminal import COMPILING, WAITING, plain, progress_bar
 from servo.loop.episode import Episode
+from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
 from servo.loop.step import Step
+from servo.mistake import Mistake
 from servo.output.command_line import command_line
 from servo.output.run_folder import RunFolder, prepare
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from sim import gl
+from tracking.files import atomic
+
+TRACEBACK = "traceback.txt"
 
 
 def run_scenario(
@@ -41,10 +47,14 @@ def run_scenario(
     again = command_line("run", name, set=list(changes), seed=scenario.run.seed, no_rerun=not rerun)
     gl.backend()
     console = Console(quiet=quiet)
-    with console.status(WAITING):
-        episode = Episode(scenario)
+    name = f"{scenario.name}-{scenario.run.seed}"
+    try:
+        with console.status(WAITING):
+            episode = Episode(scenario)
+    except PartFailed as error:
+        raise _with_traceback(error, prepare(out, name)) from None
     with episode:
-        folder = prepare(out, f"{scenario.name}-{scenario.run.seed}")
+        folder = prepare(out, name)
         output = RunFolder(folder, episode, rerun=rerun, command=again)
         steps: list[Step] = []
         writing: list[float] = []
@@ -54,6 +64,8 @@ def run_scenario(
                 began = time.perf_counter()
                 output.add(step)
                 writing.append(time.perf_counter() - began)
+        except PartFailed as error:
+            raise _with_traceback(error, folder) from None
         finally:
             output.close()
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
@@ -67,6 +79,15 @@ def run_scenario(
     if output.refused is not None:
         raise output.refused
     return 1 if missed else 0
+
+
+def _with_traceback(error: PartFailed, folder: Path) -> Mistake:
+    """The same sentence, where the traceback of its cause is kept in the folder."""
+    if error.__cause__ is None:
+        return error
+    text = "".join(traceback.format_exception(error.__cause__))
+    path = atomic.write(folder, TRACEBACK, text.encode(errors="replace"))
+    return Mistake(f"{error}; its traceback is in {path}")
 
 
 def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:

@@ -23,6 +23,7 @@ from servo.output.track_report import TrackReport
 from servo.output.versions import versions
 from servo.scenario.fill import fill_plugin
 from servo.scenario.override import override
+from sim.installed import Trusted
 from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
 from tracking.evaluation.sequences.quadrilateral import placement
@@ -111,7 +112,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     Raises:
         Mistake: There is no such kind or setting.
     """
-    table: dict[str, Any] = {"tracker": {"kind": kind}}
+    table: dict[str, Any] = {"tracker": {"kind": Trusted(kind)}}
     for item in changes:
         override(table, item)
         if len(table) > 1:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, contextmanager
 from math import radians
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from servo.loop.loop import Loop, stream
+from servo.loop.part_failed import PartFailed, part_failed
 from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
+from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
+from sim.types import Truth
 from sim.world import World
 from tracking.types import Region, State
 
@@ -23,42 +28,66 @@ class Episode:
 
     Raises:
         Mistake: The scenario asks for something that cannot be, in one sentence.
+        PartFailed: A part raised an exception; the sentence names it.
         NoRenderer: This machine cannot render.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        s, seed = scenario, scenario.run.seed
-        self.scenario = s
-        motion = s.motion.build(stream(seed, "motion"))
-        disturbances = [
-            d.build(stream(seed, f"disturbance {i}")) for i, d in enumerate(s.disturbances)
-        ]
-        sensor = stream(seed, "sensor")
-        try:
-            robot, target = (
-                part.build(stream(seed, name))
-                for name, part in (("robot", s.robot), ("target", s.target))
-            )
-            self.world = World(s.world, robot, target, s.camera, motion, disturbances, sensor)
-        except ValueError as error:
-            raise Mistake(f"{s.name}: {error}") from None
-        self.frames = s.frames
-        try:
-            self.loop = Loop(s, self.world.camera, self.world.outline)
+        self.scenario, self.frames = scenario, scenario.frames
+        self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
+        self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
+        with ExitStack() as unless_ready, self._naming_parts():
+            unless_ready.callback(self.close)  # nobody else can
+            self.world = self._build_world()
+            self.loop = Loop(scenario, self.world.camera, self.world.outline)
+            self._parts |= self.loop.parts
             self._place_camera()
             self._begin()
-        except BaseException:
-            self.close()  # nobody else can
-            raise
+            unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
         """Release the world; also as a context manager."""
-        self.world.close()
+        if hasattr(self, "world"):
+            self.world.close()
 
     def __enter__(self) -> Episode:
         return self
 
     __exit__ = close
+
+    @contextmanager
+    def _naming_parts(self) -> Generator[None]:
+        """Turn an exception of a part's code into a sentence that names the part."""
+        try:
+            yield
+        except Exception as error:
+            failed = part_failed(error, self._parts)
+            if failed is None:
+                raise
+            raise failed from error
+
+    def _build_world(self) -> World:
+        s = self.scenario
+        motion, robot, target = map(self._build, ("motion", "robot", "target"))
+        disturbances = [
+            self._build(f"disturbances[{i}]", f"disturbance {i}")
+            for i in range(len(s.disturbances))
+        ]
+        sensor = stream(s.run.seed, "sensor")
+        try:
+            return World(s.world, robot, target, s.camera, motion, disturbances, sensor)
+        except ValueError as error:
+            raise Mistake(f"{s.name}: {error}") from error
+
+    def _build(self, part: str, draws: str = "") -> Any:
+        """What the `Config` of a part builds; a ValueError is the user's mistake."""
+        config = self._parts[part][0]
+        try:
+            built = config.build(stream(self.scenario.run.seed, draws or part))
+        except ValueError as error:
+            raise Mistake(f"{self.scenario.name}: {part}: {error}") from error
+        self._parts[part] = config, built
+        return built
 
     def _place_camera(self) -> None:
         start, name, loop = self.scenario.start, self.scenario.name, self.loop
@@ -72,7 +101,7 @@ class Episode:
     def _begin(self) -> None:
         """Take the first frame and start the loop with the region that the scenario gives."""
         scenario, world = self.scenario, self.world
-        first, truth = world.look(), world.truth()
+        first, truth = world.look(), self._truth()
         length, width = np.ptp(world.outline[:, :2], axis=0)
         change = scenario.region
         region = Region(length * truth.size * change.width, width * truth.size * change.height)
@@ -87,7 +116,19 @@ class Episode:
             world.camera, world.outline, region, truth.size, self.loop.features, world.period
         )
 
+    def _truth(self) -> Truth:
+        truth = self.world.truth()
+        if not np.isfinite(truth.corners).all():
+            motion, pose = self.scenario.motion, truth.T_world_target
+            where = f"the target's position is {pose.translation}, its rotation {pose.rotation}"
+            raise PartFailed.by("motion", motion, f"{where}; all must be finite")
+        return truth
+
     def __iter__(self) -> Iterator[Step]:
+        with self._naming_parts():
+            yield from self._steps()
+
+    def _steps(self) -> Iterator[Step]:
         world, loop = self.world, self.loop
         waiting = deque([np.zeros(6)] * self.scenario.run.latency)
         frame, truth = self._first
@@ -98,7 +139,7 @@ class Episode:
                 began = perf_counter()
                 frame = world.look()
                 rendering = perf_counter() - began
-                truth = world.truth()
+                truth = self._truth()
             command = loop.step(frame, posture)
             waiting.append(command.twist)
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from math import radians
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from servo.estimators.difference import Difference
+from servo.loop.part_failed import check_command, check_estimate, part_failed
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
@@ -58,6 +60,13 @@ class Loop:
         self.features: FeatureSet = scenario.features.build(outline)
         self.controller: Controller = scenario.controller.build(stream(seed, "controller"))
         self._estimator: Estimator = scenario.estimator.build(stream(seed, "estimator"))
+        self.parts: dict[str, tuple[Any, ...]] = {
+            "tracker": (scenario.tracker, self.tracker),
+            "features": (scenario.features, self.features),
+            "estimator": (scenario.estimator, self._estimator),
+            "controller": (scenario.controller, self.controller),
+        }
+        """Each part with a kind: its `Config`, and what that built."""
         self.goal = np.array([camera.width / 2 + goal.x, camera.height / 2 + goal.y])
         """Where the target's centre shall be (2,) [px]."""
         self.goal_theta = radians(goal.angle_deg)
@@ -100,7 +109,19 @@ class Loop:
         Args:
             frame: The next picture; one that is not fresh is not shown to the tracker.
             posture: What the robot knows of itself at the time of the picture.
+
+        Raises:
+            PartFailed: A part raised an exception, or gave something that has no meaning.
         """
+        try:
+            return self._step(frame, posture)
+        except Exception as error:
+            failed = part_failed(error, self.parts)
+            if failed is None:
+                raise
+            raise failed from error
+
+    def _step(self, frame: Frame, posture: Posture) -> Command:
         began = perf_counter()
         if not self._is_first:
             self._track(frame, posture)
@@ -109,7 +130,9 @@ class Loop:
         if self._scenario.goal.depth_to is not None:
             self.controller.aim(self._goal_sight(frame.time))
         self.sight = self._to_sight.see(self.estimate, posture) if frame.fresh else None
-        command = self.controller.command(self.sight, posture, self._period)
+        command = check_command(
+            self.controller.command(self.sight, posture, self._period), self.parts
+        )
         self.seconds = tracked - began, perf_counter() - tracked
         self.motion_measured = self._measured(command)
         return command
@@ -128,7 +151,7 @@ class Loop:
         if not frame.fresh:
             return
         self._carried = np.zeros(4)
-        self.estimate = self.tracker.update(frame, ego)
+        self.estimate = check_estimate(self.tracker.update(frame, ego), self._scenario.tracker)
 
     def _measured(self, command: Command) -> Array:
         unknown, trace = np.full(len(self.features.names), np.nan), command.trace

@@ -7,6 +7,8 @@ import hashlib
 from importlib import metadata, resources
 from pathlib import Path
 
+from sim.installed import packages
+
 VERSIONED = (
     "servobench",
     "mujoco",
@@ -25,9 +27,12 @@ DIGITS = 12
 
 
 def versions() -> dict[str, str]:
-    """Version by package, and the digest of our own source, which changes with any edit."""
+    """Version by package, and the digest of our own source, which changes with any edit.
+
+    Packages that bring kinds by entry points are named too.
+    """
     found = {name: metadata.version(name) for name in VERSIONED}
-    return {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), **found}
+    return {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), **found, **packages()}
 
 
 @functools.cache

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, ValidationError, create_model
 
 from servo.mistake import Mistake, unknown
 from sim import kinds
+from sim.installed import Trusted
 
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 MESSAGES = {
@@ -86,16 +87,23 @@ def fill_plugin(folder: str, table: Any, place: str, default: str | None = None)
     kind = table.get("kind", default)
     if kind is None:
         raise Mistake(f"{place} needs a kind: one of {', '.join(kinds.names(folder))}")
+    kind = kind if isinstance(kind, str) else str(kind)
     try:
-        config = kinds.config_of(folder, str(kind))
+        config = kinds.config_of(folder, kind)
     except kinds.UnknownKind as error:
-        raise Mistake(f"{place}.kind: {error}") from None
+        raise Mistake(f"{place}.kind: {error}") from error
     try:
         name = table.get("preset")
-        begin = {} if name is None else kinds.preset(folder, str(kind), str(name))
+        begin = {} if name is None else kinds.preset(folder, kind, str(name))
     except kinds.UnknownKind as error:
         raise Mistake(f"{place}.preset: {error}") from None
     given = {k: v for k, v in table.items() if k not in ("kind", "preset")}
+    for key in getattr(config, "not_from_file", ()):
+        if key in given and not isinstance(given[key], Trusted):
+            raise Mistake(
+                f"{place}.{key}: a file may not name a command to start: give it with --set, or "
+                "from Python"
+            )
     return fill(config, begin | given, place)
 
 

@@ -42,6 +42,7 @@ SECTIONS: dict[str, type[Any]] = {
 }
 MOVED = ("plane", "depth", "depth_factor")
 """Settings that were in [features] in version 0.1, and are in [sight] now."""
+SECOND_CAR = "the kind 'second_car' of version 0.1 is called second_target now"
 KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
 
 
@@ -91,7 +92,9 @@ def _described(config: Any) -> Table:
     return {"kind": kinds.kind_of(config)} | settings
 
 
-def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+def load(
+    name: str, overrides: Sequence[str] = (), seed: int | None = None, **parts: Any
+) -> Scenario:
     """A scenario by its shipped name or by the path of a TOML file.
 
     Args:
@@ -99,10 +102,33 @@ def load(name: str, overrides: Sequence[str] = (), seed: int | None = None) -> S
         overrides: Such as "tracker.kind=frozen" (the command line's --set); the last one of a key
             holds.
         seed: Replaces run.seed.
+        **parts: Parts of one's own, such as tracker=MyTracker: an instance of a `Config`, or a
+            class of one; of a tracker also a class or an object that `tracking.wrap` takes.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
+    scenario = _loaded(name, overrides, seed)
+    own = {key: _part(key, value) for key, value in parts.items()}
+    return dataclasses.replace(scenario, **own) if own else scenario
+
+
+def _part(key: str, value: Any) -> Any:
+    """The `Config` of a part that is given from Python."""
+    if key not in PLUGINS:
+        raise Mistake(unknown(key, PLUGINS, "part"))
+    whole, of = value, type(value)
+    if dataclasses.is_dataclass(whole) and not isinstance(whole, type):
+        return whole
+    try:
+        if isinstance(value, type):
+            return kinds.as_config(PLUGINS[key][0], value, value.__qualname__)()
+        return kinds.as_config(PLUGINS[key][0], lambda: value, of.__qualname__)()
+    except kinds.UnknownKind as error:
+        raise Mistake(f"{key}: {error}") from None
+
+
+def _loaded(name: str, overrides: Sequence[str], seed: int | None) -> Scenario:
     table, place = read(name)
     for item in overrides:
         override(table, item)
@@ -158,7 +184,7 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
-    _check_moved(table.get("features"), place)
+    _check_moved(table, place)
     values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
     for key, (folder, default) in PLUGINS.items():
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
@@ -173,10 +199,14 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     return Scenario(name=name, table=table, expect=expect, **values)
 
 
-def _check_moved(features: Any, place: str) -> None:
+def _check_moved(table: Table, place: str) -> None:
+    features, disturbances = table.get("features"), table.get("disturbances")
     for key in MOVED:
         if isinstance(features, dict) and key in features:
             raise Mistake(f"{place}: features.{key} is called sight.{key} now")
+    for i, item in enumerate(disturbances if isinstance(disturbances, list) else []):
+        if isinstance(item, dict) and item.get("kind") == "second_car":
+            raise Mistake(f"{place}: disturbances[{i}]: {SECOND_CAR}")
 
 
 def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
+from sim.installed import Trusted
 
 Table = dict[str, Any]
 
@@ -74,5 +75,18 @@ def _value(text: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):  # no TOML, or no end of it
-        return text
-    return parsed["value"] if len(parsed) == 1 else text
+        return Trusted(text)
+    return trusted(parsed["value"] if len(parsed) == 1 else text)
+
+
+def trusted(value: Any) -> Any:
+    """The same value with all its texts trusted: it comes from the command line or from Python."""
+    match value:
+        case str():
+            return Trusted(value)
+        case list():
+            return [trusted(item) for item in value]
+        case dict():
+            return {key: trusted(item) for key, item in value.items()}
+        case _:
+            return value

@@ -1,0 +1,102 @@
+"""A part of a run that raised an exception, or gave something that has no meaning, by its name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from servo.mistake import Mistake
+from servo.types import Command
+from sim.kinds import kind_of
+from tracking.types import Estimate, Status
+
+
+class PartFailed(Mistake):
+    """A sentence that names the part; the exception that it raised is the cause."""
+
+    @staticmethod
+    def by(part: str, config: Any, what: str) -> PartFailed:
+        """Build it from the part's place in the scenario, its `Config` and what it did."""
+        return PartFailed(f"{part} '{kind_of(config)}': {what}")
+
+
+def part_failed(error: Exception, parts: Mapping[str, tuple[Any, ...]]) -> PartFailed | None:
+    """Find the part whose code an exception came through last; None where it was none.
+
+    Args:
+        error: The exception, with its traceback.
+        parts: By place in the scenario, such as "tracker": the `Config`, and what it built.
+    """
+    modules = {module: name for name, part in parts.items() for module in _modules(part)}
+    classes = {_class_of(item): name for name, part in parts.items() for item in part}
+    trace, in_module, in_class = error.__traceback__, None, None
+    while trace is not None:
+        module = trace.tb_frame.f_globals.get("__name__", "")
+        in_module = modules.get(module, in_module)
+        # Several parts may share a module: their classes tell them apart.
+        of = trace.tb_frame.f_code.co_qualname.rpartition(".")[0]
+        in_class = classes.get((module, of), in_class)
+        trace = trace.tb_next
+    found = in_class or in_module
+    if isinstance(error, Mistake) or found is None:
+        return None
+    what = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+    return PartFailed.by(found, parts[found][0], what)
+
+
+def _class_of(item: Any) -> tuple[str, str]:
+    return type(item).__module__, type(item).__qualname__
+
+
+def _modules(part: tuple[Any, ...]) -> set[str]:
+    """Modules with the code of a part: of its objects, and of a class that an adapter wraps."""
+    named = kind_of(part[0]).partition(":")[0]
+    return {named, *(type(item).__module__ for item in part)}
+
+
+def check_estimate(estimate: Any, config: Any) -> Estimate:
+    """Refuse what a tracker may not return.
+
+    Raises:
+        PartFailed: It is no `Estimate`, or a number in it is not finite.
+    """
+    if not isinstance(estimate, Estimate):
+        what = f"update returned {type(estimate).__name__} instead of an Estimate"
+        raise PartFailed.by("tracker", config, what)
+    s = estimate.state
+    finite = all(map(math.isfinite, (s.x, s.y, s.theta, s.scale, estimate.distance)))
+    if not finite or s.scale <= 0:
+        what = f"update returned x = {s.x:g}, y = {s.y:g}, theta = {s.theta:g}, "
+        what += f"scale = {s.scale:g}, distance = {estimate.distance:g}; all must be finite"
+        raise PartFailed.by("tracker", config, f"{what}, and the scale above 0")
+    if estimate.status not in Status:
+        raise PartFailed.by("tracker", config, f"update returned the status {estimate.status!r}")
+    corners = estimate.corners
+    if corners is not None and (np.shape(corners) != (4, 2) or not np.isfinite(corners).all()):
+        what = "update returned corners that are not four points (4, 2) of finite numbers"
+        raise PartFailed.by("tracker", config, what)
+    return estimate
+
+
+def check_command(command: Any, parts: Mapping[str, tuple[Any, ...]]) -> Command:
+    """Refuse a command that no robot can follow, and name the part that gave the numbers.
+
+    Raises:
+        PartFailed: It is no `Command`, or a number in it is not finite.
+    """
+    config = parts["controller"][0]
+    if not isinstance(command, Command):
+        what = f"command returned {type(command).__name__} instead of a Command"
+        raise PartFailed.by("controller", config, what)
+    if np.shape(command.twist) == (6,) and np.isfinite(command.twist).all():
+        return command
+    if (trace := command.trace) is not None:
+        given = {"features": trace.error, "estimator": trace.prediction.error}
+        for part, values in given.items():
+            if not np.isfinite(values).all():
+                raise PartFailed.by(part, parts[part][0], f"gave the values {np.array(values)}")
+    what = f"the twist is {np.array(command.twist)}; it should be six finite numbers"
+    raise PartFailed.by("controller", config, what)

@@ -1,0 +1,87 @@
+"""Kinds that other packages bring, named by entry points, and parts named by a path to import.
+
+An installed package adds a tracker with these lines in its pyproject.toml:
+
+    [project.entry-points."servobench.trackers"]
+    mine = "my_package.my_module:Config"
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+import sys
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+FOLDERS = (
+    "tracking.trackers", "servo.estimators", "servo.controllers", "servo.features",
+    "sim.motions", "sim.disturbances", "sim.robots", "sim.targets",
+)  # fmt: skip
+"""Folders that packages may add to; the group of "sim.robots" is "servobench.robots"."""
+
+
+class Trusted(str):
+    """A text from the command line or from Python.
+
+    It may name code to import or a command to start; a text from a file may not.
+    """
+
+    __slots__ = ()
+
+
+class BrokenPart(ValueError):
+    """A part is there but cannot be imported; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """A kind that an installed package brings."""
+
+    kind: str
+    package: str
+    """Name of the distribution."""
+    version: str
+    path: str
+    """Where it is, as module:Class."""
+
+
+@functools.cache  # looking through all packages takes 20 ms
+def installed(folder: str) -> tuple[Installed, ...]:
+    """The kinds that packages add to a folder."""
+    if folder not in FOLDERS:
+        return ()
+    found = metadata.entry_points(group=f"servobench.{folder.rpartition('.')[2]}")
+    kinds = {
+        Installed(e.name, e.dist.name, e.dist.version, e.value.replace(" ", ""))
+        for e in found
+        if e.dist is not None
+    }
+    return tuple(sorted(kinds, key=lambda k: (k.kind, k.package)))
+
+
+def packages() -> dict[str, str]:
+    """Versions of all packages that bring kinds, by name."""
+    return {k.package: k.version for folder in FOLDERS for k in installed(folder)}
+
+
+def imported(path: str) -> Any:
+    """What a path such as "package.module:Name" names; also from the working directory.
+
+    Raises:
+        BrokenPart: It cannot be imported; an error of the module itself is the cause.
+    """
+    module, _, name = path.partition(":")
+    try:
+        if importlib.util.find_spec(module.partition(".")[0]) is None:
+            sys.path.append(str(Path.cwd()))
+        found = importlib.import_module(module)
+        for part in name.split("."):
+            found = getattr(found, part)
+    except Exception as error:  # an import runs the user's code
+        reason = str(error) or type(error).__name__
+        raise BrokenPart(f"'{path}' cannot be imported: {reason}") from error
+    return found
