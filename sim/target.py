@@ -42,6 +42,12 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
     return centre + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
 
 
+def dimensions(outline: Array) -> tuple[float, float, float]:
+    """Length, width and height over the table [m] of a rectangle (4, 3)."""
+    length, width = np.ptp(outline[:, :2], axis=0).tolist()
+    return length, width, float(outline[0, 2])
+
+
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
     """The rectangle (4, 3) that a model's site `outline` names; None where it has no such site."""
     site = spec.site(OUTLINE)

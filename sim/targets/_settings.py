@@ -66,7 +66,7 @@ def rgba(colour: Colour) -> list[float]:
         return [*colour, 1.0]
     if not HEX.fullmatch(colour):
         raise ValueError(
-            f"target.colour = {colour!r}: a colour is '#rrggbb', or three numbers from 0 to 1"
+            f"colour = {colour!r}: a colour is '#rrggbb', or three numbers from 0 to 1"
         )
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
@@ -77,7 +77,7 @@ def file_of(name: str, suffix: str, setting: str) -> Path:
     Args:
         name: Such as "duck" or "mine/duck.obj".
         suffix: Of the shipped files, such as ".obj".
-        setting: What messages call it, such as "target.file".
+        setting: What messages call it, such as "file".
 
     Raises:
         ValueError: No file of that name is shipped.

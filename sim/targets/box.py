@@ -30,7 +30,7 @@ class Config(Outlined):
             ValueError: There is no such colour or picture.
         """
         name = self.picture
-        picture = None if name is None else _paint.picture_named(name, "target.picture")
+        picture = None if name is None else _paint.picture_named(name, "picture")
         spec = _paint.box(self.size, rgba(self.colour), picture)
         length, width, height = self.size
         return self.target(spec, rectangle(np.array([0, 0, height]), length, width))

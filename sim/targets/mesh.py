@@ -12,11 +12,12 @@ import mujoco
 import numpy as np
 
 from sim.files.mesh_file import Triangles, read_mesh
+from sim.model_files import said_by_mujoco
 from sim.ranges import Degrees, Length
 from sim.target import Target
 from sim.targets import _paint
 from sim.targets._settings import Colour, Outlined, file_of, rgba
-from sim.types import Array
+from sim.types import Array, Image
 
 UPRIGHT = {
     "z": np.eye(3),
@@ -53,24 +54,24 @@ class Config(Outlined):
         Raises:
             ValueError: A file cannot be read or is broken, or there is no such colour.
         """
-        path = file_of(self.file, ".obj", "target.file")
+        path, name = file_of(self.file, ".obj", "file"), self.texture
         mesh = _seen_from_outside(read_mesh(path))
+        picture = None if name is None else _paint.picture_named(name, "texture")
+        colour = rgba(self.colour)
         try:
-            spec = self._spec(mesh)
-            return self.target(spec)
+            return self.target(self._spec(mesh, colour, picture))
         except ValueError as error:
-            raise ValueError(f"{path}: {str(error).splitlines()[0]}") from None
+            raise ValueError(f"{path}: {said_by_mujoco(error)}") from None
 
-    def _spec(self, mesh: Triangles) -> mujoco.MjSpec:
+    def _spec(self, mesh: Triangles, colour: list[float], picture: Image | None) -> mujoco.MjSpec:
         spec = mujoco.MjSpec()
-        look: dict[str, Any] = {"rgba": rgba(self.colour)}
         shape = spec.add_mesh(name="mesh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
         shape.uservert = self._placed(mesh.vertices).ravel()
         shape.userface = mesh.faces.ravel()
-        if self.texture is not None:
+        look: dict[str, Any] = {"rgba": colour}
+        if picture is not None:
             if mesh.places is None:
-                raise ValueError("it does not say where target.texture lies on it (vt)")
-            picture = _paint.picture_named(self.texture, "target.texture")
+                raise ValueError("it does not say where the texture lies on it (vt)")
             look = {"material": _paint.add_picture(spec, picture)}
             shape.usertexcoord = (mesh.places * (1, -1) + (0, 1)).ravel()
             shape.userfacetexcoord = np.arange(mesh.faces.size)

@@ -1,15 +1,16 @@
-"""A model of the user's in MuJoCo's format: its geoms as they are, moving as one."""
+"""A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import mujoco
 import numpy as np
 
-from sim.model_files import read_spec
+from sim.model_files import read_spec, said_by_mujoco
 from sim.target import Target
 from sim.targets._settings import Outlined, file_of
 
@@ -18,10 +19,6 @@ MOVING = (
     "cameras", "lights",
 )  # fmt: skip
 """What a target does not have, in an order in which nothing refers to what is gone."""
-UNBOUNDED = {
-    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
-    mujoco.mjtGeom.mjGEOM_HFIELD: "height field",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,28 +26,27 @@ class Config(Outlined):
     """Which model."""
 
     model: str = "truck"
-    """A shipped model's name, or an .xml file; x is its nose, z is up, and the table is at z = 0.
-    Joints, actuators, sensors, cameras and lights are left out."""
+    """A shipped model's name, or an .xml or .urdf file: x is its nose, z is up, and the table is at
+    z = 0. Joints, actuators, sensors, cameras, lights and the sky are left out."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """The target; draws nothing.
 
         Raises:
-            ValueError: The file cannot be read or is broken, or has a plane or a height field.
+            ValueError: The file cannot be read or is broken, has a plane, or is not seen.
         """
-        path = file_of(self.model, ".xml", "target.model")
+        path = file_of(self.model, ".xml", "model")
         spec = read_spec(path, "target")
-        for part in MOVING:
-            for element in list(getattr(spec, part)):
-                spec.delete(element)
+        skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]
+        for element in [*chain.from_iterable(getattr(spec, part) for part in MOVING), *skies]:
+            spec.delete(element)
         for body in spec.bodies:
             body.mocap = False
         for geom in spec.geoms:
             geom.contype = geom.conaffinity = 0
-            if geom.type in UNBOUNDED:
-                what = f"the geom '{geom.name}' is a {UNBOUNDED[geom.type]}"
-                raise ValueError(f"{path}: {what}, which cannot move: remove it")
+            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                raise ValueError(f"{path}: the geom '{geom.name}' is a plane, which cannot move")
         try:
             return self.target(spec)
         except ValueError as error:
-            raise ValueError(f"{path}: {str(error).splitlines()[0]}") from None
+            raise ValueError(f"{path}: {said_by_mujoco(error)}") from None

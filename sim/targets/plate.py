@@ -31,7 +31,7 @@ class Config(Outlined):
         Raises:
             ValueError: There is no such picture.
         """
-        picture = _paint.picture_named(self.picture, "target.picture")
+        picture = _paint.picture_named(self.picture, "picture")
         spec = _paint.box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
         top = np.array([0, 0, THICKNESS])
         return self.target(spec, rectangle(top, self.length, self.width))
