@@ -133,7 +133,7 @@ def test_the_recording_holds_every_entity_for_every_frame(folder):
         "target",
     ):
         assert rows[f"/world/{body}", "Transform3D:translation"] == 60, body
-    assert rows["/world/fixed/table", "Mesh3D:vertex_positions"] == 1
+    assert rows["/world/fixed/mesh/table", "Mesh3D:vertex_positions"] == 1
     assert rows["/world/target/box", "Boxes3D:half_sizes"] == 1
     assert rows["/events", "TextLog:text"] >= 2
 

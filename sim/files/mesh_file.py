@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
+from io import BytesIO, TextIOWrapper
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,10 +19,12 @@ Indices = NDArray[np.int64]
 LARGEST = 100_000_000
 """Largest file of a mesh [bytes]."""
 MOST_FACES = 1_000_000
+LONGEST_LINE = 1_000_000
 FARTHEST = 1e9
 """Beyond this a coordinate means nothing, whatever its unit."""
 STL_HEAD = 84
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+VERTEX = re.compile(rb"^\s*vertex\b(.*)$", re.MULTILINE)
 Corner = tuple[int, int]
 """Indices from 0 of a vertex and of a place in a picture; -1 where there is none."""
 
@@ -79,7 +83,9 @@ def _obj(data: bytes) -> Triangles:
     points: list[list[float]] = []
     texture: list[list[float]] = []
     corners: list[tuple[Corner, Corner, Corner]] = []
-    for number, line in enumerate(data.decode("utf-8", "replace").split("\n"), start=1):
+    for number, line in enumerate(TextIOWrapper(BytesIO(data), "utf-8", "replace"), start=1):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"line {number} is longer than {LONGEST_LINE:,} characters")
         match line.split():
             case ["v", x, y, z, *_]:
                 points.append([_number(word, number) for word in (x, y, z)])
@@ -87,13 +93,15 @@ def _obj(data: bytes) -> Triangles:
                 texture.append([_number(word, number) for word in (u, v)])
             case ["f", first, second, third, *more]:
                 words = (first, second, third, *more)
+                _check_count(len(corners) + len(words) - 2)
                 around = [_corner(word, len(points), len(texture), number) for word in words]
                 corners += [(around[0], b, c) for b, c in pairwise(around[1:])]
-                _check_count(len(corners))
             case ["v" | "vt" | "f", *_]:
                 raise ValueError(f"line {number} is too short")
             case _:  # a comment, a normal, a name, a material
                 pass
+        if max(len(points), len(texture)) > 3 * MOST_FACES:
+            raise ValueError(f"this mesh has too many vertices; the limit is {3 * MOST_FACES:,}")
     indices = np.array(corners, np.int64).reshape(-1, 3, 2)
     known = texture and (indices[:, :, 1] >= 0).all()
     places = np.array(texture)[indices[:, :, 1]] if known else None
@@ -144,9 +152,9 @@ def _stl(data: bytes) -> Triangles:
 
 def _stl_text(data: bytes) -> Array:
     """Corners (3 n, 3) in the order of the text."""
-    lines = [line.split() for line in data.lower().splitlines()]
-    words = [line[1:] for line in lines if line[:1] == [b"vertex"]]
+    found: list[bytes] = VERTEX.findall(data.lower())
+    _check_count(len(found) // 3)
     try:
-        return np.array(words, float).reshape(-1, 3, 3).reshape(-1, 3)
+        return np.array([line.split() for line in found], float).reshape(-1, 3, 3).reshape(-1, 3)
     except ValueError:
         raise ValueError("this STL file is cut off or damaged") from None

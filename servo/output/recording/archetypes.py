@@ -33,7 +33,7 @@ def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, An
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
         if shape.surface is not None:
-            path = rr.new_entity_path([shape.name or f"mesh_{number}"])
+            path = rr.new_entity_path(["mesh", shape.name or f"{number}"])
             yield bodies[shape.body] + path, _mesh(shape)
         else:
             groups[shape.body, shape.kind].append(shape)
