@@ -96,7 +96,7 @@ def _series(steps: list[Step]) -> dict[str, list[Any]]:
 
 def _tile(step: Step) -> Any:
     picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
-    return tile(picture, step.truth.corners, step.region.corners(step.estimate.state))
+    return tile(picture, step.truth.corners, step.estimate.outline(step.region))
 
 
 def _jpeg(tiles: list[Any]) -> bytes:
