@@ -102,3 +102,19 @@ def test_limits_are_named_before_a_file_is_taken_in(model_folder, monkeypatch):
     monkeypatch.setattr(mesh_file, "LARGEST", 100)
     with pytest.raises(ValueError, match="it is too large; the limit is 100 bytes"):
         build(mesh.Config(file=name))
+
+
+@pytest.mark.parametrize(("settings", "said"), [
+    ({"colour": [2, 0, 0]}, "colour.0 = 2: input should be less than or equal to 1"),
+    ({"colour": [0, 0]}, "colour.2: a value is missing"),
+    ({"colour": True}, "colour = True: input should be a valid string"),
+    ({"size": "large"}, "size = 'large': input should be a valid number"),
+    ({"size": [0.1, 0.1, 9.0]}, "size.2 = 9.0: input should be less than or equal to 5"),
+    ({"size": 0.0}, "size = 0.0: input should be greater than or equal to 0.001"),
+    ({"up": "w"}, "up = 'w': input should be 'x', 'y' or 'z'"),
+    ({"outline": [0.1, 0.1]}, "outline.2: a value is missing"),
+])  # fmt: skip
+def test_a_value_that_may_have_several_forms_is_refused_for_the_nearest(settings, said):
+    with pytest.raises(Mistake) as found:
+        parse({"target": {"kind": "mesh"} | settings}, "mine", "mine.toml")
+    assert str(found.value) == f"mine.toml: target.{said}"
