@@ -40,7 +40,7 @@ def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 
     from sim.assembly import build_model
-    from sim.render import CameraConfig
+    from sim.camera import CameraConfig
     from sim.robot import Robot
     from sim.robots import arm
     from sim.targets import car

@@ -5,8 +5,8 @@ import struct
 import numpy as np
 import pytest
 
+from sim.camera import CameraConfig
 from sim.motions import still
-from sim.render import CameraConfig
 from sim.robots import gantry
 from sim.world import World, WorldConfig
 
