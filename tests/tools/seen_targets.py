@@ -41,10 +41,10 @@ def build(config):
 def show_target(request):
     """Shows a target to the camera; the picture and the truth."""
 
-    def show(config, theta=0.0, disturbances=()):
+    def show(config, theta=0.0, disturbances=(), x=0.0):
         world = World(
             WorldConfig(visibility=True), gantry.Config().build(RNG), build(config),
-            CameraConfig(), still.Config().build(RNG), disturbances,
+            CameraConfig(), still.Config(x=x).build(RNG), disturbances,
             np.random.default_rng(1),
         )  # fmt: skip
         request.addfinalizer(world.close)
