@@ -1,0 +1,241 @@
+"""Models of others, MJCF or URDF, read as data: no file outside their own folder is opened, and
+models that are too large are refused before they are loaded.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, NoReturn
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
+
+import mujoco
+import numpy as np
+
+from sim.model_assets import MESHES, PACKAGE, Assets, package_root
+from sim.quiet import silent_libraries
+
+MOST_TEXT, DEEPEST = 5_000_000, 200
+"""Limits of a file of XML: its size [bytes], and its elements inside each other."""
+MULTIPLIED = ("replicate", "composite", "flexcomp", "flex", "skin", "plugin", "model", "attach",
+              "hfield")  # fmt: skip
+"""Elements that are refused: they read other files, or become very many elements."""
+NOT_TAKEN = ("size", "visual", "statistic", "option", "custom", "sensor", "contact", "extension")
+"""Sections that are left out: they describe a whole simulation, or collisions, which do not matter
+here.
+"""
+URDF_COMPILER = {
+    "discardvisual": "false",
+    "fusestatic": "false",
+    "strippath": "false",
+    "balanceinertia": "true",
+    "boundmass": "0.001",
+    "boundinertia": "1e-6",
+}
+"""All links stay, as the camera may be at any of them; poor masses and inertias are mended."""
+NUMBERED = re.compile(r"( Element name '(?P<name>[^']*)', id \d+)|,? line \d+")
+"""What MuJoCo's messages say of places: lines are of the text after includes."""
+SOLID = ("body_pos", "body_quat", "body_mass", "body_inertia", "geom_pos", "geom_size", "jnt_pos",
+         "jnt_axis", "mesh_vert")  # fmt: skip
+"""Arrays of a compiled model in which all numbers have to be finite."""
+
+
+def read_spec(path: Path, what: str) -> mujoco.MjSpec:
+    """The model in an MJCF or URDF file, which compiles as it is; its assets have absolute paths.
+
+    Lights, cameras and keyframes are left in it; options, sensors and contact pairs are not.
+
+    Args:
+        path: Where it is.
+        what: What it should be, for messages: "robot".
+
+    Raises:
+        ValueError: It is broken, incomplete, too large, or reaches out of its folder; the sentence
+            begins with the file's name.
+    """
+    text = ElementTree.tostring(read_tree(path, what), encoding="unicode")
+    try:
+        with silent_libraries():
+            spec = mujoco.MjSpec.from_string(text)
+            model = spec.copy().compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ValueError(_sentence(path, what, said_by_mujoco(error))) from None
+    for name in SOLID:
+        if not np.isfinite(getattr(model, name)).all():
+            raise ValueError(_sentence(path, what, f"a number in its {name} is not finite"))
+    return spec
+
+
+def said_by_mujoco(error: Exception) -> str:
+    """A message of MuJoCo's compiler as part of a sentence."""
+
+    def place(found: re.Match[str]) -> str:
+        return f" ('{found['name']}')" if found["name"] else ""
+
+    said = NUMBERED.sub(place, " ".join(str(error).split()))
+    return said.removeprefix("XML ").removeprefix("Error: ")
+
+
+def read_tree(path: Path, what: str) -> Element:
+    """The elements of a model: includes are expanded, and files are named by absolute paths.
+
+    Raises:
+        ValueError: As for `read_spec`, but for what only MuJoCo sees.
+    """
+    try:
+        root = package_root(path) if path.suffix.lower() == ".urdf" else path.parent.resolve()
+        assets = Assets(root)
+        tree = _parsed(assets.start(path))
+        match tree.tag:
+            case "mujoco":
+                _expand_includes(tree, assets, path.parent.resolve())
+                _check_mjcf(tree, assets, path.parent.resolve())
+            case "robot":
+                _check_urdf(tree, assets, path.parent.resolve())
+            case _:
+                raise ValueError(
+                    f"its root is <{tree.tag}>; it should be <mujoco> (MJCF) or <robot> (URDF)"
+                )
+    except ValueError as error:
+        raise ValueError(_sentence(path, what, str(error))) from None
+    return tree
+
+
+def _sentence(path: Path, what: str, reason: str) -> str:
+    return f"{path}: cannot read this {what}: {reason}"
+
+
+def _parsed(path: Path) -> Element:
+    """The elements of a file of XML without a document type, whose entities might be anything."""
+    if path.stat().st_size > MOST_TEXT:
+        raise ValueError(f"'{path.name}' is too large for XML; the limit is {MOST_TEXT:,} bytes")
+    text, depth = path.read_bytes(), 0
+
+    def refuse(*_: Any) -> NoReturn:
+        raise ValueError(f"'{path.name}' has a document type (DTD); its entities are not expanded")
+
+    def begin(*_: Any) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise ValueError(
+                f"in '{path.name}' elements lie too deep in each other; the limit is {DEEPEST}"
+            )
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    try:
+        parser.Parse(text, True)
+        return ElementTree.fromstring(text)
+    except (expat.ExpatError, ElementTree.ParseError, LookupError) as error:
+        raise ValueError(f"'{path.name}' is no XML: {error}") from None
+
+
+def _expand_includes(tree: Element, assets: Assets, folder: Path) -> None:
+    """Put the elements of included files where the includes are; each file may come once."""
+    for parent in list(tree.iter()):
+        for i, child in reversed(list(enumerate(parent))):
+            if child.tag != "include":
+                continue
+            name = child.get("file", "")
+            before = len(assets.seen)
+            path = assets.find(name, folder)
+            if len(assets.seen) == before:
+                raise ValueError(f"'{name}' is included twice, or includes itself")
+            included = _parsed(path)
+            _expand_includes(included, assets, folder)
+            parent[i : i + 1] = list(included)
+
+
+def _check_mjcf(tree: Element, assets: Assets, folder: Path) -> None:
+    for section in [child for child in tree if child.tag in NOT_TAKEN]:
+        tree.remove(section)
+    meshes, textures, bare = _folders(tree, folder)
+    for element in tree.iter():
+        if element.tag in MULTIPLIED:
+            raise ValueError(f"it has a <{element.tag}>, which is not read from models of others")
+        for key in [key for key in element.attrib if key.startswith("file")]:
+            name = element.get(key, "")
+            name = Path(name).name if bare else name
+            if element.tag not in ("mesh", "texture"):
+                raise ValueError(f"it has a <{element.tag}> with a file")
+            path = assets.find(name, meshes if element.tag == "mesh" else textures)
+            element.set(key, str(path))
+            (assets.add_mesh if element.tag == "mesh" else assets.add_picture)(path)
+        _check_made(element, assets)
+
+
+def _folders(tree: Element, folder: Path) -> tuple[Path, Path, bool]:
+    """Where meshes and textures are, and whether only the last parts of their names count; this is
+    taken out of the tree, as all paths become absolute.
+    """
+    given: dict[str, str] = {}
+    for compiler in tree.findall("compiler"):
+        for key in ("assetdir", "meshdir", "texturedir", "strippath"):
+            if (value := compiler.attrib.pop(key, None)) is not None:
+                given[key] = value
+    both = given.get("assetdir", "")
+    meshes, textures = (folder / given.get(key, both) for key in ("meshdir", "texturedir"))
+    return meshes, textures, given.get("strippath") == "true"
+
+
+def _check_made(element: Element, assets: Assets) -> None:
+    """Count what MuJoCo makes itself."""
+    element.attrib.pop("content_type", None)
+    if "builtin" not in element.attrib:
+        return
+    if element.tag == "mesh":
+        raise ValueError("it has a <mesh> with builtin, which is not read from models of others")
+    try:
+        width, height = (int(element.get(key, "0")) for key in ("width", "height"))
+    except ValueError:
+        return  # MuJoCo says what is wrong
+    assets.add_pixels(abs(width * height), element.get("name", "a texture"))
+
+
+def _check_urdf(tree: Element, assets: Assets, folder: Path) -> None:
+    """Give each link its visible shapes, or those of collisions where they cannot be read."""
+    if any(element.tag.startswith("{") for element in tree.iter()):
+        raise ValueError(
+            "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"
+        )
+    extension = tree.find("mujoco/compiler")
+    own = folder / (extension.get("meshdir", "") if extension is not None else "")
+    for child in [c for c in tree if c.tag not in ("link", "joint", "material")]:
+        tree.remove(child)
+    for material in tree.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
+    for link in tree.findall("link"):
+        _keep_visible(link)
+    for mesh in tree.iter("mesh"):
+        name = mesh.get("filename", "").removeprefix("file://")
+        rest = PACKAGE.sub("", name)
+        places = (assets.root,) if rest != name else (folder, own)
+        path = assets.find(rest, *places)
+        assets.add_mesh(path)
+        mesh.set("filename", str(path))
+    extension = ElementTree.SubElement(tree, "mujoco")
+    ElementTree.SubElement(extension, "compiler", URDF_COMPILER)
+
+
+def _keep_visible(link: Element) -> None:
+    shapes = {tag: link.findall(tag) for tag in ("visual", "collision")}
+    readable = [v for v in shapes["visual"] if _is_readable(v)]
+    for shape in [*shapes["visual"], *(shapes["collision"] if readable else [])]:
+        if shape not in readable:
+            link.remove(shape)
+
+
+def _is_readable(shape: Element) -> bool:
+    mesh = shape.find("geometry/mesh")
+    return mesh is None or mesh.get("filename", "").lower().endswith(MESHES)
