@@ -1,0 +1,39 @@
+"""README's examples of a user's own robot, target and camera, each run as it stands."""
+
+import re
+from pathlib import Path
+
+import pytest
+from robot_files import urdf_arm, write_obj
+
+from servo.cli import run_command
+from servo.loop.run_measures import Outcome
+
+README = Path(__file__).parents[1] / "README.md"
+BLOCKS = re.findall(r"^```toml\n(\[(\w+)\]\n.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL)
+CALIBRATION = """
+image_width: 320
+image_height: 240
+camera_name: mine
+camera_matrix: {rows: 3, cols: 3, data: [280.0, 0.0, 161.5, 0.0, 281.0, 118.0, 0.0, 0.0, 1.0]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.2, 0.05, 0.001, -0.001, 0.0]}
+"""
+
+
+def test_there_is_an_example_of_each():
+    assert [part for _, part in BLOCKS] == ["robot", "target", "camera"]
+
+
+@pytest.mark.parametrize("block", [pytest.param(b, id=part) for b, part in BLOCKS])
+def test_an_example_runs_as_it_stands(block, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("my_arm.urdf").write_text(urdf_arm())
+    write_obj(Path("my_part.obj"))
+    Path("my_camera.yaml").write_text(CALIBRATION)
+    Path("mine.toml").write_text(block)
+    assert run_command.run_scenario(
+        "mine.toml", ["run.duration=2.4"], None, Path("out"), quiet=True, rerun=False
+    ) == 0  # fmt: skip
+    report = (tmp_path / "out" / "report.json").read_text()
+    assert f'"outcome": "{Outcome.CONVERGED.name}"' in report
