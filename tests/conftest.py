@@ -2,6 +2,9 @@
 
 import json
 import os
+import shutil
+import subprocess
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -158,3 +161,33 @@ def cluster():
     """
     with ExitStack() as started:
         yield lambda *options, **more: started.enter_context(scheduler_with(*options, **more))
+
+
+@pytest.fixture(scope="session")
+def wheel(root, tmp_path_factory):
+    """The project's wheel, built."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    (found,) = folder.glob("*.whl")
+    return found
+
+
+@pytest.fixture(scope="session")
+def pip():
+    """Installs without dependencies, by uv where it is there."""
+
+    def install(*arguments):
+        uv = os.environ.get("UV") or shutil.which("uv")
+        tool = [uv, "pip"] if uv else [sys.executable, "-m", "pip"]
+        subprocess.run([*tool, "install", "--no-deps", *arguments], check=True, capture_output=True)
+
+    return install
+
+
+@pytest.fixture(scope="session")
+def installed(wheel, pip, tmp_path_factory):
+    """A folder with the wheel installed into it."""
+    folder = tmp_path_factory.mktemp("installed")
+    pip("--target", str(folder), str(wheel))
+    return folder

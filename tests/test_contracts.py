@@ -3,12 +3,11 @@
 import cv2
 import numpy as np
 import pytest
-from servoing import begun, facing, own, posture_of, task
+from servoing import begun, own, posture_of
 
 from servo.scenario.catalogue import LISTS, PLUGINS
-from servo.types import Sight
 from sim import kinds
-from sim.types import Effect, Frame, Pose
+from sim.types import Frame
 from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
@@ -94,29 +93,6 @@ def test_not_told_they_do_worse(kind):
     assert jerked(kind, told=False) > 2 * jerked(kind, told=True)
 
 
-@pytest.mark.parametrize("kind", TRACKERS)
-def test_trackers_repeat_bit_for_bit(kind):
-    once, again = ([e.state for e in track(kind, seed=5)] for _ in range(2))
-    assert once == again
-
-
-@pytest.mark.parametrize("kind", TRACKERS)
-def test_a_buffer_that_the_caller_uses_again_changes_nothing(kind):
-    """Cameras and decoders write the next picture into the same array."""
-    sequence, buffer = list(frames(12)), np.empty((120, 160, 3), np.uint8)
-    tracker = build("tracking.trackers", kind)
-    again = []
-    for frame in sequence:
-        buffer[:] = frame.image
-        reused = Frame(buffer, frame.time, frame.index)
-        if frame.index == 0:
-            tracker.start(reused, Region(40.0, 20.0), FIRST)
-        else:
-            again.append(tracker.update(reused).state)
-        buffer[:] = 0  # and nothing is kept of it from call to call
-    assert again == [estimate.state for estimate in track(kind, count=12)]
-
-
 @pytest.mark.parametrize("kind", [k for k in TRACKERS if k != "frozen"])
 def test_a_target_that_is_gone_is_lost_not_an_exception(kind):
     assert track(kind, count=30, gone_after=8)[-1].status is Status.LOST
@@ -172,35 +148,6 @@ def test_estimators_that_have_seen_nothing_foretell_nothing(kind):
     assert predicted.error.tolist() == [0.0] * 4
     assert np.all(np.isnan(predicted.innovation))
     assert np.all(np.isnan(predicted.nis))
-
-
-@pytest.mark.parametrize("kind", CONTROLLERS)
-def test_controllers_give_finite_twists_seen_or_unseen(kind):
-    from servo.sight import shape_moments
-
-    m = shape_moments.of_polygon(
-        np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]]) + 0.02
-    )
-    sight = Sight(m, facing(m))
-    controller = build("servo.controllers", kind)
-    controller.start(task(sight, build("servo.estimators", "none")))
-    for seen in (None, sight, None, sight):
-        command = controller.command(seen, STILL, 0.1)
-        assert command.twist.shape == (6,)
-        assert np.all(np.isfinite(command.twist))
-        assert command.trace is None or np.all(np.isfinite(command.trace.error))
-
-
-@pytest.mark.parametrize("kind", kinds.names("sim.motions"))
-def test_motions_repeat_from_the_same_generator(kind):
-    a, b = (build("sim.motions", kind, 4).at(1.7) for _ in range(2))
-    assert isinstance(a, Pose)
-    np.testing.assert_array_equal(a.translation, b.translation)
-
-
-@pytest.mark.parametrize("kind", kinds.names("sim.disturbances"))
-def test_disturbances_do_nothing_before_time_zero(kind):
-    assert build("sim.disturbances", kind).at(-1.0) == Effect()
 
 
 def test_an_unknown_kind_lists_what_there_is():

@@ -46,10 +46,10 @@ class Scripted:
     def __init__(self, rng):
         self.rng = rng
 
-    def start(self, frame, region, state):  # noqa: ARG002
+    def start(self, frame, region, state):
         self.state, self.count = state, 0
 
-    def update(self, frame, ego=None):  # noqa: ARG002
+    def update(self, frame, ego=None):
         self.count += 1
         dx, dy, turn, grow = self.rng.normal(0, (0.3, 0.3, 0.004, 0.002))
         s = self.state

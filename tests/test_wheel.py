@@ -1,7 +1,6 @@
 """The wheel, built, installed into a folder of its own, and used from there."""
 
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -9,25 +8,6 @@ import zipfile
 import pytest
 
 PACKAGES = {"servo", "tracking", "sim", "scenes"}
-
-
-@pytest.fixture(scope="module")
-def wheel(root, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
-    (found,) = folder.glob("*.whl")
-    return found
-
-
-@pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("installed")
-    uv = os.environ.get("UV") or shutil.which("uv")
-    pip = [uv, "pip"] if uv else [sys.executable, "-m", "pip"]
-    arguments = ["install", "--no-deps", "--target", str(folder), str(wheel)]
-    subprocess.run([*pip, *arguments], check=True, capture_output=True)
-    return folder
 
 
 def call(installed, place, *arguments):

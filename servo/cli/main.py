@@ -229,6 +229,18 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
 
 
 @app.command()
+@click.argument("part", type=click.Choice(["tracker"]), expose_value=False)
+@click.argument("name")
+@out_option("NAME")
+def new(name: str, out: Path | None) -> None:
+    """Write a small package with a part of your own, to begin with: new tracker my_tracker."""
+    from servo.cli.new_command import new_tracker
+
+    for path in new_tracker(name, out):
+        click.echo(path)
+
+
+@app.command()
 @click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
 def doctor(bench: bool) -> None:
     """Report renderer, versions and speed of this machine."""

@@ -109,7 +109,7 @@ def _work(
         for task, ended in carry_out(cluster, missing, perform):
             if ended.error:
                 path = store.fail(task, ended.error, task.command(study.changes))
-                failed.append((path, ended.error.strip().splitlines()[-1]))
+                failed.append((path, ended.reason))
             else:
                 store.add(ended.value)
             board.ended(failed=bool(ended.error))

@@ -1,0 +1,67 @@
+"""What `servobench new` does: write a small package with a tracker, which installs and runs."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from servo.mistake import Mistake, unwritable
+from sim import kinds
+from tracking.files import atomic
+
+NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+FILES = {
+    "pyproject.toml.jinja": "pyproject.toml",
+    "README.md.jinja": "README.md",
+    "tracker.py.jinja": "{module}/__init__.py",
+    "test_tracker.py.jinja": "tests/test_{module}.py",
+}
+"""Templates, and the files that are made of them."""
+
+
+def new_tracker(kind: str, folder: Path | None) -> list[Path]:
+    """Write the package of a new tracker; the paths of its files.
+
+    Args:
+        kind: The name it will have in scenarios; also that of the package.
+        folder: Where; by default a folder of this name.
+
+    Raises:
+        Mistake: The name is no name of a package, is taken, or there is such a folder.
+    """
+    _check_name(kind)
+    folder = folder or Path(kind)
+    words = {
+        "kind": kind, "module": kind, "package": kind.replace("_", "-"),
+        "name": "".join(word.capitalize() for word in kind.split("_")),
+    }  # fmt: skip
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
+    templates = resources.files("servo.cli") / "templates"
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise Mistake(f"{folder}: there is something of this name; choose another with --out")
+        return [
+            atomic.write(
+                folder, name.format(**words),
+                environment.from_string((templates / template).read_text("utf-8")).render(words),
+            )
+            for template, name in FILES.items()
+        ]  # fmt: skip
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
+def _check_name(kind: str) -> None:
+    if not NAME.fullmatch(kind) or keyword.iskeyword(kind):
+        raise Mistake(
+            f"new tracker {kind}: a name has small letters, digits and single underscores, such as "
+            "my_tracker"
+        )
+    if kind in kinds.names("tracking.trackers"):
+        raise Mistake(f"new tracker {kind}: there is a tracker '{kind}' already")
+    if kind in kinds.OWN or kind == "scenes":
+        raise Mistake(f"new tracker {kind}: this would hide servobench's package '{kind}'")

@@ -1,0 +1,20 @@
+"""The contracts of all parts, as functions that anyone may run on a part of their own.
+
+    from servo.testing import check_tracker
+
+    def test_my_tracker():
+        check_tracker(Config)
+
+Each one takes a `Config` (class or instance), the name of a kind, or "module:Name", and raises
+`BrokenContract` with a sentence that says what to change.
+"""
+
+from servo.testing._given import BrokenContract
+from servo.testing.loop_parts import check_controller, check_estimator, check_features
+from servo.testing.trackers import check_tracker
+from servo.testing.world_parts import check_disturbance, check_motion, check_robot, check_target
+
+__all__ = [
+    "BrokenContract", "check_controller", "check_disturbance", "check_estimator",
+    "check_features", "check_motion", "check_robot", "check_target", "check_tracker",
+]  # fmt: skip

@@ -1,0 +1,97 @@
+"""What the checks begin with: a part from whatever names it, and things for it to work on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+
+from servo.sight import shape_moments
+from servo.types import Moments, Plane
+from sim import kinds
+from sim.installed import Trusted
+from sim.types import Array, Camera, Frame, Pose, Posture
+from tracking.types import Region, State
+
+FIRST, REGION = State(80.0, 60.0, 0.3, 1.0), Region(40.0, 20.0)
+"""Where the target of `film` is in the first picture, and its size."""
+CAMERA = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)
+OUTLINE = np.array([[-0.1, 0.05, 0.0], [0.1, 0.05, 0.0], [0.1, -0.05, 0.0], [-0.1, -0.05, 0.0]])
+"""The reference rectangle (4, 3) of a target [m]."""
+DOWN = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 1.0]))
+"""T_room_camera: straight down, 1 m above the table."""
+
+
+class BrokenContract(AssertionError):
+    """A part does not do what its kind must do; the sentence says what, and what would be right."""
+
+
+def require(holds: object, sentence: str) -> None:
+    """Raise the sentence where something does not hold.
+
+    Raises:
+        BrokenContract: It does not hold.
+    """
+    if not holds:
+        raise BrokenContract(sentence)
+
+
+def config_of(folder: str, part: Any) -> Any:
+    """The `Config` instance of what a check was given.
+
+    Raises:
+        BrokenContract: It is no part of this kind.
+    """
+    given = part
+    if dataclasses.is_dataclass(given) and not isinstance(given, type):
+        return given
+    try:
+        if isinstance(part, str):
+            return kinds.config_of(folder, Trusted(part))()
+        return kinds.as_config(folder, part, getattr(part, "__qualname__", repr(part)))()
+    except kinds.UnknownKind as error:
+        raise BrokenContract(str(error)) from error
+
+
+def built(config: Any, methods: tuple[str, ...], seed: int = 0) -> Any:
+    """What a `Config` builds, which must have these methods.
+
+    Raises:
+        BrokenContract: A method is missing.
+    """
+    found = config.build(np.random.default_rng(seed))
+    for name in methods:
+        require(callable(getattr(found, name, None)), f"build(rng) gave {type(found).__name__}, "
+                f"which has no method {name}")  # fmt: skip
+    return found
+
+
+def film(count: int, gone_after: int | None = None) -> Iterator[Frame]:
+    """A two-coloured target that drifts over a textured ground; gone later if asked."""
+    rng = np.random.default_rng(3)
+    ground = cv2.GaussianBlur(rng.integers(60, 140, (120, 160, 3)).astype(np.uint8), (0, 0), 2)
+    for k in range(count):
+        image = ground.astype(np.uint8)
+        if gone_after is None or k < gone_after:
+            box = cv2.boxPoints(((79.5 + k, 59.5), (40, 20), float(np.degrees(0.3))))
+            cv2.fillConvexPoly(image, np.round(box).astype(int), (30, 60, 220))
+            cv2.circle(image, (86 + k, 62), 5, (240, 240, 60), -1)
+        image.setflags(write=False)
+        yield Frame(image, k * 0.1, k)
+
+
+def posture() -> Posture:
+    """A robot without joints that stands still, its camera `DOWN`."""
+    return Posture(DOWN, np.zeros(6), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
+
+
+def seen_from(T_room_camera: Pose, T_room_target: Pose) -> tuple[Moments, Plane]:
+    """Moments and plane of the reference rectangle, exactly."""
+    T = T_room_camera.inverse() @ T_room_target
+    corners: Array = T.apply(OUTLINE)
+    normal = T.rotation[:, 2]
+    moments = shape_moments.of_polygon(corners[:, :2] / corners[:, 2:])
+    return moments, Plane(*(normal / (normal @ T.translation)).tolist())

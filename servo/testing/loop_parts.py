@@ -1,0 +1,163 @@
+"""The contracts of feature sets, estimators and controllers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from servo.estimators.none import Config as NoEstimate
+from servo.features.moments import Config as MomentsConfig
+from servo.parts import FeatureSet, Task
+from servo.testing._given import (
+    CAMERA,
+    DOWN,
+    OUTLINE,
+    built,
+    config_of,
+    posture,
+    require,
+    seen_from,
+)
+from servo.types import DOF, Command, OwnMotion, Prediction, Sight
+from sim.geometry import exp_se3
+from sim.types import Array, Pose
+
+STEP = 1e-6
+"""Twist times time of the finite differences."""
+TOLERANCE = 1e-4
+"""Of an interaction matrix against finite differences, relative to its largest entry."""
+POSES = ((0.02, 0.01, 0.2, 0.1), (-0.1, 0.05, -0.4, 0.0), (0.05, -0.08, 0.8, -0.15))
+"""Targets: x, y [m], heading [rad], and the tilt of the table [rad]."""
+DT = 0.1
+"""Time between two frames [s]."""
+
+
+def check_features(features: Any) -> None:
+    """Check that a feature set keeps the contract of `servo.parts.FeatureSet`.
+
+    Its matrix is compared with finite differences of its values.
+
+    Raises:
+        BrokenContract: It does not; the sentence says what to change.
+    """
+    found = _features(config_of("servo.features", features))
+    k = len(found.names)
+    require(k > 0 and len(set(found.names)) == k, f"names are {found.names}; all must differ")
+    require(len(found.units) == k, f"there are {k} names and {len(found.units)} units")
+    require(set(found.feed_forward) <= {*found.names}, "feed_forward names features that are none")
+    right = set(found.sole_dof) <= {*found.names} and set(found.sole_dof.values()) <= {*DOF}
+    require(right, f"sole_dof maps names of features to some of {', '.join(DOF)}")
+    noise = np.asarray(found.noise)
+    require(noise.shape == (k,) and (noise > 0).all(), f"noise is not {k} numbers above 0")
+    for x, y, heading, slope in POSES:
+        tilted = exp_se3(np.array([0.0, 0.0, 0.0, slope, 0.0, 0.0]))
+        _check_matrix(found, tilted @ Pose.planar(x, y, heading))
+
+
+def _features(config: Any) -> FeatureSet:
+    return config.build(OUTLINE)
+
+
+def _sight(target: Pose, camera: Pose = DOWN) -> Sight:
+    return Sight(*seen_from(camera, target))
+
+
+def _check_matrix(features: FeatureSet, target: Pose) -> None:
+    k, sight = len(features.names), _sight(target)
+    values, matrix = features.values(sight), features.matrix(sight)
+    require(np.shape(values) == (k,), f"values are {np.shape(values)}; they should be ({k},)")
+    require(np.shape(matrix) == (k, 6), f"the matrix is {np.shape(matrix)}, not ({k}, 6)")
+    zero = features.error(values, values)
+    require(not np.any(zero), f"error(s, s) is {zero}; it should be zero")
+    require(np.shape(features.known(sight)) == (k,), f"known is not {k} flags")
+    scales = np.asarray(features.scales(values))
+    require(scales.shape == (k,) and (scales > 0).all(), f"scales are not {k} numbers above 0")
+    found: list[Array] = []
+    for twist in STEP * np.eye(6):
+        after, before = (
+            features.values(_sight(target, DOWN @ exp_se3(sign * twist))) for sign in (1, -1)
+        )
+        found.append(features.error(after, before) / (2 * STEP))
+    wrong = np.abs(matrix - np.column_stack(found))
+    row, column = np.unravel_index(np.argmax(wrong), wrong.shape)
+    require(
+        wrong.max() <= TOLERANCE * max(1.0, np.abs(matrix).max()),
+        f"the matrix of {features.names[row]} to {DOF[column]} is {matrix[row, column]:.6g}, but "
+        f"its values change by {found[column][row]:.6g}: ds/dt = L v must hold",
+    )
+
+
+def check_estimator(estimator: Any) -> None:
+    """Check that an estimator keeps the contract of `servo.parts.Estimator`.
+
+    Raises:
+        BrokenContract: It does not; the sentence says what to change.
+    """
+    config = config_of("servo.estimators", estimator)
+    once, again = (_estimates(config) for _ in range(2))
+    require(all(np.array_equal(a, b) for a, b in zip(once, again, strict=True)),
+            "the same errors gave other estimates the second time; draw random numbers from the "
+            "generator given to build(rng) only")  # fmt: skip
+
+
+def _estimates(config: Any) -> list[Array]:
+    features = MomentsConfig().build(OUTLINE)
+    k, rng = len(features.names), np.random.default_rng(1)
+    estimator = built(config, ("start", "update", "skip"))
+    estimator.start(features)
+    rest = OwnMotion(np.zeros(k), np.zeros((0, k)))
+    _check_prediction(estimator.skip(rest, DT), k, "skip before any update")
+    found: list[Array] = []
+    for i in range(20):
+        hidden = 12 <= i < 15
+        error = 0.01 * i + rng.normal(0, 1e-4, k)
+        prediction = estimator.skip(rest, DT) if hidden else estimator.update(error, rest, DT)
+        _check_prediction(prediction, k, "skip" if hidden else "update")
+        found += [prediction.error, prediction.motion]
+    return found
+
+
+def _check_prediction(p: Any, k: int, where: str) -> None:
+    require(isinstance(p, Prediction), f"{where} returned {type(p).__name__}, not a Prediction")
+    for name in ("error", "motion"):
+        values = np.asarray(getattr(p, name))
+        right = values.shape == (k,) and np.isfinite(values).all()
+        require(right, f"{where}: {name} is {values}; it should be {k} finite numbers")
+    if where != "update":
+        require(np.isnan(p.innovation).all(), f"{where}: nothing was measured, so the innovation "
+                "is nan; Prediction.unmeasured makes such a value")  # fmt: skip
+
+
+def check_controller(controller: Any) -> None:
+    """Check that a controller keeps the contract of `servo.parts.Controller`.
+
+    Raises:
+        BrokenContract: It does not; the sentence says what to change.
+    """
+    config = config_of("servo.controllers", controller)
+    for latency in (0, 2):
+        once, again = (_twists(config, latency) for _ in range(2))
+        require(np.array_equal(once, again), "the same sights gave other twists the second time; "
+                "draw random numbers from the generator given to build(rng) only")  # fmt: skip
+
+
+def _twists(config: Any, latency: int) -> Array:
+    features, estimator = MomentsConfig().build(OUTLINE), built(NoEstimate(), ())
+    estimator.start(features)
+    goal, seen = _sight(Pose.planar(0.0, 0.0, 0.0)), _sight(Pose.planar(0.05, 0.02, 0.3))
+    controller = built(config, ("start", "aim", "command"))
+    controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
+    controller.aim(goal)
+    twists: list[Array] = []
+    for sight in (None, seen, None, seen, *[None] * 30, seen):
+        command = controller.command(sight, posture(), DT)
+        kind = type(command).__name__
+        require(isinstance(command, Command), f"command returned {kind}; return a Command")
+        twist = np.asarray(command.twist)
+        right = twist.shape == (6,) and np.isfinite(twist).all()
+        what = "seen" if sight is not None else "not seen"
+        require(right, f"the twist is {twist} where the target is {what}; it should be six finite "
+                "numbers (vx, vy, vz, wx, wy, wz)")  # fmt: skip
+        twists.append(twist)
+    return np.array(twists)
