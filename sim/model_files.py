@@ -6,6 +6,7 @@ models that are too large are refused before they are loaded.
 # MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any, NoReturn
@@ -103,6 +104,19 @@ def read_tree(path: Path, what: str) -> Element:
     except ValueError as error:
         raise ValueError(_sentence(path, what, str(error))) from None
     return tree
+
+
+def urdf_speeds(path: Path) -> dict[str, float]:
+    """The largest rates of a URDF's joints by name [rad/s or m/s], which MuJoCo does not read.
+
+    Raises:
+        ValueError: As for `read_tree`.
+    """
+    limits = {joint.get("name", ""): joint.find("limit")
+              for joint in read_tree(path, "robot model").findall("joint")}  # fmt: skip
+    given = {name: float(limit.get("velocity", "0")) for name, limit in limits.items()
+             if limit is not None}  # fmt: skip
+    return {name: speed for name, speed in given.items() if 0 < speed < math.inf}
 
 
 def _sentence(path: Path, what: str, reason: str) -> str:
