@@ -41,13 +41,15 @@ def name_all(spec: mujoco.MjSpec) -> None:
 
 
 def chain_to(model: mujoco.MjModel, name: str) -> Chain:
-    """The chain to a body or site; to the end of the longest chain where the name is empty.
+    """The chain to a body or site; where the name is empty, to the end of the longest chain: the
+    only site of its last body, or that body.
 
     Raises:
         ValueError: There is nothing of that name, or its chain is not of hinges and slides only.
     """
-    if not name:
-        name = model.body(_end(model)).name
+    if model.njnt == 0:
+        raise ValueError("the model has no joints")
+    name = name or _default(model)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
     if body < 0 and site < 0:
@@ -94,6 +96,15 @@ def rotation_of(quat: Iterable[float]) -> Array:
     R = np.empty(9)
     mujoco.mju_quat2Mat(R, np.array(quat, float))
     return R.reshape(3, 3)
+
+
+def _default(model: mujoco.MjModel) -> str:
+    """The name of the last body's only site, or of the last body."""
+    body = _end(model)
+    sites = [
+        name for i in np.flatnonzero(model.site_bodyid == body) if (name := model.site(i).name)
+    ]
+    return sites[0] if len(sites) == 1 else model.body(body).name
 
 
 def _end(model: mujoco.MjModel) -> int:

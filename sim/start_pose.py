@@ -122,7 +122,7 @@ def _search(
         if left < nearest[0]:
             nearest = left, q
         if left < NEAR and _iterate(robot, data, q, T_world_camera):
-            found.append((_comfort(robot, data), data.qpos[robot.qpos].copy()))
+            found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
         if len(found) == ENOUGH:
             break
     _, data.qpos[robot.qpos] = max(found, key=lambda f: f[0]) if found else nearest
@@ -158,7 +158,7 @@ def _descend(
     return left
 
 
-def _comfort(robot: Jointed, data: mujoco.MjData) -> float:
+def comfort(robot: Jointed, data: mujoco.MjData) -> float:
     """How well the robot can move on: far from limits and singular poses, its links neither before
     the camera nor below the table.
     """

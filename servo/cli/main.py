@@ -16,6 +16,7 @@ from servo.cli.options import (
     PATH,
     SOURCE,
     Commands,
+    Numbers,
     changes_option,
     out_option,
     quiet_option,
@@ -195,6 +196,32 @@ def list_(what: str | None) -> None:
     from servo.cli.list_command import show, show_all
 
     show_all() if what is None else show(what)
+
+
+@app.command()
+@click.argument("model", type=PATH, help="Its file, MJCF or URDF.")
+@click.option("--flange", default="", help="The body or site that carries the camera.")
+@click.option(
+    "--mount", type=Numbers(6), metavar="X,Y,Z,R,P,Y",
+    help="The camera in the flange [m, deg] (default: it looks along the flange's z).",
+)  # fmt: skip
+@click.option("--camera", default="", help="A camera of the model, in place of flange and mount.")
+@click.option(
+    "--base", type=Numbers(4), metavar="X,Y,Z,YAW",
+    help="Where it stands in the room [m, deg] (default: proposed from its reach).",
+)  # fmt: skip
+@click.option(
+    "--out", type=PATH, default=Path("robot.png"), show_default=True, help="Picture to write."
+)
+def robot(
+    model: Path, flange: str, mount: list[float] | None, camera: str, base: list[float] | None,
+    out: Path,
+) -> None:  # fmt: skip
+    """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
+    from servo.cli.robot_command import examine
+
+    given = {"model": str(model), "flange": flange, "mount": mount, "camera": camera, "base": base}
+    sys.exit(examine({key: value for key, value in given.items() if value}, out))
 
 
 @app.command()

@@ -13,6 +13,7 @@ from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
+from servo.scenario.beside import found_beside
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
 from servo.scenario.override import override, put
@@ -171,7 +172,8 @@ def read(name: str) -> tuple[Table, str]:
         Mistake: There is no such file, or it is no TOML.
     """
     path = path_of(name)
-    return toml.decode(toml.read(path, "scenario"), path.name), path.name
+    table = toml.decode(toml.read(path, "scenario"), path.name)
+    return (table if name in shipped() else found_beside(table, path.parent)), path.name
 
 
 def parse(table: Table, name: str, place: str) -> Scenario:

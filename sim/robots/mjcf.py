@@ -40,8 +40,8 @@ class Config(Drives):
     """Where it stands in the room: x, y, z [m], and its turn about z [deg]; by default behind the
     table's middle, 0.6 m above it, its x towards the middle."""
     flange: str = ""
-    """The body or site that carries the camera; by default the end of the longest chain of joints,
-    or where that branches into fingers."""
+    """The body or site that carries the camera; by default the end of the longest chain of joints
+    (its only site, if it has one), or where that branches into fingers."""
     mount: tuple[Place, Place, Place, Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """The camera in the flange: x, y, z [m], roll, pitch, yaw [deg] about fixed axes as in URDF;
     with zeros it is in the flange's origin and looks along its z, with x to the right."""
