@@ -96,7 +96,7 @@ class Mode(Enum):
     """What a controller is doing; each member carries its sentence."""
 
     SERVOING = "The target is seen and followed."
-    COASTING = "The target is not seen: the camera goes on as the estimate says."
+    COASTING = "The target is not seen: the camera follows the predicted motion."
     HOLDING = "The target has not been seen for too long: the camera stands."
     SEARCHING = "The camera searches for the target."
 

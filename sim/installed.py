@@ -75,6 +75,10 @@ def imported(path: str) -> Any:
         BrokenPart: It cannot be imported; an error of the module itself is the cause.
     """
     module, _, name = path.partition(":")
+    if not all(map(str.isidentifier, [*module.split("."), *name.split(".")])):
+        example = "my_package.my_module:Config"
+        raise BrokenPart(f"'{path}' should be module:Name, such as {example}")
+    importlib.invalidate_caches()  # the module may have been written a moment ago
     try:
         if importlib.util.find_spec(module.partition(".")[0]) is None:
             sys.path.append(str(Path.cwd()))

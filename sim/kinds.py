@@ -61,9 +61,10 @@ def config_of(folder: str, kind: str) -> type[Any]:
 
 
 def as_config(folder: str, found: Any, name: str) -> type[Any]:
-    """A `Config` class for what somebody gives as a part of a kind of folder.
+    """A `Config` class for an object that is given as a part.
 
-    A folder may adapt other things: its function `adapted` makes a `Config` class of them.
+    A folder may adapt other things: its function `adapted` makes a `Config` class of them, or
+    gives None.
 
     Raises:
         UnknownKind: It is no `Config`, and the folder cannot adapt it.
@@ -71,9 +72,9 @@ def as_config(folder: str, found: Any, name: str) -> type[Any]:
     if isinstance(found, type) and callable(getattr(found, "build", None)):
         _check_config(found, name)
         return found
-    adapted = getattr(importlib.import_module(folder), "adapted", None)
-    if adapted is not None and callable(found):
-        return adapted(found)
+    adapt = getattr(importlib.import_module(folder), "adapted", None)
+    if adapt is not None and (adapted := adapt(found)) is not None:
+        return adapted
     raise UnknownKind(f"'{name}' is no Config: that is a dataclass with a method build(rng)")
 
 

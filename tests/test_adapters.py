@@ -1,5 +1,8 @@
 """Other toolkits' conventions, each driven as the toolkit itself drives it."""
 
+import subprocess
+import sys
+from collections import namedtuple
 from dataclasses import dataclass
 
 import cv2
@@ -117,7 +120,7 @@ def test_each_picture_has_the_time_of_its_number(monkeypatch):
             seen.append((frame.index, frame.time))
             return Estimate(self.given[1], np.zeros((4, 4)), 0.0, Status.LOCKED)
 
-    monkeypatch.setattr("tracking.adapters.create", lambda *_, **__: Watching())
+    monkeypatch.setattr("tracking.adapters.follower.create", lambda *_, **__: Watching())
     tracker = OpenCVTracker("kams", rate=10.0)
     for _ in range(2):  # a target that is given anew begins at 0 again
         seen.clear()
@@ -126,3 +129,102 @@ def test_each_picture_has_the_time_of_its_number(monkeypatch):
             tracker.update(bgr(k))
         assert seen == [(0, 0.0), (1, pytest.approx(0.1)), (2, pytest.approx(0.2)),
                         (3, pytest.approx(0.3))]  # fmt: skip
+
+
+def written(folder, count=FRAMES):
+    for k in range(count):
+        cv2.imwrite(str(folder / f"{k:04}.jpg"), bgr(k), [cv2.IMWRITE_JPEG_QUALITY, 95])
+    return [str(folder / f"{k:04}.jpg") for k in range(count)]
+
+
+def check_track(boxes, times):
+    assert boxes.shape == (FRAMES, 4)
+    np.testing.assert_array_equal(boxes[0], (41, 31, 30, 20))
+    np.testing.assert_allclose(boxes[:, 0], 41 + 3 * np.arange(FRAMES), atol=1.0)
+    assert times.shape == (FRAMES,)
+    assert (times > 0).all()
+
+
+def test_got10ks_experiments_call_track(tmp_path):
+    """As `ExperimentOTB.run` of the toolkit 0.1.3 does it, whatever the tracker's class."""
+    boxes, times = Got10kTracker("mk_ssd").track(
+        written(tmp_path), np.array([41.0, 31, 30, 20]), visualize=False
+    )
+    check_track(boxes, times)
+
+
+def test_a_picture_that_is_none_is_named_in_a_track(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"no picture")
+    with pytest.raises(ValueError, match=r"a\.jpg: this is no picture"):
+        Got10kTracker("mk_ssd").track([str(tmp_path / "a.jpg")], (41, 31, 30, 20))
+
+
+def test_got10ks_toolkit_itself(tmp_path, monkeypatch):
+    pytest.importorskip("got10k", reason="the toolkit is not installed")
+    from got10k.datasets import OTB
+    from got10k.experiments import ExperimentOTB
+
+    folder = tmp_path / "otb" / "Crossing" / "img"
+    folder.mkdir(parents=True)
+    written(folder)
+    truth = "\n".join(f"{41 + 3 * k},31,30,20" for k in range(FRAMES))
+    (folder.parent / "groundtruth_rect.txt").write_text(truth)
+    monkeypatch.setattr(OTB, "_download", lambda *_: None)  # it has what it needs
+    experiment = ExperimentOTB(str(tmp_path / "otb"), 2013, str(tmp_path / "results"))
+    experiment.run(Got10kTracker("mk_ssd"))
+    found = np.loadtxt(tmp_path / "results" / "OTB2013" / "mk_ssd" / "Crossing.txt", delimiter=",")
+    times = tmp_path / "results" / "OTB2013" / "mk_ssd" / "times" / "Crossing_time.txt"
+    check_track(found, np.loadtxt(times))
+
+
+Point = namedtuple("Point", ["x", "y"])
+Polygon = namedtuple("Polygon", ["points"])
+Box = namedtuple("Box", ["x", "y", "width", "height"])
+
+
+class NewHandle(Handle):
+    """The integration of 2026: regions are named tuples, and no confidence is taken."""
+
+    def __init__(self, paths, given):
+        super().__init__(paths)
+        self.given = given
+
+    def region(self):
+        return self.given
+
+    def report(self, status):
+        self.reports.append(status)
+
+
+def test_vots_newer_integration_takes_polygons_and_no_confidence(tmp_path):
+    corners = [(40, 30), (70, 30), (70, 50), (40, 50)]
+    handle = NewHandle(written(tmp_path), Polygon([Point(*corner) for corner in corners]))
+    run_vot(handle, "mk_ssd")
+    assert len(handle.reports) == FRAMES - 1
+    for k, found in enumerate(handle.reports, 1):
+        assert isinstance(found, Polygon)
+        assert isinstance(found.points[0], Point)
+        np.testing.assert_allclose(found.points, np.add(corners, (3 * k, 0)), atol=1.5)
+    boxes = NewHandle(written(tmp_path), Box(40, 30, 30, 20))
+    run_vot(boxes, "mk_ssd")
+    assert isinstance(boxes.reports[-1], Box)
+
+
+def test_traxs_own_client_follows_with_ours(tmp_path):
+    trax = pytest.importorskip("trax.client", reason="vot-trax is not installed")
+    from trax.image import FileImage
+    from trax.region import Rectangle as TraxRectangle
+
+    paths = written(tmp_path)
+    command = [sys.executable, "-m", "tracking.adapters.trax_server", "mk_ssd"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
+        pipes = (server.stdin.fileno(), server.stdout.fileno())
+        client = trax.Client(pipes, log=lambda _: None)
+        first = {"color": FileImage.create(paths[0])}
+        client.initialize(first, [(TraxRectangle.create(40, 30, 30, 20), {})], {})
+        for k, path in enumerate(paths[1:], 1):
+            status, _ = client.frame({"color": FileImage.create(path)}, {}, [])
+            left, top, *_ = status[0][0].bounds()
+            assert (left, top) == pytest.approx((40 + 3 * k, 30), abs=1.0)
+        client.quit()
+        assert server.wait(10) == 0

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,14 +10,7 @@ import pytest
 from servo import testing
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.testing import BrokenContract, check_features, check_tracker
-from servo.testing.loop_parts import check_controller, check_estimator
-from servo.testing.world_parts import check_disturbance, check_motion, check_robot, check_target
-from servo.types import Command, Prediction
 from sim import kinds
-from sim.robots import gantry
-from sim.target import rectangle
-from sim.targets import car
-from sim.types import Effect, Pose
 from tracking.types import Estimate, State, Status, check_region, unknown_covariance
 
 FOLDERS = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
@@ -152,138 +144,3 @@ def test_what_is_no_part_is_a_sentence(part, sentence):
     with pytest.raises(BrokenContract) as broken:
         check_tracker(part)
     assert str(broken.value).startswith(sentence)
-
-
-class Centre:
-    """The centroid as features, right by the textbook for a target parallel to the image."""
-
-    names, units, noise = ("x", "y"), ("1", "1"), np.full(2, 1e-3)
-    feed_forward, sole_dof = ("x",), {}
-
-    def values(self, sight):
-        return np.array([sight.moments.xg, sight.moments.yg])
-
-    def matrix(self, sight):
-        from servo.features._interaction import interaction
-
-        m = sight.moments  # xn = an xg with an = K / sqrt(a): differentiate the quotient
-        L, an = interaction(m, sight.plane, 1.0), 1 / math.sqrt(m.area)
-        return np.array([(L[0] - m.xg * L[2]) / an, (L[1] - m.yg * L[2]) / an])
-
-    def error(self, values, goal):
-        return values - goal
-
-    def known(self, sight):
-        return np.array([True, True])
-
-    def scales(self, goal):
-        return np.ones(2)
-
-
-def features(**changes):
-    @dataclass(frozen=True)
-    class Config:
-        def build(self, outline):
-            return type("Changed", (Centre,), changes)()
-
-    return Config
-
-
-FEATURES = {
-    "names are ('x', 'x'); all must differ": {"names": ("x", "x")},
-    "there are 2 names and 1 units": {"units": ("1",)},
-    "feed_forward names features that are none": {"feed_forward": ("z",)},
-    "sole_dof maps names of features to some of vx, vy": {"sole_dof": {"x": "ux"}},
-    "noise is not 2 numbers above 0": {"noise": np.zeros(2)},
-    "values are (3,); they should be (2,)": {"values": lambda self, sight: np.zeros(3)},
-    "the matrix is (6, 2), not (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
-    "error(s, s) is [1. 1.]; it should be zero": {"error": lambda self, s, g: np.ones(2)},
-    "known is not 2 flags": {"known": lambda self, sight: True},
-    "scales are not 2 numbers above 0": {"scales": lambda self, goal: np.zeros(2)},
-    "its values change by": {"matrix": lambda self, s: 1.01 * Centre.matrix(self, s)},
-}
-
-
-def test_features_of_a_user_pass():
-    check_features(features())
-
-
-@pytest.mark.parametrize("sentence", FEATURES)
-def test_broken_features_get_their_sentence(sentence):
-    with pytest.raises(BrokenContract) as broken:
-        check_features(features(**FEATURES[sentence]))
-    assert sentence in str(broken.value)
-
-
-def estimator(update=None, skip=None):
-    def make(rng):
-        zero = Prediction.unmeasured(np.zeros(4), np.zeros(4))
-        return SimpleNamespace(
-            start=lambda features: None, rng=rng,
-            update=lambda error, own, dt: (update or (lambda r: zero))(rng),
-            skip=lambda own, dt: (skip or (lambda r: zero))(rng),
-        )  # fmt: skip
-
-    return config_for(make)
-
-
-def predicted(error):
-    return lambda rng: Prediction.unmeasured(error(rng), np.zeros(4))
-
-
-OTHER_PARTS = {
-    "skip before any update returned NoneType, not a Prediction": (
-        check_estimator, estimator(skip=lambda r: None)),
-    "update: error is [0. 0. 0.]; it should be 4 finite numbers": (
-        check_estimator, estimator(update=predicted(lambda r: np.zeros(3)))),
-    "nothing was measured, so the innovation is nan": (
-        check_estimator, estimator(skip=lambda r: Prediction(*np.zeros((4, 4))))),
-    "the same errors gave other estimates the second time": (
-        check_estimator, estimator(update=predicted(lambda r: np.random.default_rng().random(4)))),
-    "command returned NoneType; return a Command": (check_controller, config_for(
-        lambda rng: SimpleNamespace(start=print, aim=print, command=lambda *a: None))),
-    "it should be six finite numbers (vx, vy, vz, wx, wy, wz)": (check_controller, config_for(
-        lambda rng: SimpleNamespace(
-            start=lambda t: None, aim=lambda g: None, command=lambda *a: Command(np.zeros(5))))),
-    "the same sights gave other twists the second time": (check_controller, config_for(
-        lambda rng: SimpleNamespace(
-            start=lambda t: None, aim=lambda g: None,
-            command=lambda *a: Command(np.random.default_rng().random(6))))),
-    "at(-0.1) returned NoneType, not a Pose": (
-        check_motion, config_for(lambda rng: SimpleNamespace(at=lambda t: None))),
-    "at(-0.1) is no pose": (check_motion, config_for(
-        lambda rng: SimpleNamespace(at=lambda t: Pose(2 * np.eye(3), np.zeros(3))))),
-    "jumps by 1 m within a millisecond": (check_motion, config_for(
-        lambda rng: SimpleNamespace(at=lambda t: Pose(np.eye(3), np.array([t > 1, 0.0, 0.0]))))),
-    "draw from build(rng) only": (check_motion, config_for(
-        lambda rng: SimpleNamespace(
-            at=lambda t: Pose(np.eye(3), 1e-3 * np.random.default_rng().random(3))))),
-    "it has no tuple `props`": (
-        check_disturbance, config_for(lambda rng: SimpleNamespace(at=lambda t: Effect()))),
-    "it does something before time 0": (check_disturbance, config_for(
-        lambda rng: SimpleNamespace(props=(), at=lambda t: Effect(gain=2.0)))),
-    "build(rng) gave NoneType; return a Design": (check_robot, config_for(lambda rng: None)),
-    "a home has 2 joints; the robot has 6": (check_robot, config_for(
-        lambda rng: dataclasses.replace(gantry.Config().build(rng), homes=((0.0, 0.0),)))),
-    "build(rng) gave NoneType; return a Target": (check_target, config_for(lambda rng: None)),
-    "the outline is not level": (check_target, config_for(
-        lambda rng: dataclasses.replace(
-            car.Config().build(rng), outline=rectangle(np.zeros(3), 0.2, 0.1) + np.eye(4, 3)))),
-    "the outline's corners are in another order": (check_target, config_for(
-        lambda rng: dataclasses.replace(
-            car.Config().build(rng), outline=rectangle(np.zeros(3), 0.2, 0.1)[::-1]))),
-    "the outline is 20 x 0.1 m; its sides go from 0.001 to 2": (check_target, config_for(
-        lambda rng: dataclasses.replace(
-            car.Config().build(rng), outline=rectangle(np.zeros(3), 20.0, 0.1)))),
-    "its model has no geoms": (check_target, config_for(
-        lambda rng: dataclasses.replace(car.Config().build(rng), spec=type(
-            car.Config().build(rng).spec)()))),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("sentence", OTHER_PARTS)
-def test_another_broken_part_gets_its_sentence(sentence):
-    check, config = OTHER_PARTS[sentence]
-    with pytest.raises(BrokenContract) as broken:
-        check(config)
-    assert sentence in str(broken.value)

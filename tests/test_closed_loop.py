@@ -9,8 +9,9 @@ from servo.cli import main
 from servo.papers.claim import contender
 from sim import kinds
 from tracking import create
+from tracking.external import OF_THE_USER
 
-TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind != "frozen"]
+TRACKERS = [k for k in kinds.names("tracking.trackers") if k not in OF_THE_USER | {"frozen"}]
 SHORT = ("run.duration=4.0", "measure.after=3.0")
 MOST_PX = 4.0
 """The camera ends this near the target; OpenCV's whole-pixel boxes are the worst, at 2.9."""

@@ -42,7 +42,9 @@ EVERYTHING = {
 EARLY = {"start": 0.05, "duration": 0.1}
 """Settings of a disturbance with which it acts within a short run."""
 REFUSED = ("the robot cannot bring the camera", "whole steps", "most of it outside the image",
-           "both sides must be at least 4 px", "no part of the twist move")  # fmt: skip
+           "both sides must be at least 4 px", "no part of the twist move",
+           "this OpenCV has no tracker", "has no model file", "has no score",
+           "a TraX server needs a command", "cannot be started")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
 

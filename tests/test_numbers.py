@@ -15,12 +15,14 @@ from servo.scenario.load import load
 from servo.types import OwnMotion
 from sim import kinds
 from sim.types import Frame
+from tracking.external import OF_THE_USER
 from tracking.types import Region, State
 
 GENERATORS = "tracking.evaluation.sequences.generators"
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 TRACKERS = "tracking.trackers"
-PRESETS = [(kind, name) for kind in kinds.names(TRACKERS)
+KINDS = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]
+PRESETS = [(kind, name) for kind in KINDS
            for name in ("", *kinds.presets(TRACKERS, kind))]  # fmt: skip
 ROUNDING = 1e-4
 """Other processors round otherwise: a track may differ by this share."""
@@ -127,7 +129,7 @@ def test_every_tracker_goes_this_way(approved, kind, preset):
     approved(f"tracks/{kind}{'-' * bool(preset)}{preset}", track(kind, settings), ROUNDING)
 
 
-@pytest.mark.parametrize("kind", kinds.names(TRACKERS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_choice_of_a_tracker_goes_this_way(approved, kind):
     """Each word that a setting may have, and each switch the other way round."""
     config, others = kinds.config_of(TRACKERS, kind), {}

@@ -19,6 +19,7 @@ from servo.cli import (
 )
 from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
 from servo.loop.step import Seconds
+from servo.output import versions as found_versions
 from servo.output.command_line import command_line
 from servo.output.recording import archetypes, track_log
 from servo.papers.claim import Claim, Verdict
@@ -196,3 +197,34 @@ BLUEPRINTS = {
 @pytest.mark.parametrize(("name", "blueprint"), BLUEPRINTS.items())
 def test_the_viewer_is_laid_out_so(name, blueprint, approved):
     approved(f"prints/viewer-{name}", plan(blueprint()))
+
+
+@pytest.mark.parametrize(
+    ("there", "sentence"),
+    [
+        (["opencv-python-headless"], ""),
+        (["opencv-contrib-python"], ""),
+        (["opencv-contrib-python-headless", "opencv-python-headless"],
+         "opencv-python-headless and opencv-contrib-python-headless write into the same folder "
+         "cv2: uninstall all, then install one; the contrib ones hold all that the others do"),
+    ],
+)  # fmt: skip
+def test_several_opencvs_are_a_clash(there, sentence, monkeypatch):
+    monkeypatch.setattr(found_versions, "installed", lambda name: name in there)
+    assert found_versions.clash() == sentence
+
+
+def test_any_opencv_has_its_version_in_every_result(monkeypatch):
+    """A user of the contrib modules has another distribution than the one we require."""
+
+    def version(name):
+        if name == "opencv-python-headless":
+            raise found_versions.metadata.PackageNotFoundError(name)
+        return f"{name} 1"
+
+    monkeypatch.setattr(found_versions, "metadata", SimpleNamespace(
+        version=version, PackageNotFoundError=found_versions.metadata.PackageNotFoundError
+    ))  # fmt: skip
+    named = found_versions.versions()
+    assert "opencv-python-headless" not in named
+    assert named["opencv-contrib-python"] == "opencv-contrib-python 1"

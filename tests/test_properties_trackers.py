@@ -11,7 +11,7 @@ from sim.types import Frame
 from tracking import create
 from tracking.types import Region, State, Status
 
-KINDS = kinds.names("tracking.trackers")
+KINDS = [kind for kind in kinds.names("tracking.trackers") if kind != "trax"]
 EXAMPLES = 20
 UHD = (3840, 2160)
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -125,8 +125,8 @@ def test_a_4k_picture_is_a_picture(kind, size, uhd):
     state = State(UHD[0] / 2, UHD[1] / 2, 0.02)
     found = followed(kind, uhd, Region(*size), state)
     if isinstance(found, str):
-        assert kind == "cv_mil"
-        assert found.endswith("MIL needs room around it to learn from")
+        assert kind in ("cv_mil", "opencv")
+        assert "MIL needs room around it to learn" in found or "OpenCV's MIL refuses it" in found
     else:
         check(found)
 

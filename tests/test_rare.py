@@ -21,6 +21,7 @@ from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.evaluation.sequences.sequence import source_of
 from tracking.evaluation.sequences.sources import Live
+from tracking.external import OF_THE_USER
 from tracking.types import Region, State
 
 
@@ -173,7 +174,8 @@ def test_too_many_runs_of_one_command_are_refused():
 
 @pytest.mark.parametrize(("suite", "asked", "labels"), [
     ("listed", None, ["nothing"]), ("listed", "kams,sok", ["kams", "sok"]),
-    ("plain", "sok", ["sok"]), ("plain", None, kinds.names("tracking.trackers")),
+    ("plain", "sok", ["sok"]),
+    ("plain", None, [k for k in kinds.names("tracking.trackers") if k not in OF_THE_USER]),
 ])  # fmt: skip
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     suite, asked, labels, monkeypatch, tmp_path

@@ -1,14 +1,16 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.track import Track
+from tracking.evaluation.sequences.sources import Picture
+from tracking.evaluation.track import Shot, Track
+from tracking.evaluation.track_file import TrackFile, read
 from tracking.evaluation.track_measures import (
     MEASURES,
     Comparison,
     frames_until_loss,
     measure_all,
 )
-from tracking.types import Region, State
+from tracking.types import Estimate, Region, State, Status, unknown_covariance
 
 REGION = Region(40.0, 20.0)
 
@@ -97,3 +99,20 @@ def test_frames_without_the_target_count_only_for_the_lost_signal():
 def test_every_measure_says_what_it_is():
     assert len({m.name for m in MEASURES}) == len(MEASURES)
     assert all(m.meaning and m.better.value in ("higher", "lower") for m in MEASURES)
+
+
+def test_a_tracker_that_reports_corners_is_measured_by_them(tmp_path):
+    """The state is a rectangle of 40 x 20 px; the corners, those of the truth, are half of it."""
+    state, half = State(100.0, 50.0), np.array([[80.0, 40], [120, 40], [120, 60], [80, 40.001]])
+    plain = Estimate(state, unknown_covariance(), 0.1, Status.LOCKED)
+    cornered = Estimate(state, unknown_covariance(), 0.1, Status.LOCKED, corners=half)
+    shots = [Shot(Picture(str(k), k / 30, None), k, estimate, 0.0, (200, 100))
+             for k, estimate in enumerate([plain, cornered])]  # fmt: skip
+    truth = np.stack([half, half])
+    comparison = Comparison.of(Track.of(shots, REGION), truth)
+    np.testing.assert_allclose(comparison.turned_overlaps, [0.5, 1.0], atol=1e-3)
+    file = TrackFile(tmp_path / "track.csv", REGION)
+    for shot in shots:
+        file.add(shot)
+    file.close()
+    np.testing.assert_allclose(read(tmp_path / "track.csv").corners[1], half, atol=1e-5)

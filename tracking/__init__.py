@@ -1,6 +1,7 @@
 """Frames in, estimates out: trackers put together from shared parts.
 
-They see frames, never the world behind them. `create` gives a tracker by its kind.
+They see frames, never the world behind them. `create` gives a tracker by its kind, `wrap` makes one
+of a class with another convention.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from sim import kinds
 from sim.installed import Trusted
 
 if TYPE_CHECKING:
+    from tracking.external.wrapped import wrap
     from tracking.types import Tracker
 
-__all__ = ["create"]
+__all__ = ["create", "wrap"]
 
 FOLDER = "tracking.trackers"
 
@@ -37,3 +39,11 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     begin = {} if preset is None else kinds.preset(FOLDER, kind, preset)
     config = kinds.config_of(FOLDER, kind)(**begin | settings)
     return config.build(np.random.default_rng(seed))
+
+
+def __getattr__(name: str) -> Any:
+    if name == "wrap":  # imported with what it needs, and only then
+        from tracking.external.wrapped import wrap
+
+        return wrap
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

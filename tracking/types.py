@@ -85,7 +85,8 @@ class Estimate:
     covariance: Array
     """Covariance (4, 4) of (x, y, theta, ln scale); nan where the tracker has none."""
     distance: float
-    """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1."""
+    """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1; or
+    1 - the score of a tracker that is judged by its own."""
     status: Status
     """How sure the tracker is."""
     follows: tuple[bool, bool] = (True, True)
@@ -97,8 +98,12 @@ class Estimate:
     particles: Array | None = None
     """Particles (N, 5): x, y, theta, scale, weight; weights sum to 1."""
     corners: Array | None = None
-    """Corners (4, 2) of the target [px], in the order of `Region.corners`, from a tracker that
-    follows more than position, angle and size."""
+    """Corners (4, 2) [px] in the order of the region's, where the tracker follows more than a
+    similarity: the outline in place of the region at `state`."""
+
+    def outline(self, region: Region) -> Array:
+        """Corners (4, 2) of the target [px]: those reported, else the region's at the state."""
+        return region.corners(self.state) if self.corners is None else self.corners
 
 
 def unknown_covariance() -> Array:

@@ -16,6 +16,7 @@ from sim.installed import Trusted
 from tracking.evaluation.sequences.sequence import is_folder, read_all
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.sequences.truth import Format
+from tracking.external import OF_THE_USER
 
 GENERATORS, TRACKERS = "tracking.evaluation.sequences.generators", "tracking.trackers"
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
@@ -54,7 +55,8 @@ def contenders(text: str | None) -> list[Contender]:
     Raises:
         Mistake: There is no such tracker or preset.
     """
-    words = kinds.names(TRACKERS) if text is None else [w.strip() for w in text.split(",")]
+    every = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]
+    words = every if text is None else [w.strip() for w in text.split(",")]
     chosen: list[dict[str, Any]] = []
     known = kinds.names(TRACKERS)
     for word in words:

@@ -14,7 +14,7 @@ from servo.cli import speed
 from servo.cli.terminal import plain
 from servo.loop.episode import Episode
 from servo.output.run_folder import RECORDING, RunFolder
-from servo.output.versions import versions
+from servo.output.versions import clash, versions
 from servo.scenario import load as scenarios
 from sim import gl
 
@@ -46,6 +46,8 @@ def examine(*, bench: bool) -> int:
     for name, value in rows.items():
         table.add_row(name, value)
     console.print(table)
+    if sentence := clash():
+        plain(console, f"servobench: {sentence}")
     if bench:
         _bench(console)
     return 0

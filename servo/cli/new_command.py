@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import keyword
 import re
+import sys
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
@@ -21,6 +23,10 @@ FILES = {
     "test_tracker.py.jinja": "tests/test_{module}.py",
 }
 """Templates, and the files that are made of them."""
+TAKEN = {
+    "servobench's package '{}'": {*kinds.OWN, "scenes"},
+    "Python's module '{}'": sys.stdlib_module_names,
+}
 
 
 def new_tracker(kind: str, folder: Path | None) -> list[Path]:
@@ -63,5 +69,7 @@ def _check_name(kind: str) -> None:
         )
     if kind in kinds.names("tracking.trackers"):
         raise Mistake(f"new tracker {kind}: there is a tracker '{kind}' already")
-    if kind in kinds.OWN or kind == "scenes":
-        raise Mistake(f"new tracker {kind}: this would hide servobench's package '{kind}'")
+    owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
+    if owner or find_spec(kind) is not None:
+        what = owner or "the module '{}', which is installed here"
+        raise Mistake(f"new tracker {kind}: this would hide {what.format(kind)}")

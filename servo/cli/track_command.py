@@ -77,11 +77,8 @@ def run(request: TrackRequest) -> int:
     except ValueError as error:
         raise Mistake(str(error)) from None
     tracker = config.build(np.random.default_rng(request.seed))
-    shots = itertools.islice(follow(tracker, source, region, start), request.frames)
-    try:
-        first = next(shots, None)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
+    shots = _told(itertools.islice(follow(tracker, source, region, start), request.frames))
+    first = next(shots, None)
     if first is None:
         raise Mistake(f"{request.source}: there is not one picture in it")
     kind = settings["kind"]
@@ -100,6 +97,14 @@ def run(request: TrackRequest) -> int:
     if files.refused is not None:
         raise files.refused
     return code
+
+
+def _told(shots: Iterator[Shot]) -> Iterator[Shot]:
+    """Shots, with what a tracker refuses at any of them as a sentence."""
+    try:
+        yield from shots
+    except ValueError as error:
+        raise Mistake(str(error)) from None
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:

@@ -37,7 +37,7 @@ class Episode:
         self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
         self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
         with ExitStack() as unless_ready, self._naming_parts():
-            unless_ready.callback(self.close)  # nobody else can
+            unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world()
             self.loop = Loop(scenario, self.world.camera, self.world.outline)
             self._parts |= self.loop.parts

@@ -72,8 +72,9 @@ def check_estimate(estimate: Any, config: Any) -> Estimate:
         what = f"update returned x = {s.x:g}, y = {s.y:g}, theta = {s.theta:g}, "
         what += f"scale = {s.scale:g}, distance = {estimate.distance:g}; all must be finite"
         raise PartFailed.by("tracker", config, f"{what}, and the scale above 0")
-    if estimate.status not in Status:
-        raise PartFailed.by("tracker", config, f"update returned the status {estimate.status!r}")
+    status: Any = estimate.status
+    if not isinstance(status, Status):
+        raise PartFailed.by("tracker", config, f"update returned the status {status!r}")
     corners = estimate.corners
     if corners is not None and (np.shape(corners) != (4, 2) or not np.isfinite(corners).all()):
         what = "update returned corners that are not four points (4, 2) of finite numbers"

@@ -9,15 +9,14 @@ from pathlib import Path
 
 from sim.installed import packages
 
-VERSIONED = (
-    "servobench",
-    "mujoco",
-    "numpy",
-    "numba",
+OPENCV = (
     "opencv-python-headless",
-    "filterpy",
-    "rerun-sdk",
+    "opencv-python",
+    "opencv-contrib-python-headless",
+    "opencv-contrib-python",
 )
+"""Distributions of `cv2`: all write into one folder, so that only one can be whole."""
+VERSIONED = ("servobench", "mujoco", "numpy", "numba", *OPENCV, "filterpy", "rerun-sdk")
 PACKAGES, ENDINGS = ("servo", "tracking", "sim", "scenes"), (".py", ".xml", ".png")
 """What our source is; the scenarios are kept with each result anyway."""
 PICTURES = "pictures"
@@ -31,8 +30,29 @@ def versions() -> dict[str, str]:
 
     Packages that bring kinds by entry points are named too.
     """
-    found = {name: metadata.version(name) for name in VERSIONED}
+    there = [name for name in VERSIONED if name not in OPENCV or installed(name)]
+    found = {name: metadata.version(name) for name in there}
     return {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), **found, **packages()}
+
+
+def installed(name: str) -> bool:
+    """Whether a distribution is installed."""
+    try:
+        metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def clash() -> str:
+    """The sentence about several distributions of OpenCV; empty where there is one."""
+    there = [name for name in OPENCV if installed(name)]
+    if len(there) < 2:
+        return ""
+    return (
+        f"{' and '.join(there)} write into the same folder cv2: uninstall all, then install one; "
+        "the contrib ones hold all that the others do"
+    )
 
 
 @functools.cache

@@ -118,13 +118,13 @@ def _part(key: str, value: Any) -> Any:
     """The `Config` of a part that is given from Python."""
     if key not in PLUGINS:
         raise Mistake(unknown(key, PLUGINS, "part"))
-    whole, of = value, type(value)
+    whole = value
     if dataclasses.is_dataclass(whole) and not isinstance(whole, type):
         return whole
     try:
-        if isinstance(value, type):
-            return kinds.as_config(PLUGINS[key][0], value, value.__qualname__)()
-        return kinds.as_config(PLUGINS[key][0], lambda: value, of.__qualname__)()
+        return kinds.as_config(
+            PLUGINS[key][0], value, getattr(value, "__qualname__", repr(value))
+        )()
     except kinds.UnknownKind as error:
         raise Mistake(f"{key}: {error}") from None
 

@@ -43,7 +43,7 @@ def table(properties: Schema, description: str = "") -> Schema:
 
 
 def _plugin(folder: str, default: str | None) -> Schema:
-    """A table with a kind: one branch for each, of which the default one may leave it out."""
+    """A table with a kind: a branch for each kind; the key may be left out for the default one."""
     names = kinds.names(folder)
     kind = {"enum": names} if default is None else {"enum": names, "default": default}
     branches = [_branch(folder, name, is_default=name == default) for name in names]

@@ -22,8 +22,8 @@ class PlaneFit:
 
         sum (m (P - mean P))^2 / DEPTH_SD^2  -  (m m0)^2 / TILT_SD^2
 
-    an eigenvector. A target that has driven on one line only says nothing about the tilt along it;
-    there the prior stays.
+    an eigenvector. A target that has driven on one line only gives no information on the tilt
+    about it; there the prior stays.
     """
 
     def __init__(self) -> None:

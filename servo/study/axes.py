@@ -13,6 +13,7 @@ from servo.scenario.catalogue import PLUGINS
 from servo.scenario.toml import is_number
 from servo.study.keys import flat
 from sim import kinds
+from tracking.external import OF_THE_USER
 
 SCENARIO = "scenario"
 """The axis of scenarios; all others have the names of settings."""
@@ -92,7 +93,8 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
                 continue
             given = _span(law, numbers, at)
         elif given == ALL and key.removesuffix(".kind") in PLUGINS and key.endswith(".kind"):
-            given = kinds.names(PLUGINS[key.removesuffix(".kind")][0])
+            every = kinds.names(PLUGINS[key.removesuffix(".kind")][0])
+            given = [kind for kind in every if kind not in OF_THE_USER]
         if not isinstance(given, list) or not given:
             raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")
         if len(given) > MOST_VALUES:

@@ -95,10 +95,10 @@ class Track:
     @staticmethod
     def of(shots: list[Shot], region: Region) -> Track:
         """The track of shots."""
-        states = [shot.estimate.state for shot in shots]
+        found = [shot.estimate for shot in shots]
         return Track(
-            np.array([(s.x, s.y, s.theta, s.scale) for s in states]),
-            np.stack([region.corners(s) for s in states]),
+            np.array([(e.state.x, e.state.y, e.state.theta, e.state.scale) for e in found]),
+            np.stack([e.outline(region) for e in found]),
             np.array([shot.confidence for shot in shots]),
             np.array([shot.estimate.status is Status.LOST for shot in shots]),
             np.array([1e3 * shot.seconds for shot in shots]),

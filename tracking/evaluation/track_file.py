@@ -40,7 +40,7 @@ class TrackFile:
             OSError: The disk is full.
         """
         state, region = shot.estimate.state, self._region
-        corners = region.corners(state)
+        corners = shot.estimate.outline(region)
         numbers = [
             state.x, state.y, state.theta, state.scale,
             region.width * state.scale, region.height * state.scale, *corners.ravel().tolist(),

@@ -1,1 +1,16 @@
 """Trackers, one a file, named as in the literature: `Config.build(rng)` gives a `Tracker`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def adapted(found: Any) -> type[Any] | None:
+    """A `Config` class for a class or object with `init` and `update`, or a function that makes
+    one; None for anything else.
+    """
+    from tracking.external.wrapped import wrap  # only now: `servobench list` looks at files only
+
+    is_function = callable(found) and not isinstance(found, type)
+    follows = all(callable(getattr(found, method, None)) for method in ("init", "update"))
+    return wrap(found) if follows or is_function else None

@@ -1,4 +1,4 @@
-"""Boxes, hue histograms and a distance, shared by the reference trackers made of OpenCV's."""
+"""Hue histograms and a distance, shared by the reference trackers made of OpenCV's."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from sim.types import Array, Image
+from tracking.external.boxes import box_of
 from tracking.lock import LockConfig
 from tracking.types import Region, State
-
-Box = tuple[int, int, int, int]
-"""x, y, width, height of a box without rotation [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +30,6 @@ class HueSettings:
     """Most iterations of mean shift."""
     lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.4, cap=0.7))
     """When the target counts as hidden or lost."""
-
-
-def box_of(region: Region, state: State, image: Image) -> Box:
-    """The upright box of a region, inside the image and at least one pixel large."""
-    corners = region.corners(state)
-    height, width = image.shape[:2]
-    low = np.clip(np.floor(corners.min(axis=0)), 0, (width - 1, height - 1)).astype(int)
-    high = np.clip(np.ceil(corners.max(axis=0)), low + 1, (width, height)).astype(int)
-    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
 class HueModel:

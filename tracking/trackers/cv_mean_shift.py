@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
+from tracking.external.boxes import box_of
 from tracking.lock import Lock
-from tracking.trackers._opencv import HueModel, HueSettings, box_of
+from tracking.trackers._opencv import HueModel, HueSettings
 from tracking.types import Estimate, Region, State, check_region, unknown_covariance
 
 

@@ -5,8 +5,6 @@ It has no confidence of its own; distance and status come from a hue histogram o
 
 from __future__ import annotations
 
-import ctypes
-import os
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -14,8 +12,10 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
+from tracking.external.boxes import box_of
+from tracking.external.cv2_tracker import seed_opencv
 from tracking.lock import Lock
-from tracking.trackers._opencv import HueModel, HueSettings, box_of
+from tracking.trackers._opencv import HueModel, HueSettings
 from tracking.types import Estimate, Region, State, check_region, unknown_covariance
 
 SEED_BITS = 31
@@ -40,9 +40,7 @@ class CvMil:
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Train the first classifier."""
         check_region(frame, region, state)
-        cv2.setRNGSeed(self._seed)
-        # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.
-        ctypes.CDLL(None if os.name == "posix" else "msvcrt").srand(self._seed)
+        seed_opencv(self._seed)
         self._region, self._state, self._lock = region, state, Lock(self._config.lock)
         box = box_of(region, state, frame.image)
         self._model = HueModel(frame.image, region, state, self._config)

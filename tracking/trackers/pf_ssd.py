@@ -147,7 +147,7 @@ class PfSsd:
                 self._filter.shift(state.vector - proposed.vector)
             self._cells.learn(labelled, state)
             self._found = state
-        # Where it was while it was lost says nothing about how it moves.
+        # States while the target is lost carry no information on its motion.
         self._velocity.learn(state, seen=seen and not lost)
         return estimate
 

@@ -150,7 +150,7 @@ class RerunLog:
         places = {
             "truth": [s.truth.corners for s in steps],
             "goal": [goal_corners(s) for s in steps],
-            "estimate": [s.region.corners(s.estimate.state) for s in steps],
+            "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
             strips = [strip for c in corners for strip in outline_strips(c)]

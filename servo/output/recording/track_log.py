@@ -48,7 +48,7 @@ class TrackLog:
             bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
             _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
             rec.log(IMAGE, rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
-        corners = self._region.corners(estimate.state)
+        corners = estimate.outline(self._region)
         rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
         if truth is not None:
             rec.log(f"{IMAGE}/truth", outline(truth, WHITE))

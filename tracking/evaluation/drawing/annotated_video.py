@@ -63,7 +63,7 @@ class AnnotatedVideo:
             image = shot.picture.image.copy()
         if truth is not None:
             outline(image, truth, TRUE)
-        outline(image, self._region.corners(shot.estimate.state), COLOURS[status])
+        outline(image, shot.estimate.outline(self._region), COLOURS[status])
         cv2.putText(image, f"{shot.index} {status.name}", (5, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4,
                     COLOURS[status], 1, cv2.LINE_AA)  # fmt: skip
         self._write(image)

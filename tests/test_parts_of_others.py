@@ -1,0 +1,172 @@
+"""Parts from outside: by entry point, by path, from Python."""
+
+import dataclasses
+
+import pytest
+
+from servo.mistake import Mistake
+from servo.output.versions import versions
+from servo.scenario.load import load, parse
+from servo.study.perform import perform
+from servo.study.plan import Run
+from sim import installed, kinds
+from tracking import create
+
+MODULE = '''"""A module of somebody."""
+
+from dataclasses import dataclass
+
+from tracking.trackers.frozen import Frozen
+
+
+@dataclass(frozen=True)
+class Config:
+    """Stands still.
+
+    It is a joke.
+    """
+
+    least: int = 3
+    """A number."""
+
+    def build(self, rng):
+        return Frozen()
+
+
+@dataclass(frozen=True)
+class Bare:
+    size: int
+
+    def build(self, rng):
+        return Frozen()
+
+
+@dataclass(frozen=True)
+class Other(Config):
+    """Another one."""
+
+
+class Plain:
+    def build(self, rng):
+        return Frozen()
+
+
+VALUE = 3
+'''
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Makes an installed package with a module and kinds of trackers."""
+    monkeypatch.syspath_prepend(tmp_path)
+    installed.installed.cache_clear()
+
+    def make(name, **kinds_of):
+        module = name.replace("-", "_")
+        (tmp_path / f"{module}.py").write_text(MODULE)
+        info = tmp_path / f"{module}-1.5.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\n")
+        lines = [f"{kind} = {module}:{of}" for kind, of in kinds_of.items()]
+        (info / "entry_points.txt").write_text("\n".join(["[servobench.trackers]", *lines]))
+        return module
+
+    yield make
+    installed.installed.cache_clear()
+
+
+TRACKERS = "tracking.trackers"
+
+
+def test_a_kind_of_an_installed_package_stands_beside_ours(package):
+    package("pkg-a", calm="Config")
+    assert "calm" in kinds.names(TRACKERS)
+    assert kinds.package_of(TRACKERS, "calm") == "pkg-a 1.5"
+    assert kinds.package_of(TRACKERS, "kams") == ""
+    assert kinds.summary(TRACKERS, "calm") == "Stands still."
+    scenario = load("still", ["tracker.kind=calm", "tracker.least=4"])
+    assert scenario.settings()["tracker"] == {"kind": "calm", "least": 4}
+    assert parse({"tracker": {"kind": "calm"}}, "a", "a.toml").tracker.least == 3
+    assert versions()["pkg-a"] == "1.5"
+    assert dataclasses.asdict(load("still", ["tracker.kind=pkg-a:calm"]).tracker) == {"least": 3}
+
+
+def test_names_that_two_packages_use_are_written_with_the_package(package):
+    package("pkg-a", calm="Config", kams="Other")
+    package("pkg-b", calm="Config")
+    names = kinds.names(TRACKERS)
+    assert [n for n in names if "calm" in n or "kams" in n] == [
+        "kams", "pkg-a:calm", "pkg-a:kams", "pkg-b:calm"]  # fmt: skip
+    assert kinds.kind_of(load("still", ["tracker.kind=kams"]).tracker) == "kams"
+    assert kinds.kind_of(load("still", ["tracker.kind=pkg-a:kams"]).tracker) == "pkg-a:kams"
+    with pytest.raises(Mistake) as refused:
+        parse({"tracker": {"kind": "calm"}}, "a", "a.toml")
+    assert str(refused.value) == (
+        "a.toml: tracker.kind: several packages have a kind 'calm': write pkg-a:calm or pkg-b:calm"
+    )
+
+
+@pytest.mark.parametrize(("of", "sentence"), [
+    ("Bare", "'x': its settings size have no defaults"),
+    ("Plain", "'x' has a method build(rng), but is no dataclass of settings"),
+    ("VALUE", "'x' is no Config: that is a dataclass with a method build(rng)"),
+    ("Nope", "the kind 'x' of pkg-a 1.5: 'pkg_a:Nope' cannot be imported: module 'pkg_a' has no "
+             "attribute 'Nope'"),
+])  # fmt: skip
+def test_a_broken_kind_of_a_package_is_a_sentence(package, of, sentence):
+    package("pkg-a", x=of)
+    with pytest.raises(Mistake) as refused:
+        load("still", ["tracker.kind=x"])
+    assert str(refused.value) == f"--set tracker.kind=x: tracker.kind: {sentence}"
+
+
+def test_a_path_is_taken_from_the_command_line_and_from_python_but_not_from_a_file(package):
+    module = package("pkg-a")
+    path = f"{module}:Config"
+    scenario = load("still", [f"tracker.kind={path}", "tracker.least=9"])
+    assert scenario.settings()["tracker"] == {"kind": path, "least": 9}
+    assert type(create(path)).__name__ == "Frozen"
+    with pytest.raises(Mistake) as refused:
+        parse({"tracker": {"kind": path}}, "a", "a.toml")
+    assert str(refused.value) == (
+        f"a.toml: tracker.kind: '{path}' is no kind of an installed package, and a file may not "
+        "name code to import: give it with --set, or from Python"
+    )
+
+
+def test_a_setting_may_be_kept_out_of_files(package):
+    module = package("pkg-a", calm="Config")
+    config = kinds.config_of(TRACKERS, "calm")
+    config.not_from_file = ("least",)
+    assert load("still", ["tracker.kind=calm"]).tracker.least == 3
+    with pytest.raises(Mistake, match=r"a.toml: tracker.least: a file may not name a command to "):
+        parse({"tracker": {"kind": "calm", "least": "4"}}, "a", "a.toml")
+    assert module
+
+
+def test_a_class_or_an_instance_from_python(package):
+    package("pkg-a", calm="Config")
+    config = kinds.config_of(TRACKERS, "calm")
+    assert load("still", tracker=config).tracker == config()
+    assert load("still", tracker=config(least=8)).tracker.least == 8
+    with pytest.raises(Mistake, match=r"^there is no part 'tracer'; did you mean 'tracker'\?$"):
+        load("still", tracer=config)
+    with pytest.raises(Mistake, match=r"^motion: 'object' is no Config: "):
+        load("still", motion=object)
+
+
+def test_a_worker_that_lacks_a_package_is_named():
+    run_ = Run(0, "still", 0, {}, {"tracker": {"kind": "calm"}}, "still.toml", pictured=False)
+    with pytest.raises(Mistake) as failed:
+        perform(run_)
+    said = str(failed.value)
+    assert said.startswith("the worker on ")
+    assert " lacks a package: still.toml: tracker.kind: there is no kind 'calm'; there is " in said
+
+
+def test_the_old_name_of_the_second_target_says_the_new_one():
+    with pytest.raises(Mistake) as refused:
+        parse({"disturbances": [{"kind": "second_car"}]}, "a", "a.toml")
+    assert str(refused.value) == (
+        "a.toml: disturbances[0]: the kind 'second_car' of version 0.1 is called second_target now"
+    )

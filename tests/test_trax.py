@@ -1,0 +1,232 @@
+"""The TraX protocol: our client with a small server, in each version and format, and our server."""
+
+import dataclasses
+import io
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from followed import REGION, START, frame
+
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from tracking.adapters.trax_server import run_trax
+from tracking.external import trax_messages as messages
+from tracking.trackers.trax import Config
+from tracking.types import State, Status
+
+SERVER = Path(__file__).parent / "tools" / "trax_server.py"
+
+
+def config(*words, timeout=10.0, **settings):
+    command = " ".join([sys.executable, str(SERVER), *words])
+    return Config(command=command, timeout=timeout, **settings)
+
+
+def follow(settings, count=6, region=REGION, start=START):
+    tracker = settings.build(np.random.default_rng(0))
+    tracker.start(frame(0), region, start)
+    return [tracker.update(frame(k)) for k in range(1, count)]
+
+
+@pytest.mark.parametrize("picture", ["path", "memory", "buffer"])
+@pytest.mark.parametrize("version", ["1", "3", "4"])
+def test_a_server_of_any_version_and_format_is_followed(version, picture):
+    found = follow(config("good", version, "rectangle", picture))
+    assert [e.state for e in found] == [State(55.0 + 2 * k, 40.0) for k in range(1, 6)]
+    assert {(e.status, e.follows, e.corners) for e in found} == {
+        (Status.LOCKED, (False, False), None)
+    }
+    assert max(e.distance for e in found) < 0.05
+
+
+def test_corners_are_reported_and_moved():
+    found = follow(config("good", "4", "polygon", "path"))
+    region = REGION.corners(START)
+    for k, estimate in enumerate(found, 1):
+        np.testing.assert_allclose(estimate.corners, region + (2 * k, 0), atol=1e-3)
+        np.testing.assert_array_equal(estimate.outline(REGION), estimate.corners)
+    assert {e.follows for e in found} == {(False, False)}
+
+
+def test_corners_in_another_order_turn_the_region():
+    """The server turns them about the middle, and begins with the third."""
+    found = follow(config("turns", "4", "polygon", "path"))
+    angle = np.arctan2(0.6, 0.8)
+    for estimate in found:
+        assert estimate.state.theta == pytest.approx(angle, abs=1e-4)
+        assert estimate.state.scale == pytest.approx(1.0, abs=1e-4)
+        expected = REGION.corners(State(55.0, 40.0, angle))
+        np.testing.assert_allclose(estimate.corners, expected, atol=1e-3)
+        assert estimate.follows == (True, False)
+
+
+def test_a_turned_region_goes_as_corners_where_they_are_taken_else_as_its_box():
+    turned = State(55.0, 40.0, 0.5)
+    corners = follow(config("good", "4", "rectangle;polygon", "path"), 3, start=turned)[-1]
+    np.testing.assert_allclose(corners.corners, REGION.corners(turned) + (4, 0), atol=1e-3)
+    assert corners.follows == (True, False)
+    box = follow(config("good", "4", "rectangle", "path"), 3, start=turned)[-1]
+    assert (box.state.theta, box.corners, box.follows) == (0.5, None, (False, False))
+    assert (box.state.x, box.state.y) == pytest.approx((59.0, 40.0))
+
+
+def test_its_confidence_may_judge():
+    found = follow(config("good", judge="score"))
+    assert [e.status.name for e in found] == ["LOCKED"] * 4 + ["UNSURE"]
+    np.testing.assert_allclose([e.distance for e in found], [0.1] * 4 + [0.9])
+
+
+def test_a_target_that_the_server_does_not_see_is_unseen():
+    found = follow(config("lost"), count=14)
+    assert (found[0].status, found[-1].status) == (Status.UNSURE, Status.LOST)
+    assert {(e.distance, e.state) for e in found} == {(1.0, START)}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("dies", "ended with code 1 where its hello is expected: no weights found"),
+        ("crashes", "ended with code 3 where its state is expected: out of memory"),
+        ("leaves", "ended with code 0 where its state is expected"),
+        ("hello", "said hello where its state is expected"),
+        ("nonsense", 'answered @@TRAX:state "here, or there", which is no region'),
+        ("three", 'answered @@TRAX:state "1,2,3", which is no region'),
+        ("none", "answered @@TRAX:state, which is no region"),
+        ("mask", 'answered @@TRAX:state "m0,0,2,2,1,2", which is a mask; rectangles and polygons '
+                 "are known"),
+        ("good 4 mask path", "takes mask as region; we have rectangle, polygon"),
+        ("good 4 rectangle url", "takes url as picture; we have buffer, data, memory, path"),
+    ],
+)  # fmt: skip
+def test_a_server_that_fails_is_a_sentence(words, message):
+    settings = config(*words.split())
+    with pytest.raises(ValueError) as refused:
+        follow(settings)
+    assert str(refused.value) == f"TraX server '{settings.command}' {message}"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("nan", "update returned array([nan, 1., 2., 3.]); (ok, box) or a box of x, y, width, "
+                "height is expected"),
+        ("negative", "update returned array([ 1., 2., -3., 4.]), a box without an area"),
+    ],
+)  # fmt: skip
+def test_a_box_that_is_none_is_a_sentence(words, message):
+    settings = config(words)
+    with pytest.raises(ValueError) as refused:
+        follow(settings)
+    assert str(refused.value) == f"TraX server '{settings.command}': {message}"
+
+
+def test_a_server_that_answers_twice_is_out_of_step():
+    tracker = config("twice").build(np.random.default_rng(0))
+    tracker.start(frame(0), REGION, START)
+    tracker.update(frame(1))
+    while tracker._client._answers.empty():
+        time.sleep(0.01)
+    with pytest.raises(ValueError, match=r"said state unasked$"):
+        tracker.update(frame(2))
+
+
+@pytest.mark.parametrize(("mode", "wanted"), [("silent", "hello"), ("hangs", "state")])
+def test_a_server_that_hangs_is_ended(mode, wanted):
+    settings, began = config(mode, timeout=0.8), time.monotonic()
+    with pytest.raises(ValueError, match=f"said no {wanted} within 0.8 s$"):
+        follow(settings)
+    assert time.monotonic() - began < 30  # not the minute that it sleeps
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("", "a TraX server needs a command, such as 'python server.py'"),
+        ("no-such-program x", "TraX server 'no-such-program x' cannot be started: No such file or "
+                              "directory"),
+        ("'open", "TraX server ''open' cannot be started: No closing quotation"),
+    ],
+)  # fmt: skip
+def test_a_command_that_is_none_is_a_sentence(command, message):
+    with pytest.raises(ValueError) as refused:
+        follow(Config(command=command))
+    assert str(refused.value) == message
+
+
+def test_a_confidence_that_is_to_judge_must_come(tmp_path):
+    settings = config("lost", judge="score")
+    assert follow(settings)[0].status is Status.UNSURE
+    silent = dataclasses.replace(settings, command=settings.command.replace("lost", "plain"))
+    with pytest.raises(ValueError, match='reports no confidence: judge = "histogram" needs none'):
+        follow(silent)
+
+
+def test_no_process_and_no_file_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    tracker = config("good").build(np.random.default_rng(0))
+    for _ in range(2):  # a second start has a server of its own
+        tracker.start(frame(0), REGION, START)
+        for k in range(1, 4):
+            tracker.update(frame(k))
+        process = tracker._client._process
+        assert len(list(tmp_path.rglob("*.png"))) == 2
+    del tracker
+    assert process.poll() is not None
+    assert list(tmp_path.iterdir()) == []
+
+
+def served(*lines, kind="frozen"):
+    out = io.StringIO()
+    run_trax(kind, requests=io.StringIO("\n".join(lines)), answers=out)
+    return out.getvalue().splitlines()
+
+
+def test_our_server_answers_both_ways_to_begin(tmp_path):
+    picture = messages.picture_text(frame(0).image, ["path"], tmp_path / "0.png")
+    one = served("noise", f'@@TRAX:initialize "{picture}" "40,30,30,20"', f"@@TRAX:frame {picture}")
+    two = served('@@TRAX:initialize "40,30,30,20"', f"@@TRAX:frame {picture}",
+                 f"@@TRAX:frame {picture}", "@@TRAX:quit", "@@TRAX:frame never")  # fmt: skip
+    assert one == two
+    assert one[0].startswith('@@TRAX:hello "trax.version=4" "trax.region=rectangle;polygon;"')
+    assert one[1:] == [
+        f'@@TRAX:state "40.0000,30.0000,30.0000,20.0000" "confidence={value}"'
+        for value in ("1.000000", "0.000000")
+    ]
+    polygon = served('@@TRAX:initialize "40,30,70,30,70,50,40,50"', f"@@TRAX:frame {picture}")
+    assert polygon[1].startswith('@@TRAX:state "40.0000,30.0000,70.0000,30.0000,70.0000,50.0000')
+
+
+def test_ours_over_the_protocol_is_ours_and_closes_the_loop():
+    command = f"{sys.executable} -m tracking.adapters.trax_server mk_ssd"
+    tracker = Config(command=command)
+    scenario = dataclasses.replace(load("still", ["run.duration=0.4"]), tracker=tracker)
+    with Episode(scenario) as episode:
+        last = [step.light() for step in episode][-1]
+    assert last.estimate.status is Status.LOCKED
+    found = last.estimate.state
+    assert last.estimate.corners.shape == (4, 2)
+    assert np.hypot(found.x - last.truth.centre[0], found.y - last.truth.centre[1]) < 2.0
+
+
+REFERENCE = """
+import trax
+with trax.Server(["polygon"], ["memory"]) as server:
+    while (asked := server.wait()).type != "quit":
+        if asked.type == "initialize":
+            corners, count = list(asked.objects[0][0]), -1
+        count += 1
+        moved = [(x + 2 * count, y) for x, y in corners]
+        server.status([(trax.Polygon.create(moved), {"confidence": 0.8})])
+"""
+
+
+def test_the_reference_server_is_followed(tmp_path):
+    pytest.importorskip("trax", reason="vot-trax is not installed")
+    (tmp_path / "server.py").write_text(REFERENCE)
+    command = f"{sys.executable} {tmp_path / 'server.py'}"
+    found = follow(Config(command=command, judge="score"))
+    assert [e.state.x for e in found] == pytest.approx([57.0, 59.0, 61.0, 63.0, 65.0])
+    assert {round(e.distance, 6) for e in found} == {0.2}

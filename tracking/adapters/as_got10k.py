@@ -1,0 +1,79 @@
+"""Our trackers in the convention of the GOT-10k toolkit (Huang, Zhao, Huang 2021)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.adapters.follower import Follower
+from tracking.evaluation.sequences.picture_file import read_image
+from tracking.evaluation.sequences.quadrilateral import corners_of, placement
+from tracking.evaluation.sequences.sources import RATE
+
+
+class Got10kTracker:
+    """What the toolkit's experiments take: a name, `track(img_files, box)`, and the methods that it
+    is made of, `init(image, box)` and `update(image) -> box`. RGB pictures of PIL or arrays, boxes
+    of OTB's kind (pixels counted from 1).
+    """
+
+    is_deterministic = True
+
+    def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
+        """A tracker by its kind; see `tracking.create`."""
+        self.name = kind
+        self._follower = Follower(kind, seed, rate, settings)
+
+    def init(self, image: Any, box: Any) -> None:
+        """Learn the target.
+
+        Raises:
+            ValueError: The box is empty, or most of it is outside the picture.
+        """
+        corners = corners_of(np.array(box, dtype=float)) - 1.0
+        self._follower.start(_array(image), *placement(corners))
+
+    def update(self, image: Any) -> Array:
+        """The box (4,)."""
+        _, (left, top, width, height) = self._follower.update(_array(image))
+        return np.array([left + 1.0, top + 1.0, width, height])
+
+    def track(
+        self,
+        img_files: Sequence[str],
+        box: Any,
+        visualize: bool = False,  # noqa: ARG002 (the toolkit gives it)
+    ) -> tuple[Array, Array]:
+        """Follow a target through picture files.
+
+        Args:
+            img_files: Their paths.
+            box: The target in the first one.
+            visualize: Nothing is shown; `servobench track --video` draws.
+
+        Returns:
+            Boxes (n, 4), and the time that each picture took (n,) [s].
+
+        Raises:
+            ValueError: As for `init`, or a picture cannot be read.
+        """
+        found, seconds = np.zeros((len(img_files), 4)), np.zeros(len(img_files))
+        for i, file in enumerate(img_files):
+            image = read_image(Path(file))
+            began = time.perf_counter()
+            if i == 0:
+                self.init(image, box)
+                found[0] = box
+            else:
+                found[i] = self.update(image)
+            seconds[i] = time.perf_counter() - began
+        return found, seconds
+
+
+def _array(image: Any) -> Image:
+    return np.ascontiguousarray(np.asarray(image, dtype=np.uint8))

@@ -1,0 +1,34 @@
+"""Our trackers in OpenCV's convention."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tracking.adapters.follower import Follower, Rect
+from tracking.evaluation.sequences.picture_file import rgb
+from tracking.evaluation.sequences.quadrilateral import corners_of, placement
+from tracking.evaluation.sequences.sources import RATE
+from tracking.types import Status
+
+
+class OpenCVTracker:
+    """OpenCV's convention: BGR pictures, `init(image, rect)`, `update(image) -> (ok, rect)`."""
+
+    def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
+        """A tracker by its kind; see `tracking.create`."""
+        self._follower = Follower(kind, seed, rate, settings)
+
+    def init(self, image: np.ndarray, rect: Rect) -> None:
+        """Learn the target.
+
+        Raises:
+            ValueError: The rectangle is empty, or most of it is outside the picture.
+        """
+        self._follower.start(rgb(image), *placement(corners_of(np.array(rect, dtype=float))))
+
+    def update(self, image: np.ndarray) -> tuple[bool, Rect]:
+        """Whether the target is seen, and its box: unlike OpenCV's own, false when it is not."""
+        found, rect = self._follower.update(rgb(image))
+        return found.status is Status.LOCKED, rect

@@ -1,0 +1,123 @@
+"""How other trackers take pictures and boxes, and what they may answer.
+
+| | OpenCV | GOT-10k |
+|---|---|---|
+| picture | BGR | RGB |
+| box | integers x, y, width, height, pixels counted from 0 | array (4,), pixels counted from 1 |
+| answer of `update` | (ok, box) or a box | a box |
+"""
+
+from __future__ import annotations
+
+import inspect
+import reprlib
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.external.boxes import Box
+from tracking.types import FARTHEST
+
+Name = Literal["opencv", "got10k"]
+EXPECTED = "(ok, box) or a box of x, y, width, height"
+BOXES = {"box", "bbox"}
+"""Names of the second argument of `init` in GOT-10k's convention."""
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Calls a tracker in one of the two conventions."""
+
+    tracker: Any
+    convention: Name
+    name: str
+    """Of the tracker, for messages."""
+
+    def init(self, image: Image, box: Box) -> None:
+        """Show the first picture with the target's box.
+
+        Raises:
+            ValueError: The tracker refuses by returning False.
+        """
+        given = box if self.convention == "opencv" else np.array(box, dtype=float) + (1, 1, 0, 0)
+        if self.tracker.init(self._picture(image), given) is False:
+            raise ValueError(f"{self.name}: init refused the region x, y, width, height = {box}")
+
+    def update(self, image: Image) -> Array | None:
+        """The target's box (4,) in the next picture [px]; None where it is not seen.
+
+        Raises:
+            ValueError: What the tracker returned is neither.
+        """
+        box = box_in(self.tracker.update(self._picture(image)), self.name)
+        return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
+
+    def _picture(self, image: Image) -> Image:
+        """A picture that the tracker may keep and write to."""
+        if self.convention == "opencv":
+            return cv2.cvtColor(image, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+        return np.array(image, order="C")
+
+
+def convention_of(tracker: Any) -> Name:
+    """GOT-10k's for a subclass of its toolkit's `Tracker`, and where the second argument of `init`
+    is named box or bbox; else OpenCV's.
+    """
+    if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
+        return "got10k"
+    try:
+        names = list(inspect.signature(tracker.init).parameters)
+    except (TypeError, ValueError):  # compiled, such as OpenCV's own
+        return "opencv"
+    return "got10k" if BOXES & set(names[1:2]) else "opencv"
+
+
+def box_in(answer: Any, name: str) -> Array | None:
+    """The box (4,) in what `update` returned; None for ok = False, or a box of zeros.
+
+    Raises:
+        ValueError: It is something else; the message names the tracker and what it returned.
+    """
+    given = answer
+    if isinstance(answer, tuple | list) and len(answer) == 2 and np.ndim(answer[0]) == 0:
+        ok, given = answer
+        if not ok:
+            return None
+    try:
+        box = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        box = np.empty(0)
+    if box.shape == (4,) and not box.any():
+        return None
+    if box.shape != (4,) or not (np.abs(box) <= FARTHEST).all():  # nan is not
+        raise ValueError(f"{name}: update returned {shown(answer)}; {EXPECTED} is expected")
+    if not (box[2:] > 0).all():
+        raise ValueError(f"{name}: update returned {shown(answer)}, a box without an area")
+    return box
+
+
+def score_in(answer: Any, name: str) -> float:
+    """A tracker's score, 0..1.
+
+    Raises:
+        ValueError: It is none; the message names the tracker and its score.
+    """
+    try:
+        score = float(answer)
+    except (TypeError, ValueError):
+        score = float("nan")
+    if not -SLACK <= score <= 1 + SLACK:
+        raise ValueError(f"{name}: the score is {shown(answer)}; a score lies between 0 and 1")
+    return min(max(score, 0.0), 1.0)
+
+
+SLACK = 1e-3
+"""A score may leave 0..1 by this much."""
+
+
+def shown(answer: Any) -> str:
+    """What a tracker returned, on one short line."""
+    return " ".join(reprlib.repr(answer).split())

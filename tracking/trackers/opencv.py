@@ -1,0 +1,34 @@
+"""A tracker of OpenCV by its name: MIL; Nano, Vit and DaSiamRPN with model files of the user; CSRT
+and KCF where OpenCV's additional modules are installed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracking.external.cv2_tracker import MODELS, Cv2Tracker
+from tracking.external.judge import JudgeSettings
+from tracking.external.wrapped import Wrapped, Wrapping
+
+
+@dataclass(frozen=True, slots=True)
+class Config(JudgeSettings):
+    """OpenCV's name of the tracker, and what judges it."""
+
+    name: str = "MIL"
+    """The class in OpenCV without "Tracker": "Nano", "Vit", "DaSiamRPN", "MIL", "CSRT", "KCF"."""
+    model: str | tuple[str, ...] = ()
+    """ONNX files: one for Vit, two for Nano (backbone, neckhead), three for DaSiamRPN (model,
+    kernel_cls1, kernel_r1)."""
+
+    def build(self, rng: np.random.Generator) -> Wrapped:
+        """The tracker; OpenCV's own random state is seeded from the generator."""
+        models = (self.model,) if isinstance(self.model, str) else self.model
+
+        def make(seed: int) -> Cv2Tracker:
+            return Cv2Tracker(self.name, models, seed)
+
+        score = "score" if self.name in MODELS else None
+        return Wrapped(self, Wrapping(make, "opencv", score, f"OpenCV's {self.name}"), rng)
