@@ -33,8 +33,6 @@ COMFORT = 0.5
 """Room before a limit beyond which more does not count [rad or m]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""
-REACHED = 1e-6
-"""Distance and angle that count as none [m and rad]."""
 
 
 class Jointed(Protocol):
@@ -52,8 +50,9 @@ class Jointed(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How near the camera came to a pose. True where it is there."""
+    """How near the camera came to a pose. True where it is there, inside the limits."""
 
+    there: bool
     distance: float
     """What is left [m]."""
     angle: float
@@ -64,7 +63,7 @@ class Reach:
     """How far it is from the limit, as a part of its range."""
 
     def __bool__(self) -> bool:
-        return self.distance < REACHED and self.angle < REACHED
+        return self.there
 
     def __str__(self) -> str:
         left = f"{self.distance:.2f} m and {degrees(self.angle):.0f} deg are left"
@@ -87,7 +86,7 @@ def reach(
         T_world_camera: The pose.
     """
     if any(_iterate(robot, data, home, T_world_camera) for home in homes):
-        return _reach(robot, data, T_world_camera)
+        return _reach(robot, data, T_world_camera, there=True)
     return _search(robot, data, homes, T_world_camera)
 
 
@@ -127,7 +126,7 @@ def _search(
             break
     _, data.qpos[robot.qpos] = max(found, key=lambda f: f[0]) if found else nearest
     _refresh(robot, data)
-    return _reach(robot, data, T_world_camera)
+    return _reach(robot, data, T_world_camera, there=bool(found))
 
 
 def _descend(
@@ -172,7 +171,7 @@ def comfort(robot: Jointed, data: mujoco.MjData) -> float:
     return float(min(room, COMFORT) * weakest) * (0.01 if hidden else 1.0)
 
 
-def _reach(robot: Jointed, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
+def _reach(robot: Jointed, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
     error = robot.eye(data).inverse() @ T_world_camera
     angle = float(np.linalg.norm(log_se3(error)[3:]))
     q, span = data.qpos[robot.qpos], robot.upper - robot.lower
@@ -181,7 +180,8 @@ def _reach(robot: Jointed, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
     np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)
     tightest = int(room.argmin())
     name = robot.names[tightest] if limited.any() else ""
-    return Reach(float(np.linalg.norm(error.translation)), angle, name, float(room[tightest]))
+    distance = float(np.linalg.norm(error.translation))
+    return Reach(there, distance, angle, name, float(room[tightest]))
 
 
 def _joints(robot: Jointed) -> list[int]:

@@ -16,13 +16,13 @@ from servo.cli.options import (
     PATH,
     SOURCE,
     Commands,
-    Numbers,
     changes_option,
     out_option,
     quiet_option,
     truth_options,
     workers_option,
 )
+from servo.cli.robot_arguments import robot
 
 
 @click.group(
@@ -199,32 +199,6 @@ def list_(what: str | None) -> None:
 
 
 @app.command()
-@click.argument("model", type=PATH, help="Its file, MJCF or URDF.")
-@click.option("--flange", default="", help="The body or site that carries the camera.")
-@click.option(
-    "--mount", type=Numbers(6), metavar="X,Y,Z,R,P,Y",
-    help="The camera in the flange [m, deg] (default: it looks along the flange's z).",
-)  # fmt: skip
-@click.option("--camera", default="", help="A camera of the model, in place of flange and mount.")
-@click.option(
-    "--base", type=Numbers(4), metavar="X,Y,Z,YAW",
-    help="Where it stands in the room [m, deg] (default: proposed from its reach).",
-)  # fmt: skip
-@click.option(
-    "--out", type=PATH, default=Path("robot.png"), show_default=True, help="Picture to write."
-)
-def robot(
-    model: Path, flange: str, mount: list[float] | None, camera: str, base: list[float] | None,
-    out: Path,
-) -> None:  # fmt: skip
-    """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
-    from servo.cli.robot_command import examine
-
-    given = {"model": str(model), "flange": flange, "mount": mount, "camera": camera, "base": base}
-    sys.exit(examine({key: value for key, value in given.items() if value}, out))
-
-
-@app.command()
 def schema() -> None:
     """Print the JSON Schema of the scenario format, for editors."""
     from servo.cli.schema_command import text
@@ -274,6 +248,9 @@ def doctor(bench: bool) -> None:
     from servo.cli.doctor_command import examine
 
     sys.exit(examine(bench=bench))
+
+
+app.add_command(robot)
 
 
 def main() -> None:

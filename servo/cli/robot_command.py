@@ -30,10 +30,10 @@ from sim.robot import Robot
 from sim.robot_chain import Chain, flanges
 from sim.robot_drives import drive_of, kind_of_joint, wrong_drive
 from sim.robot_model import camera_chain
-from sim.robot_reach import Reach, sample_reach
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Image
+from sim.workspace import Workspace, sample_workspace
 from sim.world import World, WorldConfig
 
 DEPTH = 1.0
@@ -60,7 +60,7 @@ def examine(given: dict[str, Any], out: Path) -> int:
         spec = read_spec(mjcf.model_path(config.model), "robot model")
         model, chain = camera_chain(spec, config.flange, config.camera)
         robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
-        reach = sample_reach(robot, DEPTH)
+        reach = sample_workspace(robot, DEPTH)
         if "base" not in given:
             config = dataclasses.replace(config, base=reach.base)
         picture, left = _drawn(config)
@@ -143,7 +143,7 @@ def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
     return table
 
 
-def _reach_text(reach: Reach) -> str:
+def _reach_text(reach: Workspace) -> str:
     text = f"The camera gets {reach.farthest:.2f} m away from the base's origin at most"
     if not isfinite(reach.lowest):
         return f"{text}; it never looks down: turn it with --mount."

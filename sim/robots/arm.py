@@ -23,4 +23,4 @@ class Config(mjcf.Config):
     model: str = "arm.xml"
     camera: str = "eye"
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)
-    home: tuple[tuple[mjcf.Joint, ...], ...] = (ELBOW_UP,)
+    home: tuple[mjcf.Home, ...] = (ELBOW_UP,)

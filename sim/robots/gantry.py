@@ -20,4 +20,4 @@ class Config(mjcf.Config):
     model: str = "gantry.xml"
     camera: str = "eye"
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)
-    home: tuple[tuple[mjcf.Joint, ...], ...] = ((0.0,) * 6,)
+    home: tuple[mjcf.Home, ...] = ((0.0,) * 6,)

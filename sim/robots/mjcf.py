@@ -14,15 +14,16 @@ from typing import Annotated
 
 import mujoco
 import numpy as np
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, MinLen
 
 from sim.model_files import read_spec, urdf_speeds
 from sim.ranges import Degrees, Place
 from sim.robot import Design, Drives
+from sim.robot_chain import FEWEST
 from sim.robot_model import camera_chain, drive, make_robot, mount_pose
 from sim.types import Pose
 
-Joint = Annotated[float, Ge(-1000), Le(1000)]
+Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
 MENAGERIE, ROOT = "menagerie:", "MENAGERIE_ROOT"
 
@@ -47,7 +48,7 @@ class Config(Drives):
     with zeros it is in the flange's origin and looks along its z, with x to the right."""
     camera: str = ""
     """A camera of the model, in place of flange and mount."""
-    home: tuple[tuple[Joint, ...], ...] = ()
+    home: tuple[Home, ...] = ()
     """Joint positions near which a start pose is sought, one after another [rad or m]; by default
     everywhere."""
     speed: tuple[Rate, ...] = ()

@@ -27,7 +27,7 @@ ONE_SIDED = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class Workspace:
     """Where the camera gets, in the robot's own frame."""
 
     farthest: float
@@ -41,7 +41,7 @@ class Reach:
     table's middle."""
 
 
-def sample_reach(robot: Robot, height: float) -> Reach:
+def sample_workspace(robot: Robot, height: float) -> Workspace:
     """Try random postures of a robot whose base is the world's origin.
 
     Args:
@@ -61,9 +61,9 @@ def sample_reach(robot: Robot, height: float) -> Reach:
         if tilt(eye.rotation) < LEVEL:
             rows.append([comfort(robot, data), *eye.translation])
     if not rows:
-        return Reach(far, np.nan, np.nan, (0.0, 0.0, 0.0, 0.0))
+        return Workspace(far, np.nan, np.nan, (0.0, 0.0, 0.0, 0.0))
     found = np.array(rows)
-    return Reach(far, found[:, 3].min(), found[:, 3].max(), _base(found, height))
+    return Workspace(far, found[:, 3].min(), found[:, 3].max(), _base(found, height))
 
 
 def _base(found: Array, height: float) -> tuple[float, float, float, float]:
