@@ -15,13 +15,16 @@ TIME_CONSTANT = 0.015
 """How fast a joint takes a new rate [s]: several steps of physics, and half a frame."""
 ARMATURE = {"hinge": 0.01, "slide": 0.1}
 """Least inertia of a geared motor, as seen by its joint [kg m^2 or kg]."""
+GEARED = 0.5
+"""Least inertia of the motor over that of all that it moves: with less the joints of a stretched
+arm drag each other along."""
 SPEEDS = {"hinge": 2.0, "slide": 0.5}
 """Largest rate of a joint whose model has none [rad/s or m/s]."""
 FULL_SPEED_AFTER = 0.25
 """A force limit of the model is kept where it allows full speed within this time [s]."""
 ON_JOINTS = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
 SAMPLES = 64
-"""Postures over which the inertia is averaged."""
+"""Postures of which the largest inertia counts."""
 
 
 def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
@@ -63,9 +66,12 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
     for name in names:
         joint = spec.joint(name)
         joint.damping, joint.stiffness, joint.frictionloss = np.zeros(3), np.zeros(3), 0.0
-        joint.armature = max(joint.armature, ARMATURE[kind_of_joint(joint.type)])
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-    for name, inertia, speed, force in zip(names, _inertia(spec), speeds, forces, strict=True):
+    for name, moved, speed, force in zip(names, _inertia(spec), speeds, forces, strict=True):
+        joint = spec.joint(name)
+        motor = max(joint.armature, GEARED * moved, ARMATURE[kind_of_joint(joint.type)])
+        inertia = moved - joint.armature + motor
+        joint.armature = motor
         drive = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1, 0, 0, 0, 0, 0]
         )
@@ -106,13 +112,13 @@ def random_joints(
 
 
 def _inertia(spec: mujoco.MjSpec) -> Array:
-    """The mean inertia (n,) that each joint sees, the others held [kg m^2 or kg]."""
+    """The largest inertia (n,) that each joint sees, the others held [kg m^2 or kg]."""
     model = spec.compile()
     data, whole = mujoco.MjData(model), np.empty((model.nv, model.nv))
-    total = np.zeros(model.nv)
+    largest = np.zeros(model.nv)
     for q in random_joints(model, range(model.njnt), np.random.default_rng(0), SAMPLES):
         data.qpos[:] = q
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fullM(model, data, whole)
-        total += np.diag(whole)
-    return total / SAMPLES
+        largest = np.maximum(largest, np.diag(whole))
+    return largest

@@ -22,17 +22,17 @@ from rich.table import Table
 from servo.cli.terminal import plain
 from servo.mistake import Mistake, unwritable
 from servo.scenario.fill import fill
-from sim.assembly import build_model
+from sim.assembly import ROBOT, build_model
 from sim.model_files import read_spec
 from sim.motions import still
 from sim.render import CameraConfig, Renderer
-from sim.robot import Robot
+from sim.robot import CAMERA, Robot
 from sim.robot_chain import Chain, flanges
 from sim.robot_drives import drive_of, kind_of_joint, wrong_drive
 from sim.robot_model import camera_chain
 from sim.robots import mjcf
 from sim.targets import car
-from sim.types import Image
+from sim.types import Array, Image
 from sim.workspace import Workspace, sample_workspace
 from sim.world import World, WorldConfig
 
@@ -57,7 +57,7 @@ def examine(given: dict[str, Any], out: Path) -> int:
     """
     console, config = Console(), fill(mjcf.Config, given, "robot")
     try:
-        spec = read_spec(mjcf.model_path(config.model), "robot model")
+        spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)
         model, chain = camera_chain(spec, config.flange, config.camera)
         robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
         reach = sample_workspace(robot, DEPTH)
@@ -90,16 +90,30 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     design, target = config.build(rng), car.Config().build(rng)
     motion = still.Config().build(rng)
     world = World(WorldConfig(), design, target, PICTURE, motion, (), rng)
-    room = Renderer(world.model, "room", PICTURE.width, PICTURE.height)
+    room, eye = (Renderer(world.model, name, PICTURE.width, PICTURE.height)
+                 for name in ("room", CAMERA))  # fmt: skip
     try:
         middle = np.array([PICTURE.width, PICTURE.height]) / 2
         reach = world.start(middle, 0.0, DEPTH)
-        views = [room.render(world.data), world.look().image]
+        views = [room.render(world.data), eye.render(world.data)]
+        seen = eye.silhouette(world.data, _own(world.model), alone=False)
     finally:
-        room.close()
-        world.close()
-    there = f"From the base below the camera can be {DEPTH:g} m above the target"
-    return np.hstack(views), f"{there}." if reach else f"{there} only nearly: {reach}."
+        for item in (room, eye, world):
+            item.close()
+    text = f"From the base below the camera can be {DEPTH:g} m above the target"
+    text += "." if reach else f" only nearly: {reach}."
+    if seen:
+        share = 100 * seen / (PICTURE.width * PICTURE.height)
+        text += (
+            f"\nThe robot itself fills {share:.0f} % of the picture: move the camera with --mount."
+        )
+    return np.hstack(views), text
+
+
+def _own(model: mujoco.MjModel) -> Array:
+    """Which geoms (n,) are the robot's."""
+    bodies = (model.body(body).name for body in model.geom_bodyid)
+    return np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
 
 
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:

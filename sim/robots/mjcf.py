@@ -16,15 +16,17 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from sim.model_files import read_spec, urdf_speeds
+from sim.model_files import read_spec, read_tree
 from sim.ranges import Degrees, Place
 from sim.robot import Design, Drives
 from sim.robot_chain import FEWEST
 from sim.robot_model import camera_chain, drive, make_robot, mount_pose
 from sim.types import Pose
+from sim.urdf import speeds
 
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
+WHAT = "robot model"
 MENAGERIE, ROOT = "menagerie:", "MENAGERIE_ROOT"
 
 
@@ -61,7 +63,7 @@ class Config(Drives):
             ValueError: The model is wrong, or a setting does not fit it.
         """
         path = model_path(self.model)
-        spec = read_spec(path, "robot model")
+        spec = read_spec(path, WHAT)
         try:
             self._prepare(spec, path)
         except ValueError as error:
@@ -76,7 +78,7 @@ class Config(Drives):
             raise ValueError("give either camera, or flange and mount")
         model, chain = camera_chain(spec, self.flange, self.camera)
         names = make_robot(spec, model, chain, self.camera, mount_pose(self.mount))
-        drive(spec, model, chain.joints, self._speeds(names, urdf_speeds(path)))
+        drive(spec, model, chain.joints, self._speeds(names, speeds(read_tree(path, WHAT))))
         for home in self.home:
             if len(home) != len(names):
                 raise ValueError(
