@@ -10,7 +10,7 @@ from importlib import resources
 import mujoco
 import numpy as np
 
-from sim.render import CameraConfig
+from sim.camera import FOVY, CameraConfig
 from sim.robot import CAMERA, Design
 from sim.target import Target
 
@@ -52,8 +52,6 @@ def build_model(
         if SPOT in wanted:
             room.visual.quality.numquads = FINE_QUADS
         room.option.timestep = 1.0 / physics_rate
-        room.visual.global_.offwidth = camera.width * camera.supersample
-        room.visual.global_.offheight = camera.height * camera.supersample
         return room.compile()
 
 
@@ -63,4 +61,4 @@ def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> N
     mujoco.mju_mat2Quat(turned, robot.base.rotation.flatten())
     frame = room.worldbody.add_frame(pos=robot.base.translation, quat=turned)
     room.attach(robot.spec.copy(), prefix=f"{ROBOT}/", frame=frame)
-    room.camera(CAMERA).fovy = camera.fovy_deg
+    room.camera(CAMERA).fovy = camera.fovy_deg or FOVY

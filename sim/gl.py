@@ -93,6 +93,14 @@ def make_current() -> None:
     context.make_current()
 
 
+def describe() -> str:
+    """The name the OpenGL driver gives itself, and its version."""
+    make_current()
+    opengl: Any = importlib.import_module("OpenGL.GL")
+    names = (opengl.GL_RENDERER, opengl.GL_VERSION)
+    return ", ".join(opengl.glGetString(name).decode() for name in names)
+
+
 def _asked() -> str:
     return os.environ.get(CHOSEN_BY, "").strip().lower()
 

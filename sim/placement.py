@@ -4,7 +4,7 @@ picture.
 
 from __future__ import annotations
 
-from math import atan2, sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
@@ -24,6 +24,10 @@ def truth(
     visible: float | None = None,
 ) -> Truth:
     """The exact truth for a target whose reference rectangle has these corners.
+
+    Where a lens distorts, centre and corners are still projected points, theta is the direction
+    from the centre to the middle of the nose, and the size is that of the quadrangle of the
+    corners.
 
     Args:
         camera: Intrinsics.
@@ -70,7 +74,22 @@ def camera_above(
         theta: Direction in which the heading shall be seen, from +u towards +v [rad].
         depth: Distance along the optical axis [m].
     """
-    yaw = heading + theta
+    yaw = heading + _straightened(camera, pixel, theta)
     R = Pose.planar(0.0, 0.0, yaw).rotation @ DOWN
     ray = np.append(camera.normalise(pixel), 1.0) * depth
     return Pose(R, point - R @ ray)
+
+
+def size_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> float:
+    """`Truth.size` of a target that a level camera sees at a pixel, an angle and a depth."""
+    eye = camera_above(camera, outline.mean(axis=0), 0.0, pixel, theta, depth)
+    return truth(camera, outline, eye, Pose.planar(0.0, 0.0, 0.0)).size
+
+
+def _straightened(camera: Camera, pixel: Array, theta: float) -> float:
+    """The angle that a direction at a pixel has without the lens's distortion."""
+    if camera.distortion is None:
+        return theta
+    step = np.array([cos(theta), sin(theta)]) / 2
+    x, y = (camera.normalise(pixel + step) - camera.normalise(pixel - step)).tolist()
+    return atan2(y, x)

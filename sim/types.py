@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.distortion import Distortion
+
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole camera without distortion.
+    """A camera: a pinhole, and the distortion of its lens.
 
     Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1,
     so its centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
@@ -31,19 +33,25 @@ class Camera:
     """Image width [px]."""
     height: int
     """Image height [px]."""
+    distortion: Distortion | None = None
+    """Of the lens; None: there is none."""
 
     @property
     def focal(self) -> float:
-        """Geometric mean of the focal lengths [px]: size in the image over size at depth 1 m."""
+        """Geometric mean of the focal lengths [px]: size in the image over size at depth 1 m; where
+        a lens distorts, on the optical axis.
+        """
         return float(np.sqrt(self.fx * self.fy))
 
     def normalise(self, pixels: Array) -> Array:
         """Pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
-        return (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
+        bent = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
+        return bent if self.distortion is None else self.distortion.straighten(bent)
 
     def to_pixels(self, normalised: Array) -> Array:
         """Normalised image coordinates (..., 2) as pixels (..., 2)."""
-        return normalised * (self.fx, self.fy) + (self.cx, self.cy)
+        bent = normalised if self.distortion is None else self.distortion.bend(normalised)
+        return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
         """Points (..., 3) in the camera frame [m] as pixels (..., 2)."""

@@ -1,4 +1,4 @@
-"""URDF made ready for MuJoCo: shapes that it can draw, meshes that it finds, inertias that exist."""
+"""URDF made ready for MuJoCo: with shapes that it draws, meshes that it finds, sound inertias."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _is_readable(shape: Element) -> bool:
 
 
 def _leave_out_wrong_inertia(link: Element) -> None:
-    """Zeros stand for an unknown inertia; the link then has the mass of its shapes, or the least."""
+    """Zeros stand for an unknown inertia: the link then has that of its shapes, or the least."""
     inertial = link.find("inertial")
     given = None if inertial is None else inertial.find("inertia")
     if inertial is None or given is None:

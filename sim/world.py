@@ -15,13 +15,16 @@ from annotated_types import Ge, Le
 
 from sim import placement
 from sim.assembly import TARGET, build_model
+from sim.camera import CameraConfig, camera_of
 from sim.geometry import log_se3
-from sim.render import CameraConfig, Renderer, Sensor, camera_pose, pinhole
+from sim.lens import Lens
+from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.robot import CAMERA, Design, Robot
+from sim.sensor import Sensor
 from sim.stage import Disturbance, Motion, Stage
 from sim.start_pose import Reach
 from sim.target import Target
-from sim.timing import exposure_steps, steps_between
+from sim.timing import Rates, exposure_steps
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
 
@@ -30,9 +33,10 @@ class WorldConfig:
     """The simulated machine."""
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
-    """Physics steps a second [Hz]."""
+    """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
     drive_rate: Annotated[float, Ge(0.1), Le(100_000)] = 120.0
-    """How often the drives recompute joint rates from the twist [Hz]; once a frame at least."""
+    """How often the drives recompute joint rates from the twist [Hz]; once a frame at least, after
+    a whole number of physics steps."""
     visibility: bool = False
     """Measure the visible fraction of the target in each frame (two more renderings a frame)."""
 
@@ -49,25 +53,23 @@ class World:
         motion: Motion,
         disturbances: Sequence[Disturbance],
         rng: np.random.Generator,
+        renderer: MakeRenderer = OpenGLRenderer,
     ) -> None:
-        steps = steps_between(config.physics_rate, camera.rate, "camera.rate")
-        self._drive_steps = steps_between(
-            config.physics_rate, config.drive_rate, "world.drive_rate"
-        )
+        rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
+        steps, self._drive_steps = rates.steps, rates.drive_steps
         self.period = 1.0 / camera.rate
         props = [prop for d in disturbances for prop in d.props]
-        self.model = build_model(config.physics_rate, camera, robot, target, props)
+        self.model = build_model(rates.physics, camera, robot, target, props)
         self.data = mujoco.MjData(self.model)
         self.robot = Robot(self.model, robot)
-        self.camera = pinhole(self.model, CAMERA, camera.width, camera.height)
+        self.camera = camera_of(camera, self.model, CAMERA)
         self._eye = self.model.camera(CAMERA).id
         self.outline = target.outline
         self._stage = Stage(self.model, motion, disturbances)
         self._visibility = config.visibility
-        self._renderer = Renderer(
-            self.model, CAMERA, camera.width, camera.height, camera.supersample
-        )
-        self._sensor = Sensor(camera, rng)
+        self._lens = Lens(self.camera)
+        self._renderer = renderer(self.model, CAMERA, self._lens.view, camera.supersample)
+        self._sensor = Sensor(camera, self._lens, rng)
         self._exposed_at = exposure_steps(camera, steps)
         # The physics steps of a frame interval at which something is to be done, and its end.
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
@@ -136,10 +138,6 @@ class World:
         """T_world_target one frame interval ago."""
         return self._stage.target(self.data.time - self.period)
 
-    def describe_renderer(self) -> str:
-        """The name the OpenGL driver gives itself."""
-        return self._renderer.describe()
-
     @property
     def moving(self) -> tuple[str, ...]:
         """Names of the bodies that can move."""
@@ -166,5 +164,8 @@ class World:
     def _visible(self) -> float:
         model = self.model
         own = model.body_rootid[model.geom_bodyid] == model.body(TARGET).id
-        alone = self._renderer.silhouette(self.data, own, alone=True)
-        return self._renderer.silhouette(self.data, own, alone=False) / alone if alone else 0.0
+        alone, seen = (
+            self._lens.count(self._renderer.silhouette(self.data, own, alone=a))
+            for a in (True, False)
+        )
+        return seen / alone if alone else 0.0

@@ -42,10 +42,10 @@ BAD = {
         ["run", "still", "--set", "tracker.kind=magic"],
         f"--set tracker.kind=magic: tracker.kind: there is no kind 'magic'; there is {TRACKERS}",
     ),
-    "a rate that does not divide": (
-        ["run", "still", "--set", "camera.rate=7"],
-        "still: camera.rate = 7 Hz does not divide world.physics_rate = 480 Hz into whole steps "
-        "(68.5714 steps each)",
+    "a camera that sees too far to the side": (
+        ["run", "still", "--set", "camera.fx=10"],
+        "still: camera: the border of the picture is more than 85 deg from the optical axis, which "
+        "cannot be rendered; it needs a longer focal length",
     ),
     "a region outside the image": (
         ["run", "still", "--set", "start.x=200"],

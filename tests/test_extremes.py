@@ -41,10 +41,13 @@ EVERYTHING = {
 """Settings of the controller with which all others matter."""
 EARLY = {"start": 0.05, "duration": 0.1}
 """Settings of a disturbance with which it acts within a short run."""
-REFUSED = ("the robot cannot bring the camera", "whole steps", "most of it outside the image",
+REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
            "both sides must be at least 4 px", "no part of the twist move",
            "this OpenCV has no tracker", "has no model file", "has no score",
-           "a TraX server needs a command", "cannot be started")  # fmt: skip
+           "a TraX server needs a command", "cannot be started",
+           "is more than 85 deg from the optical axis", "is far outside of a picture",
+           "fy needs fx", "coefficients, not 0", "coefficients need a distortion",
+           "cannot read this calibration")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
 

@@ -1,10 +1,12 @@
-"""The intrinsics of a model's camera: what is rendered lies where the truth says."""
+"""The intrinsics and the lens of a camera: what is rendered lies where the truth says."""
 
 import mujoco
 import numpy as np
 import pytest
 
-from sim.render import Renderer, camera_pose, pinhole
+from sim.camera import CameraConfig, camera_of, pinhole
+from sim.lens import Lens
+from sim.render import OpenGLRenderer, camera_pose
 
 SIZE = WIDTH, HEIGHT = 320, 240
 MARGIN = 14
@@ -36,25 +38,79 @@ def model_with(camera):
     </mujoco>""")
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_a_rendered_blob_lies_where_the_truth_says(camera):
-    model = model_with(CAMERAS[camera])
-    data, found = mujoco.MjData(model), []
-    renderer, intrinsics = Renderer(model, "eye", *SIZE), pinhole(model, "eye", *SIZE)
+SETTINGS = {
+    "centred": CameraConfig(fx=300.0),
+    "off-centre": CameraConfig(fx=280.0, fy=310.0, cx=195.0, cy=95.0),
+    "plumb_bob": CameraConfig(
+        fx=290.0, distortion="plumb_bob", coefficients=(-0.3, 0.1, 0.002, -0.003, -0.01)
+    ),
+    "plumb_bob, off-centre": CameraConfig(
+        fx=250.0, fy=260.0, cx=180.0, cy=110.0,
+        distortion="plumb_bob", coefficients=(-0.3, 0.1, 0.002, -0.003, -0.01),
+    ),
+    "pincushion": CameraConfig(distortion="plumb_bob", coefficients=(0.3, 0.1, 0.0, 0.0, 0.0)),
+    "rational": CameraConfig(
+        fx=250.0, distortion="rational", coefficients=(0.5, 0.2, 1e-3, -2e-3, 0.02, 0.8, 0.3, 0.05)
+    ),
+    "fisheye": CameraConfig(
+        fx=204.0, cx=150.0, distortion="fisheye", coefficients=(-0.02, 0.005, -0.003, 0.0005)
+    ),
+    "fisheye of 90 deg": CameraConfig(
+        fovy_deg=90.0, cx=160.0, distortion="fisheye", coefficients=(0.0,) * 4
+    ),
+    "fisheye, twice as fine": CameraConfig(
+        fx=180.0, distortion="fisheye", coefficients=(0.0,) * 4, supersample=2
+    ),
+}  # fmt: skip
+
+
+def worst(model, camera, supersample=1, count=60):
+    """The largest distance between blobs all over the picture and where they should be [px]."""
+    data, lens, found = mujoco.MjData(model), Lens(camera), []
+    renderer = OpenGLRenderer(model, "eye", lens.view, supersample)
+    mujoco.mj_forward(model, data)
+    eye = camera_pose(data, 0)
     v, u = np.mgrid[:HEIGHT, :WIDTH] + 0.5
-    for x, y in np.random.default_rng(0).uniform(-0.5, 0.5, (60, 2)):
-        data.mocap_pos[0] = x, y, 0.0
+    for true in np.random.default_rng(0).uniform(MARGIN, np.subtract(SIZE, MARGIN), (count, 2)):
+        ray = np.append(camera.normalise(true), 1.0)
+        data.mocap_pos[0] = eye.apply(ray / np.linalg.norm(ray))
         mujoco.mj_forward(model, data)
-        point = camera_pose(data, 0).inverse().apply(data.mocap_pos[0])
-        true = intrinsics.project(point)
-        if not np.all((true > MARGIN) & (true < np.subtract(SIZE, MARGIN))):
-            continue
-        light = renderer.render(data).astype(float).sum(axis=2)
+        light = lens.bend(renderer.render(data)).astype(float).sum(axis=2)
         seen = np.array([(u * light).sum(), (v * light).sum()]) / light.sum()
         found.append(np.abs(seen - true).max())
     renderer.close()
-    assert len(found) >= 10
-    assert max(found) < WITHIN
+    return max(found)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_a_rendered_blob_lies_where_the_models_camera_says(camera):
+    model = model_with(CAMERAS[camera])
+    assert worst(model, pinhole(model, "eye", *SIZE)) < WITHIN
+
+
+@pytest.mark.parametrize("settings", SETTINGS)
+def test_a_rendered_blob_lies_where_the_settings_say(settings):
+    config, model = SETTINGS[settings], model_with(CAMERAS["off-centre to the right"])
+    assert worst(model, camera_of(config, model, "eye"), config.supersample) < WITHIN
+
+
+def test_settings_go_before_the_models_sensor():
+    model = model_with(CAMERAS["off-centre to the right"])
+    own = camera_of(CameraConfig(), model, "eye")
+    assert own == pinhole(model, "eye", *SIZE)
+    assert (own.fx, own.cx) == pytest.approx((300.0, 135.0))
+    given = camera_of(CameraConfig(fovy_deg=60.0, cy=100.0), model, "eye")
+    f = 120 / np.tan(np.radians(30))
+    assert (given.fx, given.fy, given.cx, given.cy) == pytest.approx((f, f, 135.0, 100.0))
+    assert camera_of(CameraConfig(fx=200.0), model, "eye").fy == 200.0
+
+
+@pytest.mark.parametrize("settings", ["plumb_bob", "pincushion", "rational", "fisheye"])
+def test_the_field_of_view_holds_with_the_distortion(settings):
+    c, model = SETTINGS[settings], model_with('fovy="45"')
+    lens = CameraConfig(fovy_deg=50.0, distortion=c.distortion, coefficients=c.coefficients)
+    bottom = camera_of(lens, model, "eye").normalise(np.array([160.0, 240.0]))
+    assert np.degrees(np.arctan(bottom[1])) == pytest.approx(25.0, abs=0.1)  # p2 bends it a little
 
 
 def test_the_focal_length_for_sizes_is_the_geometric_mean():

@@ -14,7 +14,7 @@ from servo.loop.episode import Episode, measured_run
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from sim.assembly import build_model
-from sim.render import CameraConfig
+from sim.camera import CameraConfig
 from sim.robot import Robot
 from sim.robot_model import mount_pose
 from sim.robots import mjcf
@@ -303,9 +303,9 @@ def test_the_command_refuses_what_cannot_be_a_robot(urdf):
     )
 
 
-def test_the_command_reports_a_camera_inside_the_robot(tmp_path, seven):
-    arguments = ["robot", str(seven), "--flange", "link7", "--out", str(tmp_path / "a.png")]
-    done = CliRunner().invoke(app, arguments)
+def test_the_command_reports_a_camera_behind_the_robot(tmp_path, seven):
+    behind = ["--flange", "link7", "--mount", "0,0,-0.1,0,0,0"]
+    done = CliRunner().invoke(app, ["robot", str(seven), *behind, "--out", str(tmp_path / "a.png")])
     assert re.search(
         r"The robot itself fills \d+ % of the picture: move it with --mount", done.output
     )

@@ -49,8 +49,8 @@ def test_the_doctor_says_this(console, monkeypatch, approved):
     monkeypatch.setattr(doctor_command.gl, "backend", lambda: "egl")
     monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
-    world = SimpleNamespace(describe_renderer=lambda: "a renderer")
-    episode = SimpleNamespace(world=world, frames=10)
+    monkeypatch.setattr(doctor_command.gl, "describe", lambda: "a renderer")
+    episode = SimpleNamespace(frames=10)
 
     class Opened:
         def __init__(self, scenario):

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
+from servo.batch.ended import Ended
 from servo.cli import bench_loop_command, sweep_command
 from servo.cli.options import Commands
 from servo.cli.sweep_command import SweepRequest
@@ -40,7 +41,7 @@ def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 
     from sim.assembly import build_model
-    from sim.render import CameraConfig
+    from sim.camera import CameraConfig
     from sim.robot import Robot
     from sim.robots import arm
     from sim.targets import car
@@ -103,7 +104,7 @@ def broken(monkeypatch, tmp_path):
 
     monkeypatch.setattr(sweep_command, "local", lambda workers: Cluster())
     monkeypatch.setattr(sweep_command, "carry_out", lambda client, runs, perform: [
-        (task, SimpleNamespace(error="Trace\n  oh\nValueError: no\n", value=None)) for task in runs
+        (task, Ended(None, "Trace\n  oh\nValueError: no\n")) for task in runs
     ])  # fmt: skip
     return SweepRequest("mine.toml", (), None, 1, None, tmp_path / "out", True)
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from sim.assembly import build_model
+from sim.camera import CameraConfig
 from sim.geometry import log_se3
-from sim.render import CameraConfig, camera_pose
+from sim.render import camera_pose
 from sim.robot import CAMERA, Drives, Robot, damped_inverse
 from sim.robots import arm, gantry
 from sim.targets import car

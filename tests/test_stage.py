@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from sim.camera import CameraConfig
 from sim.disturbances import dropped_frames, second_target, spot
 from sim.motions import line, still
-from sim.render import CameraConfig
 from sim.robots import arm, gantry
 from sim.targets import car
 from sim.world import World, WorldConfig

@@ -32,11 +32,10 @@ def examine(*, bench: bool) -> int:
     backend = gl.backend()
     scenario = scenarios.load("still")
     with Episode(scenario) as episode:
-        renderer = episode.world.describe_renderer()
         loop = speed.times_of(episode)
     rows = {
         "OpenGL back end": backend,
-        "renderer": renderer,
+        "renderer": gl.describe(),
         "frames a second": f"{1e3 / loop.render:.0f} at {scenario.camera.width} x "
         f"{scenario.camera.height}",
         "Python": platform.python_version(),

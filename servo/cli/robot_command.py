@@ -23,9 +23,10 @@ from servo.cli.terminal import plain
 from servo.mistake import Mistake, unwritable
 from servo.scenario.fill import fill
 from sim.assembly import ROBOT, build_model
+from sim.camera import CameraConfig, pinhole
 from sim.model_files import read_spec
 from sim.motions import still
-from sim.render import CameraConfig, Renderer
+from sim.render import OpenGLRenderer
 from sim.robot import CAMERA, Robot
 from sim.robot_chain import Chain, flanges
 from sim.robot_drives import drive_of, kind_of_joint, wrong_drive
@@ -90,11 +91,11 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     design, target = config.build(rng), car.Config().build(rng)
     motion = still.Config().build(rng)
     world = World(WorldConfig(), design, target, PICTURE, motion, (), rng)
-    room, eye = (Renderer(world.model, name, PICTURE.width, PICTURE.height)
+    size = PICTURE.width, PICTURE.height
+    room, eye = (OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
                  for name in ("room", CAMERA))  # fmt: skip
     try:
-        middle = np.array([PICTURE.width, PICTURE.height]) / 2
-        reach = world.start(middle, 0.0, DEPTH)
+        reach = world.start(np.array(size) / 2, 0.0, DEPTH)
         views = [room.render(world.data), eye.render(world.data)]
         seen = eye.silhouette(world.data, _own(world.model), alone=False)
     finally:
@@ -102,11 +103,9 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
             item.close()
     text = f"From the base below the camera can be {DEPTH:g} m above the target"
     text += "." if reach else f" only nearly: {reach}."
-    if seen:
-        share = 100 * seen / (PICTURE.width * PICTURE.height)
-        text += (
-            f"\nThe robot itself fills {share:.0f} % of the picture: move the camera with --mount."
-        )
+    if seen.any():
+        share = 100 * seen.mean()
+        text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
     return np.hstack(views), text
 
 

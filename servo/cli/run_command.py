@@ -122,6 +122,8 @@ def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
         shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
         table.add_row(m.name, f"{m.value:.3g}", shown, m.meaning)
     console.print(table)
+    for name, used in scenario.rates_changed.items():
+        plain(console, f"{name} = {used:.6g} Hz was used, to fit camera.rate")
 
 
 def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:

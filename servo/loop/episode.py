@@ -18,6 +18,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
+from sim.render import MakeRenderer, OpenGLRenderer
 from sim.types import Truth
 from sim.world import World
 from tracking.types import Region, State
@@ -32,13 +33,13 @@ class Episode:
         NoRenderer: This machine cannot render.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, renderer: MakeRenderer = OpenGLRenderer) -> None:
         self.scenario, self.frames = scenario, scenario.frames
         self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
         self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
         with ExitStack() as unless_ready, self._naming_parts():
             unless_ready.callback(self.close)  # the caller has nothing to close
-            self.world = self._build_world()
+            self.world = self._build_world(renderer)
             self.loop = Loop(scenario, self.world.camera, self.world.outline)
             self._parts |= self.loop.parts
             self._place_camera()
@@ -66,7 +67,7 @@ class Episode:
                 raise
             raise failed from error
 
-    def _build_world(self) -> World:
+    def _build_world(self, renderer: MakeRenderer) -> World:
         s = self.scenario
         motion, robot, target = map(self._build, ("motion", "robot", "target"))
         disturbances = [
@@ -75,7 +76,7 @@ class Episode:
         ]
         sensor = stream(s.run.seed, "sensor")
         try:
-            return World(s.world, robot, target, s.camera, motion, disturbances, sensor)
+            return World(s.world, robot, target, s.camera, motion, disturbances, sensor, renderer)
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from error
 

@@ -21,6 +21,7 @@ from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import Command, Sight
+from sim.placement import size_above
 from sim.types import Array, Camera, Frame, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
@@ -71,10 +72,17 @@ class Loop:
         """Where the target's centre shall be (2,) [px]."""
         self.goal_theta = radians(goal.angle_deg)
         """Direction in which the target's nose shall point [rad]."""
+        self._sizes: dict[float, float] = {}
 
     def goal_size(self, time: float) -> float:
         """Size that the target shall have at a time [s], in px of the image a metre."""
-        return self._camera.focal / self._scenario.goal.depth_at(time)
+        depth = self._scenario.goal.depth_at(time)
+        if self._camera.distortion is None:
+            return self._camera.focal / depth
+        if depth not in self._sizes:
+            above = self._camera, self._outline, self.goal, self.goal_theta, depth
+            self._sizes = {depth: size_above(*above)}
+        return self._sizes[depth]
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Show the target to the tracker in the first picture, and begin the task.

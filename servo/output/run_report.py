@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from servo.loop.run_measures import Report, Violation
@@ -43,6 +43,8 @@ class RunReport(Made):
     """Every value that the run used, the defaults included."""
     table: dict[str, Any]
     """The scenario as TOML has it, changes included."""
+    rates: dict[str, Number] = field(default_factory=dict)
+    """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
 
     @staticmethod
     def of(
@@ -64,6 +66,7 @@ class RunReport(Made):
             feed_forward=list(features.feed_forward),
             settings=as_json(scenario.settings()),
             table=_table(scenario),
+            rates=scenario.rates_changed,
         )
 
 

@@ -30,12 +30,12 @@ def versions() -> dict[str, str]:
 
     Packages that bring kinds by entry points are named too.
     """
-    there = [name for name in VERSIONED if name not in OPENCV or installed(name)]
+    there = [name for name in VERSIONED if name not in OPENCV or is_installed(name)]
     found = {name: metadata.version(name) for name in there}
     return {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), **found, **packages()}
 
 
-def installed(name: str) -> bool:
+def is_installed(name: str) -> bool:
     """Whether a distribution is installed."""
     try:
         metadata.version(name)
@@ -46,7 +46,7 @@ def installed(name: str) -> bool:
 
 def clash() -> str:
     """The sentence about several distributions of OpenCV; empty where there is one."""
-    there = [name for name in OPENCV if installed(name)]
+    there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:
         return ""
     return (

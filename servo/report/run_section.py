@@ -48,6 +48,9 @@ def section(folder: Path) -> Section:
         for name in KEY_MEASURES
         if run.measures.get(name) is not None
     ]
+    facts += [
+        Fact(name, f"{shown(used)} Hz", "fits camera.rate") for name, used in run.rates.items()
+    ]
     return Section(
         "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
         Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome, run.outcome), facts,

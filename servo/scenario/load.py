@@ -14,6 +14,7 @@ from typing import Any
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.beside import found_beside
+from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
 from servo.scenario.override import override, put
@@ -27,7 +28,8 @@ from servo.scenario.sections import (
 )
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
-from sim.render import CameraConfig
+from sim.camera import CameraConfig
+from sim.timing import Rates
 from sim.world import WorldConfig
 
 Table = dict[str, Any]
@@ -53,7 +55,7 @@ class Scenario:
 
     name: str
     table: Table = field(repr=False)
-    """The TOML table it was parsed from, overrides included."""
+    """The TOML table it was parsed from, overrides and the camera's calibration included."""
     run: RunConfig
     world: WorldConfig
     camera: CameraConfig
@@ -77,6 +79,12 @@ class Scenario:
     def frames(self) -> int:
         """Number of frames of a run."""
         return max(1, round(self.run.duration * self.camera.rate))
+
+    @property
+    def rates_changed(self) -> dict[str, float]:
+        """Rates [Hz] of which the run uses others than those asked for, by setting."""
+        asked = self.world.physics_rate, self.world.drive_rate, self.camera.rate
+        return Rates.of(*asked).changed(*asked)
 
     def settings(self) -> Table:
         """Every value the run uses, the defaults included."""
@@ -118,13 +126,11 @@ def _part(key: str, value: Any) -> Any:
     """The `Config` of a part that is given from Python."""
     if key not in PLUGINS:
         raise Mistake(unknown(key, PLUGINS, "part"))
-    whole = value
+    whole, name = value, getattr(value, "__qualname__", repr(value))
     if dataclasses.is_dataclass(whole) and not isinstance(whole, type):
         return whole
     try:
-        return kinds.as_config(
-            PLUGINS[key][0], value, getattr(value, "__qualname__", repr(value))
-        )()
+        return kinds.as_config(PLUGINS[key][0], value, name)()
     except kinds.UnknownKind as error:
         raise Mistake(f"{key}: {error}") from None
 
@@ -168,11 +174,18 @@ def _is_right(table: Table, place: str) -> bool:
 def read(name: str) -> tuple[Table, str]:
     """The TOML table of a scenario, not looked at yet, and the name of its file for messages.
 
+    A calibration lies beside the file: its path is made one from the working directory.
+
     Raises:
         Mistake: There is no such file, or it is no TOML.
     """
     path = path_of(name)
     table = toml.decode(toml.read(path, "scenario"), path.name)
+    match table:
+        case {"camera": {"calibration": str(beside)}}:
+            table["camera"]["calibration"] = str(path.parent / beside)
+        case _:
+            pass
     return (table if name in shipped() else found_beside(table, path.parent)), path.name
 
 
@@ -187,6 +200,8 @@ def parse(table: Table, name: str, place: str) -> Scenario:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
     _check_moved(table, place)
+    if "camera" in table:
+        table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
     values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
     for key, (folder, default) in PLUGINS.items():
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)

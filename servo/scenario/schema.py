@@ -55,7 +55,10 @@ def _branch(folder: str, kind: str, *, is_default: bool) -> Schema:
     choices: Schema = {"kind": {"const": kind}}
     if presets:
         choices["preset"] = {"description": "Values of settings not given.", "enum": presets}
-    settings = _settings(kinds.config_of(folder, kind)())["properties"]
+    config = kinds.config_of(folder, kind)
+    settings = _settings(config())["properties"]
+    for key in getattr(config, "not_from_file", ()):
+        del settings[key]
     found = table(choices | settings, kinds.summary(folder, kind))
     return found if is_default else found | {"required": ["kind"]}
 

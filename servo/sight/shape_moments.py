@@ -66,7 +66,11 @@ def of_corners(corners: Array, camera: Camera) -> Moments:
 
 
 def of_state(state: State, region: Region, camera: Camera) -> Moments:
-    """The moments of the rectangle in which a tracker sees the target."""
+    """The moments of the rectangle in which a tracker sees the target: where a lens distorts, of
+    the quadrangle of its straightened corners.
+    """
+    if camera.distortion is not None:
+        return of_corners(region.corners(state), camera)
     x, y = (state.x - camera.cx) / camera.fx, (state.y - camera.cy) / camera.fy
     width, height = state.scale * region.width, state.scale * region.height
     return of_rectangle(x, y, width, height, state.theta, (1 / camera.fx, 1 / camera.fy))

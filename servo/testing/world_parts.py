@@ -11,8 +11,8 @@ import numpy as np
 
 from servo.testing._given import BrokenContract, built, config_of, require
 from sim.assembly import TARGET, build_model
+from sim.camera import CameraConfig
 from sim.geometry import log_se3
-from sim.render import CameraConfig
 from sim.robot import Design, Robot
 from sim.target import Target
 from sim.types import Array, Effect, Pose

@@ -17,8 +17,8 @@ import numpy as np
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from sim.render import Renderer
-from sim.robot import EYE
+from sim.render import OpenGLRenderer
+from sim.robot import CAMERA
 
 ROUNDS = 40
 PLAIN = {}
@@ -38,12 +38,10 @@ def picture(world, setting):
     quality = {k: v for k, v in setting.items() if k not in ("supersample", "shadow")}
     before = {k: getattr(model.vis.quality, k) for k in quality}
     supersample = setting.get("supersample", 1)
-    offscreen = model.vis.global_
-    offscreen.offwidth, offscreen.offheight = 320 * supersample, 240 * supersample
     model.light("lamp").castshadow = setting.get("shadow", False)
     for key, value in quality.items():
         setattr(model.vis.quality, key, value)
-    renderer = Renderer(model, EYE, 320, 240, supersample)
+    renderer = OpenGLRenderer(model, CAMERA, world.camera, supersample)
     times = []
     for _ in range(ROUNDS):
         began = perf_counter()

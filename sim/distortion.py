@@ -1,0 +1,174 @@
+"""Lens distortion: where a ray of light lands in the image, and which ray lands there.
+
+A ray is given by its pinhole coordinates (x, y) = (X/Z, Y/Z). A model bends them, and the focal
+lengths and the principal point take the result to pixels. With p = (p2, p1), q = x^2 + y^2 and
+t = atan sqrt(q), in OpenCV's order of coefficients:
+
+    plumb_bob  k1 k2 p1 p2 k3           (x, y) (f + 2 (x, y) p) + q p
+                                        with f = 1 + k1 q + k2 q^2 + k3 q^3
+    rational   k1 k2 p1 p2 k3 k4 k5 k6  the same with f / (1 + k4 q + k5 q^2 + k6 q^3)
+    fisheye    k1 k2 k3 k4              (x, y) t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) / sqrt(q)
+
+D. C. Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32(3), 1966; D. Claus
+and A. W. Fitzgibbon, "A rational function lens distortion model for general cameras", CVPR 2005;
+slopes. Kannala and S. S. Brandt, "A generic camera model and calibration method for conventional,
+wide-angle, and fish-eye lenses", TPAMI 28(8), 2006.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Model = Literal["plumb_bob", "rational", "fisheye"]
+COEFFICIENTS: dict[Model, int] = {"plumb_bob": 5, "rational": 8, "fisheye": 4}
+"""How many coefficients a model has."""
+WIDEST = 85.0
+"""Largest angle between a ray and the optical axis [deg]: a flat picture cannot show much more."""
+RADII, DIRECTIONS = 2048, 64
+"""Where a model is examined for folds."""
+BEFORE_FOLD = 0.97
+"""Share of the radius at which a model folds back that is used."""
+TINY = 1e-4
+"""Smallest radius at which the fisheye's formula is evaluated; below, its factor is constant."""
+UNIT = np.eye(2)
+ROUNDS, EXACT = 60, 1e-6
+"""Newton's method ends after a smaller step, which leaves an error of about its square."""
+
+
+@dataclass(frozen=True, slots=True)
+class Distortion:
+    """The distortion of a lens.
+
+    A polynomial folds back where its radius is largest. Beyond `reach` the model goes on in
+    proportion to the radius, so that what is far outside the picture stays outside.
+    """
+
+    model: Model
+    """Which formula."""
+    coefficients: tuple[float, ...]
+    """In OpenCV's order."""
+
+    def __post_init__(self) -> None:
+        wanted = COEFFICIENTS.get(self.model)
+        if wanted is None:
+            raise ValueError(
+                f"there is no distortion '{self.model}'; there is {', '.join(COEFFICIENTS)}"
+            )
+        if not all(map(isfinite, self.coefficients)):
+            raise ValueError(f"the distortion {self.model} needs finite coefficients")
+        if len(self.coefficients) != wanted:
+            raise ValueError(
+                f"the distortion {self.model} has {wanted} coefficients, "
+                f"not {len(self.coefficients)}"
+            )
+
+    @property
+    def reach(self) -> float:
+        """Radius sqrt(x^2 + y^2) up to which the model is used."""
+        return float(_radii(self)[0][-1])
+
+    @property
+    def folds(self) -> bool:
+        """Whether the model folds back within the widest angle."""
+        return self.reach < np.tan(np.radians(WIDEST))
+
+    def bend(self, rays: Array) -> Array:
+        """The distorted coordinates (..., 2) of rays (..., 2)."""
+        return _extended(self, rays)[0]
+
+    def straighten(self, bent: Array) -> Array:
+        """The rays (..., 2) of distorted coordinates (..., 2), by Newton's method."""
+        radii, lengths = _radii(self)
+        length = np.hypot(bent[..., 0], bent[..., 1])
+        radius = np.interp(length, lengths, radii) * np.maximum(length / lengths[-1], 1.0)
+        rays = bent * (radius / np.maximum(length, TINY**2))[..., None]
+        for _ in range(ROUNDS):
+            found, slopes = _extended(self, rays)
+            e = bent - found
+            a, b, c, d = slopes[..., 0, 0], slopes[..., 0, 1], slopes[..., 1, 0], slopes[..., 1, 1]
+            step = np.empty_like(rays)
+            step[..., 0] = d * e[..., 0] - b * e[..., 1]
+            step[..., 1] = a * e[..., 1] - c * e[..., 0]
+            step /= (a * d - b * c)[..., None]
+            rays = rays + step
+            if np.all(np.abs(step) <= EXACT * (1.0 + np.abs(rays))):
+                break
+        return rays
+
+
+def _extended(lens: Distortion, rays: Array) -> tuple[Array, Array]:
+    """The model within its reach, and in proportion to the radius beyond; its Jacobian."""
+    reach = lens.reach
+    beyond = np.maximum(np.hypot(rays[..., 0], rays[..., 1]) / reach, 1.0)[..., None]
+    inner = rays / beyond
+    bent, slopes = _bent(lens, inner)
+    if beyond.max(initial=1.0) > 1.0:
+        d = inner / reach  # unit vectors, where it is needed
+        along = bent / reach - np.einsum("...ij,...j->...i", slopes, d)
+        slopes = np.where(
+            beyond[..., None] > 1.0, slopes + along[..., :, None] * d[..., None, :], slopes
+        )
+    return bent * beyond, slopes
+
+
+def _bent(lens: Distortion, rays: Array) -> tuple[Array, Array]:
+    """Distorted coordinates (..., 2) by the model's formula, and their Jacobian (..., 2, 2)."""
+    q = rays[..., 0] ** 2 + rays[..., 1] ** 2
+    f, slope = _radial(lens, q)
+    p = np.zeros(2) if lens.model == "fisheye" else np.array(lens.coefficients[3:1:-1])
+    factor = (f + 2 * rays @ p)[..., None]
+    along = 2 * (slope[..., None] * rays + p)
+    slopes = rays[..., :, None] * along[..., None, :]
+    slopes += 2 * p[:, None] * rays[..., None, :] + factor[..., None] * UNIT
+    return rays * factor + q[..., None] * p, slopes
+
+
+def _radial(lens: Distortion, q: Array) -> tuple[Array, Array]:
+    """The factor on (x, y) at a squared radius, and its derivative."""
+    c = lens.coefficients
+    if lens.model == "fisheye":
+        q = np.maximum(q, TINY**2)
+        r = np.sqrt(q)
+        t = np.arctan(r)
+        g, slope = _polynomial(t * t, (1.0, *c))
+        g, by_t = t * g, g + 2 * t * t * slope
+        return g / r, (by_t / (1 + q) - g / r) / (2 * q)
+    top, by_q = _polynomial(q, (1.0, c[0], c[1], c[4]))
+    if lens.model == "plumb_bob":
+        return top, by_q
+    bottom, below = _polynomial(q, (1.0, *c[5:]))
+    return top / bottom, (by_q * bottom - top * below) / bottom**2
+
+
+def _polynomial(x: Array, coefficients: tuple[float, ...]) -> tuple[Array, Array]:
+    """Value and derivative of a polynomial, constant term first."""
+    value, slope = coefficients[-1], 0.0
+    for c in coefficients[-2::-1]:
+        slope = slope * x + value
+        value = value * x + c
+    return value, slope  # type: ignore[return-value]
+
+
+@functools.lru_cache(maxsize=64)
+def _radii(lens: Distortion) -> tuple[Array, Array]:
+    """Radii from zero to the reach, and how long they are when bent, without p1 and p2."""
+    radii = np.tan(np.radians(np.linspace(0.0, WIDEST, RADII)))
+    turn = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
+    with np.errstate(all="ignore"):  # a pole of the rational model
+        rays = radii[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        slopes = _bent(lens, rays)[1]
+        det = slopes[..., 0, 0] * slopes[..., 1, 1] - slopes[..., 0, 1] * slopes[..., 1, 0]
+        right = np.all((det > 0) & (slopes[..., 0, 0] + slopes[..., 1, 1] > 0), axis=1)
+        lengths = radii * _radial(lens, radii**2)[0]
+        right[1:] &= np.diff(lengths) > 0
+    if not right.all():
+        radii = radii * (BEFORE_FOLD * max(radii[np.argmin(right) - 1], TINY) / radii[-1])
+        lengths = radii * _radial(lens, radii**2)[0]
+    return radii, lengths

@@ -1,0 +1,243 @@
+"""Calibration files of ROS and of OpenCV: what they give, and what is wrong with others."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+
+from servo.cli import run_command
+from servo.loop.episode import Episode
+from servo.mistake import Mistake
+from servo.scenario.load import load
+from sim.camera import CameraConfig
+
+ROS = """\
+image_width: 640
+image_height: 480
+camera_name: head
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [520.0, 0.0, 330.5, 0.0, 518.0, 236.0, 0.0, 0.0, 1.0]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.28, 0.08, 1e-05, -0.0012, 0.0]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+"""
+PLUMB_BOB = (-0.28, 0.08, 1e-05, -0.0012, 0.0)
+RATIONAL = (0.5, 0.2, 1e-3, -2e-3, 0.02, 0.8, 0.3, 0.05)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def opencv(path, coefficients, **more):
+    """What calibrations written with cv2.FileStorage have."""
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in {"image_width": 640, "image_height": 480, **more}.items():
+        file.write(name, value)
+    file.write("camera_matrix", np.array([[520.0, 0, 330.5], [0, 518.0, 236.0], [0, 0, 1]]))
+    file.write("distortion_coefficients", np.array([coefficients]))
+    file.release()
+
+
+def camera_with(*changes):
+    return load("still", ["camera.calibration=cam.yaml", *changes]).camera
+
+
+def check(camera, model, coefficients, scale=1.0):
+    assert (camera.width, camera.height) == (640 * scale, 480 * scale)
+    # Ours start at the corner of the first pixel, theirs at its middle.
+    found = (camera.fx, camera.fy, camera.cx, camera.cy)
+    assert found == pytest.approx(np.array([520.0, 518.0, 331.0, 236.5]) * scale, rel=1e-12)
+    assert (camera.distortion, camera.coefficients) == (model, pytest.approx(coefficients))
+    assert camera.fovy_deg is camera.calibration is None
+
+
+def test_a_calibration_of_ros(here):
+    (here / "cam.yaml").write_text(ROS)
+    check(camera_with(), "plumb_bob", PLUMB_BOB)
+    check(camera_with("camera.width=320", "camera.height=240"), "plumb_bob", PLUMB_BOB, 0.5)
+
+
+@pytest.mark.parametrize(("name", "model", "values"), [
+    ("rational_polynomial", "rational", RATIONAL),
+    ("rational_polynomial", "rational", (*RATIONAL, 0.0, 0.0, 0.0, 0.0)),
+    ("equidistant", "fisheye", (0.1, -0.02, 0.003, 0.0)),
+    ("plumb_bob", "plumb_bob", PLUMB_BOB[:4]),
+])  # fmt: skip
+def test_the_models_of_ros(here, name, model, values):
+    text = ROS.replace("plumb_bob", name)
+    (here / "cam.yaml").write_text(text.replace(str(list(PLUMB_BOB)), str(list(values))))
+    wanted = {"rational": RATIONAL, "fisheye": values, "plumb_bob": PLUMB_BOB}[model]
+    check(camera_with(), model, wanted)
+
+
+@pytest.mark.parametrize(("values", "model", "wanted", "more"), [
+    (PLUMB_BOB[:4], "plumb_bob", PLUMB_BOB, {}),
+    (PLUMB_BOB, "plumb_bob", PLUMB_BOB, {}),
+    ((*PLUMB_BOB, *[0.0] * 9), "plumb_bob", PLUMB_BOB, {}),
+    (RATIONAL, "rational", RATIONAL, {}),
+    ((*RATIONAL, *[0.0] * 6), "rational", RATIONAL, {}),
+    ((0.1, 0.0, 0.0, 0.0), "fisheye", (0.1, 0.0, 0.0, 0.0), {"fisheye_model": 1}),
+])  # fmt: skip
+def test_a_calibration_of_opencv(here, values, model, wanted, more):
+    opencv(here / "cam.yaml", values, **more)
+    check(camera_with(), model, wanted)
+
+
+def test_opencvs_older_first_line(here):
+    opencv(here / "cam.yaml", PLUMB_BOB)
+    text = (here / "cam.yaml").read_text()
+    (here / "cam.yaml").write_text("%YAML:1.0\n" + text[text.index("---") :])
+    check(camera_with(), "plumb_bob", PLUMB_BOB)
+
+
+def test_a_calibration_lies_beside_the_scenario_and_is_kept_with_the_run(here):
+    (here / "mine").mkdir()
+    (here / "mine" / "cam.yaml").write_text(ROS)
+    (here / "mine" / "a.toml").write_text('[camera]\ncalibration = "cam.yaml"\nnoise = 1.0\n')
+    scenario = load("mine/a.toml")
+    check(scenario.camera, "plumb_bob", PLUMB_BOB)
+    assert scenario.camera.noise == 1.0
+    assert scenario.table["camera"] == {
+        "noise": 1.0, "width": 640, "height": 480, "fx": 520.0, "fy": 518.0, "cx": 331.0,
+        "cy": 236.5, "distortion": "plumb_bob", "coefficients": list(PLUMB_BOB),
+    }  # fmt: skip
+    assert scenario.settings()["camera"]["fx"] == 520.0
+
+
+def test_a_run_through_a_calibration(here):
+    (here / "cam.yaml").write_text(ROS)
+    changes = ["camera.calibration=cam.yaml", "run.duration=0.1", "expect={}", "start.x=0"]
+    code = run_command.run_scenario("still", changes, 0, here / "out", quiet=True, rerun=False)
+    assert code == 0
+
+
+def test_python_is_told_who_reads_a_calibration():
+    own = dataclasses.replace(load("still"), camera=CameraConfig(calibration="cam.yaml"))
+    with pytest.raises(Mistake) as refused:
+        Episode(own)
+    assert str(refused.value) == (
+        "still: camera.calibration is read where a scenario is loaded: servo.load takes it as "
+        '"camera.calibration=FILE"'
+    )
+
+
+K = "[520.0, 0.0, 330.5, 0.0, 518.0, 236.0, 0.0, 0.0, 1.0]"
+MATRIX = "cam.yaml: camera_matrix.data should be a list of 9 finite numbers"
+SHAPE = "cam.yaml: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew"
+VALUES = "cam.yaml: distortion_coefficients.data should be a list of finite numbers"
+NO_YAML = "cam.yaml: this is not YAML"
+WRONG = {
+    "no matrix": ("camera_matrix", "matrix", MATRIX),
+    "a matrix without data": ("  data: [520", "  date: [520", MATRIX),
+    "eight numbers": (K, "[520.0, 0.0, 330.5, 0.0, 518.0, 236.0, 0.0, 0.0]", MATRIX),
+    "nan": ("520.0", ".nan", MATRIX),
+    "infinity": ("236.0", "-.inf", MATRIX),
+    "a word": ("520.0", "wide", MATRIX),
+    "a truth": ("520.0", "true", MATRIX),
+    "a list in a list": ("520.0", "[520.0]", MATRIX),
+    "a number without end": ("520.0", "1" + "0" * 400, MATRIX),
+    "skew": ("520.0, 0.0", "520.0, 0.1", SHAPE),
+    "another last row": ("0.0, 0.0, 1.0]\ndist", "0.0, 0.0, 2.0]\ndist", SHAPE),
+    "a negative focal length": (
+        "520.0", "-520.0",
+        "cam.yaml: camera_matrix has the focal lengths -520, 518; they are above zero",
+    ),
+    "no focal length": (
+        "518.0", "0", "cam.yaml: camera_matrix has the focal lengths 520, 0; they are above zero"
+    ),
+    "no coefficients": ("distortion_coefficients", "coefficients", VALUES),
+    "an empty list": (str(list(PLUMB_BOB)), "[]", VALUES),
+    "a coefficient that is none": ("-0.28", "k1", VALUES),
+    "two coefficients": (
+        str(list(PLUMB_BOB)), "[0.1, 0.2]",
+        "cam.yaml: distortion_coefficients has 2 numbers; plumb_bob has 5",
+    ),
+    "six coefficients": (
+        str(list(PLUMB_BOB)), "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
+        "cam.yaml: distortion_coefficients has 6 numbers; plumb_bob has 5",
+    ),
+    "another model": (
+        "plumb_bob", "kannala",
+        "cam.yaml: distortion_model = 'kannala' is not known; there is plumb_bob, "
+        "rational_polynomial, equidistant, fisheye",
+    ),
+    "a model that is no word": (
+        "plumb_bob", "[a]",
+        "cam.yaml: distortion_model = ['a'] is not known; there is plumb_bob, "
+        "rational_polynomial, equidistant, fisheye",
+    ),
+    "no width": (
+        "image_width", "width", "cam.yaml: image_width = None should be a number of pixels"
+    ),
+    "a width of zero": ("640", "0", "cam.yaml: image_width = 0 should be a number of pixels"),
+    "half a pixel": ("480", "480.5", "cam.yaml: image_height = 480.5 should be a number of pixels"),
+    "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: line 7 is wrong"),
+    "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: line 3 is wrong"),
+    "tables merged without end": ("camera_name: head", "a: &a {x: 1}\nb: {<<: [*a, *a]}",
+                                  f"{NO_YAML}: line 4 is wrong"),
+    "a date that is none": ("head", "2024-13-45", NO_YAML),
+    "a matrix too wide for this picture": (
+        "image_width: 640", "image_width: 3000",
+        "--set camera.calibration=cam.yaml: camera.width = 3000: "
+        "input should be less than or equal to 2560",
+    ),
+    "a principal point far away": (
+        "330.5", "3305.0",
+        "--set camera.calibration=cam.yaml: camera: cx = 3305.5 px is far outside of a picture of "
+        "640 px; it should be from -640 to 1280",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_calibration_is_a_sentence(here, name):
+    before, after, sentence = WRONG[name]
+    assert before in ROS
+    (here / "cam.yaml").write_text(ROS.replace(before, after, 1))
+    with pytest.raises(Mistake) as refused:
+        camera_with()
+    assert str(refused.value) == sentence
+
+
+@pytest.mark.parametrize(("content", "sentence"), [
+    (b"", "cam.yaml: this is no calibration: it should have camera_matrix"),
+    (b"[1, 2]", "cam.yaml: this is no calibration: it should have camera_matrix"),
+    (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
+    (b"a: " + b"[" * 3000, NO_YAML),
+    (b"#" * 20_001, "cam.yaml: cannot read this calibration: it is too large; the limit is "
+                    "20,000 bytes"),
+    (None, "cam.yaml: cannot read this calibration: No such file or directory"),
+])  # fmt: skip
+def test_a_file_that_is_no_calibration_is_a_sentence(here, content, sentence):
+    if content is not None:
+        (here / "cam.yaml").write_bytes(content)
+    with pytest.raises(Mistake) as refused:
+        camera_with()
+    assert str(refused.value) == sentence
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    ("camera.fx=300", "fx and calibration both give the lens; leave one out"),
+    ("camera.fovy_deg=45", "fovy_deg and calibration both give the lens; leave one out"),
+    ("camera.cy=45", "cy and calibration both give the lens; leave one out"),
+    ("camera.distortion=fisheye", "distortion and calibration both give the lens; leave one out"),
+    ("camera.width=320", "320 x 480 px has not the shape of the 640 x 480 px of cam.yaml"),
+    ("camera.height=640", "640 x 640 px has not the shape of the 640 x 480 px of cam.yaml"),
+])  # fmt: skip
+def test_what_does_not_fit_a_calibration_is_a_sentence(here, change, sentence):
+    (here / "cam.yaml").write_text(ROS)
+    with pytest.raises(Mistake) as refused:
+        camera_with(change)
+    assert str(refused.value) == f"--set {change}: camera: {sentence}"
