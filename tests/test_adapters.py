@@ -103,7 +103,7 @@ def test_vots_protocol(tmp_path):
 
 def test_vots_protocol_names_a_picture_that_is_none(tmp_path):
     (tmp_path / "0.png").write_bytes(b"no picture")
-    with pytest.raises(ValueError, match=r"0\.png: this is no picture; known are JPEG, PNG"):
+    with pytest.raises(ValueError, match=r"0\.png: this is not a picture; known formats are JPEG"):
         run_vot(Handle([str(tmp_path / "0.png")]), "frozen")
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from servo.output.command_line import command_line
 from servo.scenario.override import assignment
-from servo.study.plan import Run
+from servo.study.plan import Base, Run
 
 
 def test_a_command_line_repeats_what_was_typed():
@@ -29,7 +29,8 @@ VALUES = [
 
 @pytest.mark.parametrize("value", VALUES, ids=repr)
 def test_a_value_of_a_study_is_the_same_after_set(value):
-    run = Run(0, "still", 3, {"tracker.x": value}, {}, "still.toml", False)
+    base = Base("still", {}, "still.toml")
+    run = Run(0, base, 3, {"tracker.x": value}, {}, "mine.toml", False)
     words = shlex.split(run.command({}))
     assert words[:5] == ["servobench", "run", "still", "--seed", "3"]
     assert assignment(words[6]) == ("tracker.x", value)

@@ -125,7 +125,7 @@ def test_what_is_in_a_folder_but_no_picture_gives_its_reason(tmp_path, capfd):
         f"{unread}it is a named pipe, not a file",
         "this picture is an empty file",
         "this picture is cut off or damaged",
-        "this is no picture; known are JPEG, PNG, BMP, TIFF, WebP, PPM",
+        "this is not a picture; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM",
         "this picture cannot be decoded",
         "this picture is cut off or damaged",
     ]

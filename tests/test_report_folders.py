@@ -172,7 +172,7 @@ BAD = {
     ),
     "half a table": (
         {"study.json": STUDY, "results.parquet": b"PAR1"},
-        "{}/results.parquet: this is no Parquet table; it may be half-written",
+        "{}/results.parquet: this is not a Parquet table; it may be half-written",
     ),
     "an empty bench": (
         {"bench.json": json.dumps(HEAD | {"kind": "bench closed_loop", "runs": []}).encode()},
@@ -202,7 +202,7 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(tmp_path, case):
 def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     folder = make_bench(tmp_path / "bench")
     (folder / "success.png").write_bytes(b"x")
-    with pytest.raises(Mistake, match=r"/success\.png: this is no picture; it may be half-"):
+    with pytest.raises(Mistake, match=r"/success\.png: this is not a picture; it may be half-"):
         write([folder], None)
     shutil.copytree(ran, tmp_path / "run")
     whole = (ran / "run.rrd").read_bytes()

@@ -101,8 +101,9 @@ def test_results_of_other_code_are_refused(monkeypatch, capfd, place):
     assert versions[SOURCE] == source_digest()
     begun(place, versions=versions | {SOURCE: "abc"})
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        2, "servobench: out: this was begun with servobench source abc, here is "
-        f"{source_digest()}: its numbers would not compare; choose another folder with --out\n",
+        2, "servobench: out: this was begun with servobench source abc, but "
+        f"{source_digest()} is installed: the numbers could not be compared; choose another folder "
+        "with --out\n",
     )  # fmt: skip
 
 
@@ -144,7 +145,7 @@ def test_a_damaged_beginning_is_refused(monkeypatch, capfd, place, text):
     (place / "out" / Begun.FILE).write_text(text)
     code, err = call(monkeypatch, capfd, *BENCH, "-q")
     assert code == 2
-    assert err.startswith("servobench: out/begun.json: this file is damaged, so that nobody knows")
+    assert err.startswith("servobench: out/begun.json: this file is damaged, so the results")
 
 
 def test_one_command_writes_into_a_folder_at_a_time(monkeypatch, capfd, place):

@@ -148,8 +148,8 @@ def test_runs_without_their_description_are_refused(small, folder):
 def test_a_damaged_description_is_refused(small, folder, text):
     (folder / "study.json").write_text(text)
     assert refused(small, folder) == (
-        f"{folder}/study.json: this file is damaged, so that nobody knows what the results beside "
-        "it are; choose another folder with --out"
+        f"{folder}/study.json: this file is damaged, so the results beside it cannot be "
+        "identified; choose another folder with --out"
     )
 
 
@@ -157,24 +157,27 @@ def test_a_damaged_description_is_refused(small, folder, text):
 def test_a_description_without_versions_is_refused(small, folder, versions):
     about = json.loads((folder / "study.json").read_text()) | {"versions": versions}
     (folder / "study.json").write_text(json.dumps(about))
-    other = "this was begun with servobench None, here is 0.1.0: its numbers would not compare"
-    damaged = "this file is damaged, so that nobody knows what the results beside it are"
+    other = (
+        "this was begun with servobench None, but 0.1.0 is installed: the numbers could not be "
+        "compared"
+    )
+    damaged = "this file is damaged, so the results beside it cannot be identified"
     assert (other if versions in ({}, {"mujoco": "4"}) else damaged) in refused(small, folder)
 
 
 def test_another_study_other_versions_and_other_code_are_refused(small, folder):
     assert refused(small, folder, seeds=[0]) == (
-        f"{folder}: another study is kept here (its seeds differs); choose another folder with "
-        "--out"
+        f"{folder}: this folder holds another study (its seeds differs); choose another folder "
+        "with --out"
     )
     versions = StudyFile.of(small, "me").versions
     assert refused(small, folder, versions=versions | {"mujoco": "9.9"}) == (
-        f"{folder}: this was begun with mujoco {versions['mujoco']}, here is 9.9: "
-        "its numbers would not compare; choose another folder with --out"
+        f"{folder}: this was begun with mujoco {versions['mujoco']}, but 9.9 is installed: "
+        "the numbers could not be compared; choose another folder with --out"
     )
     assert refused(small, folder, versions=versions | {SOURCE: "0"}) == (
-        f"{folder}: this was begun with servobench source {versions[SOURCE]}, here is 0: "
-        "its numbers would not compare; choose another folder with --out"
+        f"{folder}: this was begun with servobench source {versions[SOURCE]}, but 0 is "
+        "installed: the numbers could not be compared; choose another folder with --out"
     )
 
 
@@ -183,8 +186,8 @@ def test_a_row_of_a_worker_with_other_code_is_refused(small, folder):
     with opened(small, folder) as kept, pytest.raises(Mistake) as said:
         kept.add(row | {"version_servobench_source": "abc"})
     assert str(said.value) == (
-        f"a worker has servobench_source abc, here is {row['version_servobench_source']}: its "
-        "numbers would not compare; install the same on every worker"
+        f"a worker has servobench_source abc, but {row['version_servobench_source']} is "
+        "installed here: the numbers could not be compared; install the same on every worker"
     )
 
 

@@ -106,7 +106,8 @@ def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
         found = dict(carry_out(cluster, tasks, work))
     assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
     assert found["deadly"].error == (
-        "3 workers died of it, one after the other: for want of memory, or somebody killed them\n"
+        "3 workers died during this task, one after the other: there is too little memory, or they "
+        "were killed\n"
     )
     assert found["wrong"].reason == "ValueError: this run is wrong"
     assert "in work" in found["wrong"].error

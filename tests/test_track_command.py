@@ -76,10 +76,10 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
     )
     assert code == 0
     assert err == (
-        "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is looked "
-        "for at the same pixels\n"
-        f"servobench: 1 of {FRAMES} pictures cannot be read, the first is 003.png (this is no "
-        "picture; known are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows are LOST\n"
+        "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is "
+        "searched for at the same pixels\n"
+        f"servobench: 1 of {FRAMES} pictures cannot be read, the first is 003.png (this is not "
+        "a picture; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows are LOST\n"
     )
     found = rows_of(folder / "out" / "track.csv")
     assert len(found) == FRAMES
@@ -136,8 +136,8 @@ BAD = {
     ),
     "a first picture that is none": (
         ["broken", "--region", REGION],
-        "0.png: the first picture cannot be read: this is no picture; known are JPEG, PNG, BMP, "
-        "TIFF, WebP, PPM",
+        "0.png: the first picture cannot be read: this is not a picture; known formats are JPEG, "
+        "PNG, BMP, TIFF, WebP, PPM",
     ),
     "a truth that is too short": (
         ["in", "--truth", "short.txt", "--region", REGION],

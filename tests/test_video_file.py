@@ -83,8 +83,8 @@ NOT_VIDEOS = {
     "h264": (b"\0\0\0\1\x67\x42" + b"\1" * 99, STREAM),
     "m2v": (b"\0\0\1\xb3" + b"\1" * 99, STREAM),
     "empty": (b"", "this is an empty file"),
-    "noise": (b"\x01\x80\xff" * 99, "this is not a video; known are MP4, MOV, Matroska, WebM, "
-              "AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"),
+    "noise": (b"\x01\x80\xff" * 99, "this is not a video; known formats are MP4, MOV, Matroska, "
+              "WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"),
     "jpg": (
         b"\xff\xd8\xff\xe0" + b"\0" * 99,
         "this is one picture, not a video: put the pictures in a folder and give that",
@@ -130,7 +130,7 @@ def test_a_video_too_large_for_memory_is_refused_by_its_header(tmp_path, monkeyp
 def test_a_video_whose_frames_have_no_size_is_refused(tmp_path):
     path = tmp_path / "film.gif"
     path.write_bytes(b"GIF89a" + struct.pack("<HH", 30_000, 30_000) + film("gif")[10:])
-    assert refusal(path) == "not one frame of this video can be decoded"
+    assert refusal(path) == "no frame of this video can be decoded"
 
 
 def test_a_rate_that_is_none_is_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Work over processes with Dask: on this machine, or on a cluster that the user already has."""
+"""Work distributed over processes with Dask, on this machine or on an existing cluster."""
 
 from importlib import import_module
 

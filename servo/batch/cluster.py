@@ -1,4 +1,4 @@
-"""What a local and an external cluster have in common: a client, and a watch over its workers."""
+"""A local or external cluster: a client, and a watch over its workers."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from distributed import Client
 from servo.batch.ended import Lost
 
 DEATHS = 2
-"""A task at which more workers than this have died is given up."""
+"""Most workers that may die at a task; after one more, the task has failed."""
 PATIENCE = 20.0
-"""Longest wait for a scheduler, or for workers of it [s]."""
+"""Longest wait for a scheduler or its workers [s]."""
 TICK = 0.5
 """Interval between two checks of the workers [s]."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": DEATHS,
     "distributed.comm.timeouts.connect": PATIENCE,
     "distributed.worker.daemon": True,
-    # Nobody reads these, and over thousands of runs they grow.
+    # These logs are not used, and they grow over thousands of runs.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.log-length": 100,
     "distributed.admin.low-level-log-length": 100,
@@ -35,13 +35,13 @@ LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A cluster as the tasks see it."""
+    """A running cluster."""
 
     client: Client
     name: str
-    """For messages."""
+    """Name for messages."""
     watch: Callable[[int], None]
-    """Called every `TICK` with the number of workers; raises Lost where none come."""
+    """Called every `TICK` with the number of workers; raises Lost if none come."""
 
     def workers(self) -> int:
         """Number of workers now.
@@ -60,8 +60,8 @@ class Cluster:
 
 @contextmanager
 def silence() -> Generator[None]:
-    """Dask with our settings, and with nothing but our own sentences on stderr."""
-    for name in LOGGERS:  # a cluster is silenced only until it closes
+    """Use our settings of Dask, and keep its loggers off stderr, within the block."""
+    for name in LOGGERS:  # Dask silences its loggers only until a cluster closes
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with dask.config.set(SETTINGS):
         yield

@@ -1,4 +1,4 @@
-"""How a task ended, in this process or in another one, and the error of a lost cluster."""
+"""How a task ended, in this process or in another one, and the error for a lost cluster."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Task = TypeVar("Task")
 
 
 class Lost(RuntimeError):
-    """A cluster has stopped working; the message says which one, and why."""
+    """A cluster that has stopped working; the message names it and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,18 +22,18 @@ class Ended:
 
     value: Any
     error: str = ""
-    """The traceback of a failure; empty where there was none."""
+    """The traceback of a failure; empty if there was none."""
     mistake: str = ""
-    """The sentence of a failure that is the user's mistake; empty for all others."""
+    """The sentence of a failure that is the user's mistake; empty otherwise."""
 
     @property
     def reason(self) -> str:
-        """The last line of a failure."""
+        """The user's mistake, or the last line of the traceback."""
         return self.mistake or self.error.strip().splitlines()[-1]
 
 
 def failed(error: BaseException) -> Ended:
-    """How a task ended that raised this."""
+    """How a task ended that raised an error."""
     mistake = str(error) if isinstance(error, Mistake) else ""
     return Ended(None, "".join(traceback.format_exception(error)), mistake)
 

@@ -1,4 +1,4 @@
-"""Jobs with one file a result: a stopped batch goes on where it was."""
+"""Jobs whose results are stored in files, so that a stopped batch can be continued."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ RESULTS = "results"
 
 
 class Job(Protocol):
-    """A piece of work with the same result each time; it is sent between processes."""
+    """A repeatable piece of work; it is sent between processes."""
 
     @property
     def key(self) -> str:
-        """The name of its result among the others; slashes make folders."""
+        """Unique name of its result; slashes make folders."""
         ...
 
     def describe(self) -> dict[str, Any]:
-        """All that decides the result, as JSON has it."""
+        """Everything that decides the result, in the types of JSON."""
         ...
 
     def run(self, folder: Path) -> dict[str, Any]:
-        """The result, as JSON has it; more may be written to the folder."""
+        """Do the job; its result in the types of JSON. It may also write to the folder."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResultFile(Document):
-    """results/KEY.json: a result, and all that decides it."""
+    """results/KEY.json: a result and everything that decides it."""
 
     KIND: ClassVar[str] = "result"
     FORMAT: ClassVar[int] = 1
@@ -44,11 +44,11 @@ class ResultFile(Document):
     job: dict[str, Any]
     result: dict[str, Any]
     sha256: str
-    """Of the two, as JSON."""
+    """Digest of job and result as JSON."""
 
     @staticmethod
     def of(job: Job, result: dict[str, Any]) -> ResultFile:
-        """The file of a job that has just ended."""
+        """The file of a job and its result."""
         described, found = as_json(job.describe()), as_json(result)
         return ResultFile(job=described, result=found, sha256=_digest(described, found))
 
@@ -59,15 +59,15 @@ class Done:
 
     job: Job
     result: dict[str, Any] | None
-    """None where it failed."""
+    """None if the job failed."""
     error: str = ""
     """The traceback of a failure."""
     refused: OSError | None = None
-    """The operating system's error, where that was the failure."""
+    """The error of the operating system, if that was the failure."""
 
 
 def attempt(job: Job, folder: Path) -> Done:
-    """Do a job, and keep its result in the folder."""
+    """Do a job and store its result in the folder."""
     try:
         result = job.run(folder)
         ResultFile.of(job, result).write(folder, _name(job))
@@ -79,7 +79,7 @@ def attempt(job: Job, folder: Path) -> Done:
 
 
 def known(job: Job, folder: Path) -> Done | None:
-    """The stored result of this job; None where there is none."""
+    """The stored result of a job; None if there is none."""
     try:
         result = _read(job, folder)
     except Mistake:
@@ -88,7 +88,7 @@ def known(job: Job, folder: Path) -> Done | None:
 
 
 def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
-    """What is wrong with files that should hold a result of these jobs, a sentence each."""
+    """A sentence for each file that should hold a result of these jobs and is damaged."""
     found: list[str] = []
     for job in jobs:
         try:
@@ -101,10 +101,10 @@ def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
 
 
 def _read(job: Job, folder: Path) -> dict[str, Any] | None:
-    """The stored result of this job; None where there is none, or that of another job.
+    """The stored result of a job; None if there is none, or if it belongs to another job.
 
     Raises:
-        Mistake: The file is no result, or not as it was written.
+        Mistake: The file is not a result, or has been changed.
     """
     path = folder / _name(job)
     if not path.exists():

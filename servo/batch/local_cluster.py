@@ -1,4 +1,4 @@
-"""Worker processes on this machine; those that die are replaced."""
+"""A cluster of worker processes on this machine; workers that die are replaced."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from servo.mistake import Mistake, Refused
 
 LOOPBACK = "127.0.0.1"
 ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Workers share the processors already."""
+"""Environment of a worker: one thread each, because the workers share the processors."""
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
-"""What a worker has to report comes back with its task."""
+"""Environment of a worker: no log, because errors are returned with the task."""
 WORKER_BYTES = 300e6
-"""Memory of a worker that renders, at its peak."""
+"""Peak memory of a worker that renders [bytes]."""
 WORKERS_A_CORE = 8
 FILES, FILES_A_WORKER = 32, 16
-"""Open files of a client, and more of them for each worker."""
+"""Open files of a client, and additional ones for each worker."""
 MOST_REPLACED = 3
-"""A worker that dies so often before it could work is given up."""
+"""Most replacements of a worker that dies before it can work."""
 WARNINGS = "PYTHONWARNINGS"
 LONGEST_START = 120.0
 """Longest time without any worker [s]."""
 
 
 def check_workers(workers: int) -> None:
-    """Refuse more worker processes than this machine can hold.
+    """Refuse more worker processes than this machine can run.
 
     Raises:
         Mistake: There are too many.
-        Refused: They could not open their files.
+        Refused: The limit of open files is too low.
     """
     by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))
     most = min(by_memory, WORKERS_A_CORE * CPU_COUNT)
@@ -75,17 +75,17 @@ def _allow_files(needed: int) -> None:
 
 @contextmanager
 def local(workers: int) -> Generator[Cluster]:
-    """A cluster of worker processes on this machine, which other machines cannot reach.
+    """A cluster of worker processes that other machines cannot reach.
 
     Raises:
         Mistake: There are too many workers.
-        Refused: The machine lets no cluster start.
+        Refused: The processes cannot be started.
     """
     check_workers(workers)
     with silence():
         try:
-            with _deaf_children():  # the client stops them
-                # Not with the certificates of a cluster that the user has elsewhere.
+            with _deaf_children():  # the client stops the workers
+                # Without certificates that the user has for another cluster.
                 plain = Security(require_encryption=False, tls_ca_file=None)
                 cluster = LocalCluster(
                     n_workers=0, threads_per_worker=1, processes=True, host=LOOPBACK,
@@ -103,13 +103,13 @@ def local(workers: int) -> Generator[Cluster]:
 
 @dataclass(slots=True)
 class _Replacement:
-    """Replaces workers that died before they could work; Dask itself restarts all others."""
+    """Replaces workers that died before they could work; Dask restarts all others."""
 
     cluster: LocalCluster
     workers: int
     replaced: int = 0
     without: float = 0.0
-    """Time without any worker [s], counted in ticks: it stands still where the client does."""
+    """Time without any worker [s], counted in ticks; it stops when the client is paused."""
 
     def __call__(self, there: int) -> None:
         self.without = 0.0 if there else self.without + TICK
@@ -131,16 +131,16 @@ class _Replacement:
 
 
 def _reason(error: BaseException) -> str:
-    """The operating system's first reason."""
+    """The reason of the first error in a chain of causes."""
     while error.__cause__ is not None:
         error = error.__cause__
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
 def _track_resources() -> None:
-    """Start Python's process that cleans up after us, silently.
+    """Start Python's resource tracker without output, and let it ignore SIGHUP.
 
-    It ignores Ctrl-C and TERM, but not that the terminal is closed.
+    It already ignores Ctrl-C and TERM.
     """
     before = os.environ.get(WARNINGS)
     os.environ[WARNINGS] = "ignore:resource_tracker"
@@ -155,17 +155,17 @@ def _track_resources() -> None:
 
 @contextmanager
 def _deaf_children() -> Generator[None]:
-    """Processes and threads started in here are not interrupted by Ctrl-C; it waits until the end.
+    """Start processes and threads that ignore Ctrl-C; here, it takes effect after the block.
 
-    A terminal sends it to all processes at once, and in a child that is still importing it would
-    print a traceback. Without effect where there are no such signals (Windows, other threads).
+    A terminal sends it to all processes, and a child that is still importing would print a
+    traceback. The block has no effect on Windows and outside of the main thread.
     """
     main = threading.current_thread() is threading.main_thread()
     if not main or not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    _track_resources()  # the thread that starts it unblocks the signal
-    heard = threading.Event()  # by a thread that was there before
+    _track_resources()  # starting it unblocks the signal
+    heard = threading.Event()  # an older thread may receive the signal
     handler = signal.signal(signal.SIGINT, lambda *_: heard.set())
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

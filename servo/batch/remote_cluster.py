@@ -1,4 +1,4 @@
-"""A cluster that the user already has: its scheduler is reached within one deadline."""
+"""An existing cluster: a connection to its scheduler, made within one deadline."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from servo.mistake import Mistake
 PLAIN, ENCRYPTED = "tcp", "tls"
 TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 CONNECTING = 0.75
-"""Share of the deadline after which Dask stops to connect, and says why it could not."""
+"""Share of the deadline after which Dask stops trying to connect and reports the reason."""
 CLOSING = 2.0
-"""Longest wait for a farewell to a scheduler that did not answer [s]."""
+"""Longest wait for closing the connection to a scheduler that does not answer [s]."""
 
 
 def check_address(text: str) -> str:
-    """A scheduler's address, as Dask writes it.
+    """A scheduler's address in Dask's form.
 
     Raises:
-        Mistake: It is none.
+        Mistake: The text is not an address.
     """
     try:
         parts = urlsplit(text if "://" in text else f"{PLAIN}://{text}")
@@ -39,7 +39,7 @@ def check_address(text: str) -> str:
         if known and parts.hostname and parts.port and not rest:
             return f"{parts.scheme}://{parts.netloc}"
     except ValueError:
-        pass  # a port that is none, or an address of IPv6 that is none
+        pass  # an invalid port or IPv6 address
     raise Mistake(
         f"--scheduler {text}: this should be {PLAIN}://HOST:PORT or {ENCRYPTED}://HOST:PORT"
     )
@@ -49,17 +49,17 @@ def check_settings(text: str) -> None:
     """Refuse a wrong address or wrong TLS settings before connecting.
 
     Raises:
-        Mistake: It is no address, or Dask's settings of TLS do not suffice for it.
+        Mistake: It is not an address, or Dask's TLS settings are not sufficient for it.
     """
     _security(check_address(text))
 
 
 @contextmanager
 def remote(text: str) -> Generator[Cluster]:
-    """A client of a scheduler that runs already.
+    """A cluster with a running scheduler.
 
     Raises:
-        Mistake: There is none at the address, or it has no workers.
+        Mistake: There is no scheduler at the address, or it has no workers.
         Lost: Its workers run several tasks at once.
     """
     address = check_address(text)
@@ -83,11 +83,11 @@ def remote(text: str) -> Generator[Cluster]:
 
 @dataclass(slots=True)
 class _Watch:
-    """Gives up a scheduler that has had no worker for long."""
+    """Raises `Lost` when a scheduler has had no worker for `PATIENCE`."""
 
     name: str
     without: float = 0.0
-    """Time without any worker [s], counted in ticks: it stands still where the client does."""
+    """Time without any worker [s], counted in ticks; it stops when the client is paused."""
 
     def __call__(self, there: int) -> None:
         self.without = 0.0 if there else self.without + TICK
@@ -96,10 +96,10 @@ class _Watch:
 
 
 def _security(address: str) -> Security:
-    """The user's own settings of Dask.
+    """The user's TLS settings of Dask.
 
     Raises:
-        Mistake: They do not suffice for TLS.
+        Mistake: They cannot be used, or are not sufficient for TLS.
     """
     names: list[str] = []
     try:
@@ -121,7 +121,7 @@ def _security(address: str) -> Security:
 
 
 async def _reach(address: str, security: Security) -> Client:
-    """Connect, shake hands and wait for a worker, all within one deadline."""
+    """Connect and wait for a worker, within one deadline."""
     client: Any = Client(
         address, security=security, timeout=CONNECTING * cluster.PATIENCE, asynchronous=True,
         set_as_default=False,
@@ -133,7 +133,7 @@ async def _reach(address: str, security: Security) -> Client:
             said = f"it had no worker for {cluster.PATIENCE:g} s"
             await client.wait_for_workers(1)
         return client
-    except Exception as error:  # of any server, or none
+    except Exception as error:  # anything may answer there
         with suppress(Exception):
             await client.close(CLOSING)
         reason = said if isinstance(error, TimeoutError) else _reason(error)

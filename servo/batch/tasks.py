@@ -1,4 +1,4 @@
-"""Tasks over the workers of a cluster: each is done once, also when workers die."""
+"""Tasks distributed over the workers of a cluster; each is done once, even if workers die."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Task = TypeVar("Task")
 def carry_out(
     cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Any]
 ) -> Iterator[tuple[Task, Ended]]:
-    """Do tasks, as many at once as there are workers; yields them as they end.
+    """Do tasks, as many at once as there are workers; yields each task when it ends.
 
-    A worker that dies takes only its own task with it, which another worker then does.
+    The task of a worker that dies is done by another worker.
 
     Raises:
-        Lost: The scheduler is gone, or has had no workers for long.
+        Lost: The scheduler has stopped, or has had no workers for a long time.
     """
     waiting, session = iter(tasks), uuid.uuid4().hex
     under_way: dict[str, tuple[Task, Future[Any]]] = {}
@@ -49,13 +49,13 @@ def carry_out(
         top_up()
         while under_way:
             for future in _ready(ended):
-                if future.status in ("lost", "pending"):  # its worker died: it is done again
+                if future.status in ("lost", "pending"):  # its worker died: Dask repeats it
                     ended.add(future)
                     continue
                 task, _ = under_way.pop(str(future.key))
                 yield task, _result(future, cluster.name)
             top_up()
-    except (OSError, CancelledError) as error:  # in any call to it
+    except (OSError, CancelledError) as error:
         raise Lost(f"{cluster.name} is gone") from error
     finally:
         for _, future in under_way.values():
@@ -63,7 +63,7 @@ def carry_out(
 
 
 def _ready(ended: as_completed) -> list[Future[Any]]:
-    """The tasks that have ended; waits at most a `TICK` for one."""
+    """The tasks that have ended, after waiting for one for at most a `TICK`."""
     until = time.monotonic() + TICK
     while not ended.has_ready() and time.monotonic() < until:
         with ended.thread_condition:
@@ -79,8 +79,8 @@ def _result(future: Future[Any], name: str) -> Ended:
     error: Any = future.exception()
     if isinstance(error, KilledWorker):
         return Ended(
-            None, f"{DEATHS + 1} workers died of it, one after the other: for want of memory, or "
-            "somebody killed them\n"
+            None, f"{DEATHS + 1} workers died during this task, one after the other: there is too "
+            "little memory, or they were killed\n"
         )  # fmt: skip
     return failed(error)
 

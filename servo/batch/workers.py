@@ -1,4 +1,4 @@
-"""Worker processes on this machine, and the jobs they do."""
+"""Worker processes on this machine, which do jobs and other tasks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from servo.mistake import Mistake, Refused
 
 Task = TypeVar("Task")
 MOST_RUNS = 100_000
-"""Runs of one command: more would fill memory before the first of them ends."""
+"""Most runs of one command: more would not fit into memory."""
 
 
 def check_number(runs: int) -> None:
@@ -28,16 +28,16 @@ def check_number(runs: int) -> None:
 
 
 class Workers:
-    """Processes that do jobs, started when there is something to do; use it in a `with`."""
+    """Processes that do jobs, started with the first task; used in a `with`."""
 
     def __init__(self, workers: int) -> None:
         """Set the number of processes; they start with the first task.
 
         Args:
-            workers: Number of processes; 1: this one.
+            workers: Number of processes; 1: work in this process.
 
         Raises:
-            Mistake: The machine cannot hold so many.
+            Mistake: The machine cannot run so many.
         """
         self._workers = workers
         self._open = ExitStack()
@@ -53,7 +53,7 @@ class Workers:
         self._open.__exit__(*error)
 
     def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
-        """The results of all jobs: the stored ones first, then the others as they end."""
+        """Yield the results of all jobs: first the stored ones, then each other one as it ends."""
         kept = {job.key: known(job, folder) for job in jobs}
         yield from (done for done in kept.values() if done is not None)
         todo = [job for job in jobs if kept[job.key] is None]
@@ -63,10 +63,10 @@ class Workers:
     def ends(
         self, tasks: Sequence[Task], work: Callable[[Task], Any]
     ) -> Iterator[tuple[Task, Ended]]:
-        """Do tasks; yields them as they end.
+        """Do tasks; yields each task when it ends.
 
         Raises:
-            Refused: The machine lets no process work.
+            Refused: The worker processes cannot work.
         """
         if self._workers == 1 or not tasks:
             yield from one_by_one(tasks, work)

@@ -1,1 +1,1 @@
-"""Trackers against each other: on sequences, and in the closed loop."""
+"""Comparisons of trackers, on sequences and in the closed loop."""

@@ -1,4 +1,4 @@
-"""Trackers in the closed loop: each one steers the camera through the same scenarios."""
+"""Comparison of trackers in the closed loop, where each steers the camera in some scenarios."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from tracking.files.csv_text import csv_text
 from tracking.files.json_text import number
 
 SCENARIOS = ("still", "line")
-"""What every tracker must be able to do."""
+"""Scenarios that every tracker should be able to hold."""
 SHOWN = {
     "rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
     "ms": "track_ms",
 }  # fmt: skip
-"""Measures in the table, by the words that head them."""
+"""Measures in the table, by the titles of their columns."""
 RANKS = "servo_rms_px"
 LEGEND = (
     "true centre against the goal, rms and peak [px]; estimate against truth, rms [px]; tracker's "
@@ -39,13 +39,13 @@ COLUMNS = ("tracker", "follows", "scenario", "seed", "outcome")
 
 @dataclass(frozen=True, slots=True)
 class LoopJob:
-    """One tracker in one scenario with one seed."""
+    """A job: one tracker in one scenario with one seed."""
 
     contender: Contender
     scenario: str
     seed: int
     changes: tuple[str, ...] = ()
-    """As with --set."""
+    """Changed settings, as for --set."""
 
     @property
     def key(self) -> str:
@@ -53,7 +53,7 @@ class LoopJob:
         return f"{self.contender.label}/{self.scenario}-{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """Tracker, scenario with all that is in its file, seed, version."""
+        """Tracker, the scenario's table with the seed, and version."""
         return {
             "tracker": self.contender.describe(),
             "scenario": self._scenario().table,
@@ -82,7 +82,7 @@ class LoopJob:
 
 @dataclass(frozen=True, slots=True)
 class LoopRun:
-    """One tracker in one scenario with one seed."""
+    """The result of one tracker in one scenario with one seed."""
 
     tracker: str
     follows: str
@@ -109,10 +109,10 @@ class LoopBench(Made):
 
 
 def write(results: Sequence[dict[str, Any]], folder: Path, command: str) -> list[Path]:
-    """Write runs.csv and bench.json of a command line; their paths.
+    """Write runs.csv and bench.json; their paths.
 
     Raises:
-        OSError: The disk refuses.
+        OSError: A file cannot be written.
     """
     names = list(results[0]["measures"])
     rows = [[*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)] for r in results]

@@ -1,4 +1,4 @@
-"""The results of a bench as tables: one row a run, one row a tracker, with intervals and tests."""
+"""The results of a bench: a row for each run, and one for each tracker with intervals and tests."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ import numpy as np
 from servo.output.formats import Made, Number
 from servo.output.versions import versions
 from sim.types import Array
-from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
+from tracking.evaluation.statistics import Interval, McNemar, bootstrap, cells, holm, titles
 from tracking.evaluation.track_measures import MEASURES
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 from tracking.files.json_text import number
 
 DECIDES = "frames_until_loss"
-"""What McNemar's test compares, as the KAMS paper does: which of two tracked for longer."""
+"""Measure compared in McNemar's test, as in the KAMS paper: the longer track is a success."""
 RANKS = "auc"
 SHEETS = "sheets"
 SHOWN = {
     "AUC": "auc", "P20": "precision_20", "error": "mean_error_px", "done": "completed",
     "lost": "lost_auc", "ms": "milliseconds", "reads": "evaluations",
 }  # fmt: skip
-"""Measures in the table, by the words that head them."""
+"""Measures in the table, by the titles of their columns."""
 INTERVAL = "AUC"
-"""The measure whose interval is printed; the files have those of all."""
+"""Column whose interval is printed; the files have those of all measures."""
 LEGEND = (
     "AUC: success, with its 95 % bootstrap interval; P20: precision at 20 px; error [px]; done: "
     "share never lost;\nlost: ROC area of 1 - confidence; reads: histograms a frame; z, p: McNemar "
@@ -39,23 +39,23 @@ Result = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One tracker over all runs."""
+    """The results of one tracker over all runs."""
 
     tracker: str
     runs: int
     means: dict[str, Interval]
-    """By measure; a measure without a value is not there."""
+    """Means by measure; measures without a value are left out."""
     families: dict[str, float | None]
-    """Mean success by family; None where it could not be measured."""
+    """Mean success by family; None if it could not be measured."""
     against_best: McNemar | None
-    """This tracker against the best one; None for the best."""
+    """McNemar's test of this tracker against the best one; None for the best."""
     p: float
-    """Of that test, corrected for the number of trackers (Holm)."""
+    """The test's p value, corrected for the number of trackers (Holm)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SequenceRun:
-    """One tracker on one sequence with one seed."""
+    """The result of one tracker on one sequence with one seed."""
 
     tracker: str
     sequence: str
@@ -76,14 +76,14 @@ class SequenceBench(Made):
     FORMAT: ClassVar[int] = 1
 
     measures: dict[str, dict[str, str]]
-    """Unit, better direction and meaning, by name."""
+    """Unit, better direction and meaning of each measure, by name."""
     trackers: list[Row]
-    """The best first."""
+    """Trackers in order; the best is the first."""
     runs: list[SequenceRun]
 
 
 def rows_of(results: Sequence[Result]) -> list[Row]:
-    """One row a tracker, the best first."""
+    """A row for each tracker; the best is the first."""
     labels = list(dict.fromkeys(r["tracker"] for r in results))
     by_label = {label: [r for r in results if r["tracker"] == label] for label in labels}
     labels.sort(key=lambda label: -_mean(by_label[label], RANKS))
@@ -99,7 +99,7 @@ def rows_of(results: Sequence[Result]) -> list[Row]:
 
 
 def compare(first: Sequence[Result], second: Sequence[Result], measure: str = DECIDES) -> McNemar:
-    """Two trackers on the runs that both did: which one scored more."""
+    """McNemar's test of two trackers on the runs of both: the higher value is a success."""
     a = {(r["sequence"], r["seed"]): r["measures"][measure] for r in first}
     b = {(r["sequence"], r["seed"]): r["measures"][measure] for r in second}
     both = sorted(a.keys() & b.keys())
@@ -113,17 +113,16 @@ def values(results: Sequence[Result], measure: str) -> Array:
 
 
 def write(results: Sequence[Result], rows: Sequence[Row], folder: Path, command: str) -> list[Path]:
-    """Write runs.csv, table.csv and bench.json of a command line; their paths.
+    """Write runs.csv, table.csv and bench.json; their paths.
 
     Raises:
-        OSError: The disk refuses.
+        OSError: A file cannot be written.
     """
     names = [m.name for m in MEASURES]
     about = ("tracker", "sequence", "family", "seed", "frames")
     runs = [[*(r[k] for k in about), *(r["measures"].get(name) for name in names)]
             for r in results]  # fmt: skip
-    thrice = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
-    head = ["tracker", "runs", *thrice, "z_against_best", "p_holm"]
+    head = ["tracker", "runs", *titles(names), "z_against_best", "p_holm"]
     bench = SequenceBench(
         command=command,
         versions=versions(),
@@ -140,9 +139,8 @@ def write(results: Sequence[Result], rows: Sequence[Row], folder: Path, command:
 
 
 def _line(row: Row, names: Sequence[str]) -> list[Any]:
-    cells = [_cells(row.means.get(name)) for name in names]
     z = "" if row.against_best is None else row.against_best.z
-    return [row.tracker, row.runs, *(c for cell in cells for c in cell), z, row.p]
+    return [row.tracker, row.runs, *cells(map(row.means.get, names)), z, row.p]
 
 
 def _mean(results: Sequence[Result], measure: str) -> float:
@@ -160,7 +158,3 @@ def _families(results: Sequence[Result]) -> dict[str, float | None]:
     return {
         name: number(_mean([r for r in results if r["family"] == name], RANKS)) for name in names
     }
-
-
-def _cells(interval: Interval | None) -> tuple[float | str, ...]:
-    return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)

@@ -1,4 +1,4 @@
-"""Trackers against sequences: what a bench is made of, and one run of it."""
+"""The trackers, sequences and jobs of a bench."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ LONGEST_LABEL = 60
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """A tracker with its settings, under the name it has in tables."""
+    """A tracker with its settings and its name in tables."""
 
     label: str
     config: Any
     """Its `Config`."""
 
     def __post_init__(self) -> None:
-        """Refuse a label that is no folder's name: results are kept under it.
+        """Refuse a label that cannot be the name of a folder, in which results are stored.
 
         Raises:
             ValueError: It is empty, hidden or too long, or has a slash or a control character.
@@ -51,7 +51,7 @@ class Contender:
 
 
 class Entry(Protocol):
-    """Where a sequence of a suite comes from."""
+    """A sequence of a suite that can be described and built."""
 
     @property
     def name(self) -> str:
@@ -60,15 +60,15 @@ class Entry(Protocol):
 
     @property
     def family(self) -> str:
-        """Sequences of one family are averaged together."""
+        """Name of the sequences that are averaged together."""
         ...
 
     def describe(self) -> dict[str, Any]:
-        """All that decides the sequence but the seed."""
+        """Everything that decides the sequence, except the seed."""
         ...
 
     def build(self, seed: int) -> Sequence:
-        """The sequence; a painted one is another for each seed."""
+        """The sequence; a painted one depends on the seed."""
         ...
 
 
@@ -81,13 +81,13 @@ class Generated:
 
     @property
     def name(self) -> str:
-        """The kind, with the level where there are several."""
+        """The kind, with the level if there are several."""
         level = getattr(self.config, "level", None)
         return self.kind if level is None else f"{self.kind}-{level}"
 
     @property
     def family(self) -> str:
-        """Its name: the seeds are one family."""
+        """The name: all seeds are one family."""
         return self.name
 
     def describe(self) -> dict[str, Any]:
@@ -109,7 +109,7 @@ class Recorded:
 
     @property
     def family(self) -> str:
-        """Each is its own family."""
+        """The name: each sequence is its own family."""
         return self.name
 
     def describe(self) -> dict[str, Any]:
@@ -147,7 +147,7 @@ class SequenceJob:
         }
 
     def run(self, folder: Path) -> dict[str, Any]:
-        """Measures and curves; the track goes to DIR/tracks."""
+        """Measures and curves; the track is written to DIR/tracks."""
         sequence = self.entry.build(self.seed)
         path = track_path(folder, self.key)
         atomic.folder(folder, f"{TRACKS}/{self.contender.label}")
@@ -174,5 +174,5 @@ class SequenceJob:
 
 
 def track_path(folder: Path, key: str) -> Path:
-    """Where the track of a job is."""
+    """The file of a job's track."""
     return folder / TRACKS / f"{key}.csv"

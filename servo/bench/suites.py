@@ -1,4 +1,4 @@
-"""What a bench runs: a named suite, a folder of sequences, or a TOML file that lists them."""
+"""Sequences and trackers of a bench: a named suite, a folder of sequences, or a TOML file."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ RECORDED_KEYS = ("path", "truth_format")
 
 
 def suite(name: str) -> tuple[list[Entry], list[Contender]]:
-    """Sequences, and the trackers that a TOML file may list.
+    """The sequences of a suite, and the trackers that its TOML file may list.
 
     Raises:
-        Mistake: There is no such suite, or something is wrong in it.
+        Mistake: There is no such suite, or it is wrong.
     """
     if name in SUITES:
         return [_entry(table, name) for table in SUITES[name]], []
@@ -48,7 +48,7 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
 
 
 def contenders(text: str | None) -> list[Contender]:
-    """Trackers by "kind" or "kind:preset", separated by commas; all of them for None.
+    """Trackers by "kind" or "kind:preset", separated by commas; None: all trackers.
 
     A kind of another package may be "package:kind", and a class to import "module:Name".
 
@@ -118,10 +118,10 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
 
 
 def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
-    """Trackers whose results have names of their own.
+    """Refuse trackers with the same label.
 
     Raises:
-        Mistake: Two have the same.
+        Mistake: Two have the same label.
     """
     double = _double(one.label for one in chosen)
     if double is not None:
@@ -133,12 +133,12 @@ def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
 
 
 def _double(names: Iterable[str]) -> str | None:
-    """A name that is there twice."""
+    """A name that occurs twice; None if there is none."""
     return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
 def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
-    """What one of the [[sequences]] stands for; its path begins beside the suite."""
+    """The sequences of an item of [[sequences]]; paths are relative to the suite's folder."""
     if not isinstance(item, dict) or ("path" in item) == ("kind" in item):
         raise Mistake(f"{place} should have either a path or a kind")
     if "kind" in item:

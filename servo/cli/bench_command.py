@@ -1,12 +1,10 @@
-"""What `servobench bench` does: trackers against sequences, or in the closed loop, as a table."""
+"""The command `servobench bench`: compare trackers on sequences or in the closed loop."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import cv2
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -17,26 +15,26 @@ from servo.bench.ranking import INTERVAL, LEGEND, SHEETS, SHOWN
 from servo.bench.sequence_jobs import SequenceJob, track_path
 from servo.cli import bench_loop_command
 from servo.cli.job_progress import work
-from servo.cli.terminal import plain
+from servo.cli.terminal import columns, plain
 from servo.output.command_line import command_line
 from servo.output.result_folder import result_folder
 from tracking.evaluation.drawing import curves
-from tracking.evaluation.drawing.contact_sheet import sheet
+from tracking.evaluation.drawing.contact_sheet import encoded, sheet
 from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 
 WIDE = 7
-"""So many columns of a table fit beside its names."""
+"""Most columns of a table that fit beside its names."""
 LARGE = 100
 
 
 def run(
     name: str, trackers: str | None, seeds: int, workers: int, out: Path | None, *, quiet: bool
 ) -> int:
-    """Bench; the exit code: 1 where a run failed.
+    """Compare trackers; the exit code: 1 if a run failed.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The suite or a tracker is wrong, or the folder cannot be used.
     """
     folder = out or Path("runs") / f"bench-{Path(name).stem}"
     console = Console(quiet=quiet)
@@ -65,11 +63,10 @@ def run(
 
 
 def print_rows(console: Console, rows: Sequence[ranking.Row]) -> None:
-    """The table over all trackers, and success by family where there are several."""
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    """Print the table of all trackers, and success by family if there are several."""
     titles = [w for title in SHOWN for w in ((title, "95 %") if title == INTERVAL else (title,))]
-    for title in ("tracker", *titles, "z", "p"):
-        table.add_column(title, justify="left" if title == "tracker" else "right", no_wrap=True)
+    titles = ("tracker", *titles, "z", "p")
+    table = columns(titles, ("tracker",), no_wrap=True, collapse_padding=True)
     for row in rows:
         test = row.against_best
         tested = ("", "") if test is None else (f"{test.z:.2f}", f"{row.p:.3f}")
@@ -105,18 +102,17 @@ def _print_families(
 
 
 def _short(value: float) -> str:
-    """Three digits where they say something."""
+    """A number with three digits, or all digits of its whole part."""
     return f"{value:.0f}" if abs(value) >= LARGE else f"{value:.3g}"
 
 
 def _sheets(jobs: Sequence[SequenceJob], best: str, folder: Path) -> list[Path]:
-    """A contact sheet of each sequence's first seed, with the best tracker's estimate."""
+    """Write a contact sheet of each sequence's first seed with the best tracker's estimate."""
     place = atomic.folder(folder, SHEETS)
     for job in jobs:
         if job.contender.label == best and job.seed == 0:
             sequence = job.entry.build(0)
             found = read_track(track_path(folder, job.key)).corners
-            picture: Any = sheet(sequence.source, sequence.truth, found)
-            bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
-            atomic.write(place, f"{sequence.name}.png", cv2.imencode(".png", bgr)[1].tobytes())
+            picture = sheet(sequence.source, sequence.truth, found)
+            atomic.write(place, f"{sequence.name}.png", encoded(picture))
     return [place]

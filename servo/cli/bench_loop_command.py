@@ -1,4 +1,4 @@
-"""What `servobench bench closed_loop` does: each tracker steers the camera, as a table."""
+"""The command `servobench bench closed_loop`: compare trackers that steer the camera."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from servo.batch.workers import Workers, check_number
 from servo.bench import loop_jobs
 from servo.bench.loop_jobs import LEGEND, RANKS, SHOWN, LoopJob, write
 from servo.bench.sequence_jobs import Contender
 from servo.cli.job_progress import work
-from servo.cli.terminal import plain
+from servo.cli.terminal import columns, plain
 from servo.loop.run_measures import Outcome
 from servo.output.result_folder import result_folder
 from sim import gl
@@ -27,7 +26,7 @@ def run(
     chosen: Sequence[Contender], seeds: int, workers: int, folder: Path, console: Console,
     command: str,
 ) -> int:  # fmt: skip
-    """Bench in the closed loop, as a command line asks for; the exit code: 1 where a run failed."""
+    """Compare trackers in the closed loop; the exit code: 1 if a run failed."""
     gl.backend()
     check_number(len(chosen) * len(loop_jobs.SCENARIOS) * seeds)
     jobs = [
@@ -45,10 +44,8 @@ def run(
 
 
 def _print(console: Console, results: Sequence[dict[str, Any]]) -> None:
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for title in ("scenario", "kind", "follows", "held", *SHOWN):
-        words = title in ("scenario", "kind", "follows")
-        table.add_column(title, justify="left" if words else "right", no_wrap=True)
+    words = ("scenario", "kind", "follows")
+    table = columns((*words, "held", *SHOWN), words, no_wrap=True, collapse_padding=True)
     for name in loop_jobs.SCENARIOS:
         groups = [[r for r in results if r["scenario"] == name and r["tracker"] == label]
                   for label in dict.fromkeys(r["tracker"] for r in results)]  # fmt: skip
@@ -62,13 +59,17 @@ def _print(console: Console, results: Sequence[dict[str, Any]]) -> None:
     plain(console, LEGEND)
 
 
+def _values(group: Sequence[dict[str, Any]], measure: str) -> list[float]:
+    return [v for r in group if (v := r["measures"][measure]) is not None]
+
+
 def _mean(group: Sequence[dict[str, Any]], measure: str) -> float:
-    found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
+    found = _values(group, measure)
     return float(np.mean(found)) if found else np.inf
 
 
 def _cell(group: Sequence[dict[str, Any]], measure: str) -> str:
-    found = [r["measures"][measure] for r in group if r["measures"][measure] is not None]
+    found = _values(group, measure)
     if not found:
         return ""
     i = bootstrap(np.array(found))

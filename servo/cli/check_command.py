@@ -1,4 +1,4 @@
-"""What `servobench check` does: scenarios against their bounds, over worker processes."""
+"""The command `servobench check`: test scenarios against their bounds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.table import Table
 from servo.batch.ended import Ended
 from servo.batch.workers import Workers, check_number
 from servo.cli.run_command import load, print_missed
-from servo.cli.terminal import plain, progress_bar
+from servo.cli.terminal import columns, plain, progress_bar
 from servo.loop.episode import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
@@ -26,23 +26,23 @@ from sim import gl
 
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
 WORDS = ("scenario", "outcome", "bounds")
-"""Columns that are no numbers."""
+"""Columns of text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One run; it is sent between processes."""
+    """One run to do; it is sent between processes."""
 
     number: int
     """Row of the table."""
     scenario: Scenario
     command: str
-    """What repeats it."""
+    """The command that repeats it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """How a run ended."""
+    """The result of a run."""
 
     report: Report
     missed: list[Violation]
@@ -53,10 +53,10 @@ def check_scenarios(
     names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, *,
     quiet: bool,
 ) -> int:  # fmt: skip
-    """Run scenarios with bounds, each with so many seeds from the first on, and print a table.
+    """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep.
 
     Returns:
-        The exit code: 1 where a bound was missed or a run failed, 2 where a run failed by the
+        The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
         user's mistake.
     """
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
@@ -64,12 +64,8 @@ def check_scenarios(
     _check_changes(changes)
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     checks = [
-        Check(
-            number,
-            load(name, changes, seed),
-            command_line("run", name, set=list(changes), seed=seed),
-        )
-        for number, (name, seed) in enumerate(each)
+        Check(i, load(name, changes, s), command_line("run", name, set=list(changes), seed=s))
+        for i, (name, s) in enumerate(each)
     ]
     gl.backend()
     console = Console(quiet=quiet)
@@ -84,10 +80,10 @@ def check_scenarios(
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change of the seed, which `--seed` and `--seeds` give.
+    """Refuse a change of the seed, which --seed and --seeds set.
 
     Raises:
-        Mistake: It is one of the seed.
+        Mistake: A change sets the seed.
     """
     for item in changes:
         key, value = assignment(item)
@@ -99,7 +95,7 @@ def perform(check: Check) -> Checked:
     """Run a scenario and measure it.
 
     Raises:
-        Mistake: A setting does not fit.
+        Mistake: A setting is not valid.
     """
     began = time.perf_counter()
     _, report = measured_run(check.scenario)
@@ -108,7 +104,7 @@ def perform(check: Check) -> Checked:
 
 
 def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[Ended]:
-    """The ends of all runs, in the order of the table."""
+    """Do all runs; how they ended, in the order of the table."""
     ends: dict[int, Ended] = {}
     with Workers(min(workers, len(checks))) as pool, progress_bar(console) as progress:
         task = progress.add_task("check", total=len(checks), note="")
@@ -133,9 +129,7 @@ def _print_failures(console: Console, checks: Sequence[Check], ends: Sequence[En
 
 
 def _table(rows: Sequence[tuple[Check, Checked]]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for title in TITLES:
-        table.add_column(title, justify="left" if title in WORDS else "right", no_wrap=True)
+    table = columns(TITLES, WORDS, no_wrap=True)
     for check, checked in rows:
         scenario, value = check.scenario, checked.report.value
         bounds, missed = len(scenario.expect), len(checked.missed)

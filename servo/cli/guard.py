@@ -1,4 +1,4 @@
-"""How every command ends: with one sentence and an exit code, for any failure and any output."""
+"""The end of every command: one sentence and an exit code for any failure, whatever the output."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from sim.gl import NoRenderer, check_environment
 from sim.kinds import UnknownKind
 
 MISTAKEN, REFUSED = 2, 1
-"""Exit codes: the user can put it right; the machine did not do it."""
+"""Exit codes of a mistake that the user can correct, and of a failure of the machine."""
 ENVIRONMENT = {
     "RUST_LOG": "off",  # Rerun
     "OPENCV_LOG_LEVEL": "SILENT",
     "OPENCV_FFMPEG_LOGLEVEL": "-8",
 }
-"""Libraries that write to the terminal by themselves are silent: what went wrong is in the sentence
-of the command. A user who sets these has the library's own words."""
+"""Settings that keep libraries from writing to the terminal: a command prints one sentence about a
+failure. Values that the user has set stay."""
 
 
 def guarded(command: Callable[[], Any]) -> None:
     """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
-    os.environ["MPLBACKEND"] = "agg"  # no plot has a window, whatever the user's setting
+    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
     if os.environ.get("COLUMNS", "").strip("0") == "":
-        os.environ.pop("COLUMNS", None)  # nothing can be printed in no columns
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it reports its caches otherwise
+        os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
     sys.stdout, sys.stderr = Printer.of(sys.stdout), Printer.of(sys.stderr)
     try:
         _check_folder()
@@ -62,9 +62,9 @@ def _end(sentence: str, code: int) -> None:
 
 
 class Printer:
-    """A stream that can be printed to in any state: closed, full, or with few characters.
+    """A stream that accepts text in any state: closed, full, or with a small character set.
 
-    A command writes its files first and prints afterwards; printing never makes it fail.
+    A command writes its files before it prints; an error in printing does not make it fail.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -72,7 +72,7 @@ class Printer:
 
     @staticmethod
     def of(stream: TextIO | None) -> Any:
-        """The printer of a standard stream; None is one that was closed before the start."""
+        """The printer of a standard stream; None: the stream was closed before the start."""
         if isinstance(stream, Printer):
             return stream
         reconfigure = getattr(stream, "reconfigure", None)
@@ -103,7 +103,7 @@ class Printer:
 
 
 def _send_nowhere(stream: TextIO) -> None:
-    """Send what is left in a stream's buffer nowhere: Python flushes it again at its end."""
+    """Redirect a stream to the null device: Python flushes its buffer again when it ends."""
     try:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -1,4 +1,4 @@
-"""Jobs under a progress bar; finished results are kept, failures are reported at the end."""
+"""Do jobs with a progress bar; results stay on the disk, failures are printed at the end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from servo.output.result_folder import GOES_ON
 def work(
     jobs: Sequence[Job], folder: Path, pool: Workers, console: Console, title: str
 ) -> tuple[list[Done], int]:
-    """Run jobs under a progress bar, in the order asked for; the exit code: 1 for failures.
+    """Do jobs with a progress bar; how they ended, in order, and the exit code: 1 for failures.
 
     Raises:
         Mistake: Two jobs have the same name.
@@ -29,7 +29,8 @@ def work(
     double = next((key for key, count in Counter(keys).items() if count > 1), None)
     if double is not None:
         raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
-    _print_damaged(damaged(jobs, folder))
+    for reason in damaged(jobs, folder):
+        plain(Console(stderr=True), f"servobench: {reason}; it is computed again")
     done: dict[str, Done] = {}
     try:
         with progress_bar(console) as bar:
@@ -45,8 +46,3 @@ def work(
     for d in failed:
         plain(Console(stderr=True), f"servobench: {d.job.key} failed:\n{d.error}")
     return [done[key] for key in keys if key in done], 1 if failed else 0
-
-
-def _print_damaged(reasons: Sequence[str]) -> None:
-    for reason in reasons:
-        plain(Console(stderr=True), f"servobench: {reason}; it is computed again")

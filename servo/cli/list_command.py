@@ -1,4 +1,4 @@
-"""What `servobench list` does: print scenarios, kinds, and the settings of a kind or a section."""
+"""The command `servobench list`: print scenarios, kinds, and settings of a kind or a section."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARTS = ("scenario", "study", *FOLDERS)
 
 
 def show_all() -> None:
-    """Print every scenario and kind with its sentence."""
+    """Print every scenario, study and kind with its first sentence."""
     _show_names((part, name) for part in PARTS for name in _names(part))
 
 
@@ -65,7 +65,7 @@ def _names(part: str) -> list[str]:
 
 
 def _sentence(part: str, name: str) -> str:
-    """What a scenario or a study shows, or what a kind is."""
+    """The sentence that describes a scenario, a study or a kind."""
     if part in FOLDERS:
         return kinds.summary(FOLDERS[part], name)
     file = f"studies/{name}.toml" if part == "study" else f"{name}.toml"
@@ -82,7 +82,7 @@ def _show_kind(part: str, kind: str) -> None:
 
 
 def _show_section(name: str) -> None:
-    from servo.cli.schema_command import expect_schema, sweep_schema  # only now: these take time
+    from servo.cli.schema_command import expect_schema, sweep_schema  # these take time to import
     from servo.scenario.load import KEYS, SECTIONS
 
     tables = {"expect": expect_schema, "sweep": sweep_schema}
@@ -111,7 +111,7 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
 
 
 def _rows(prefix: str, settings: Any) -> list[tuple[str, str, str]]:
-    """Name, default and meaning of every setting, those of nested tables too."""
+    """Name, default and meaning of every setting, including those of nested tables."""
     docs, rows = kinds.field_docs(type(settings)), list[tuple[str, str, str]]()
     for f in dataclasses.fields(settings):
         value = getattr(settings, f.name)

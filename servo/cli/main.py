@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -30,7 +31,7 @@ from servo.cli.robot_arguments import robot
 )
 @click.version_option(package_name="servobench", message="servobench %(version)s")
 def app() -> None:
-    """A visual-servoing testbed: rendered frames in, gantry motion out, the truth beside it."""
+    """A testbed for visual servoing: simulate, track, control, and compare with the truth."""
 
 
 @app.command()
@@ -55,7 +56,7 @@ def run(
 @changes_option
 @click.option(
     "--seeds", type=COUNT, default=1, show_default=True,
-    help="Run each with seeds 0, 1, ... up to this many.",
+    help="Number of seeds for each scenario, from --seed on.",
 )  # fmt: skip
 @click.option("--seed", type=NATURAL, default=0, show_default=True, help="The first seed.")
 @workers_option
@@ -94,17 +95,12 @@ def check(
 )  # fmt: skip
 @click.option("--frames", type=FRAMES, help="Stop after this many.")
 @quiet_option
-def track(
-    source: str, region: str | None, tracker: str, changes: tuple[str, ...], seed: int,
-    truth: Path | None, truth_format: str, out: Path | None, video: bool, rerun: bool, rate: float,
-    frames: int | None, quiet: bool,
-) -> None:  # fmt: skip
+def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
     from servo.cli.track_command import TrackRequest
     from servo.cli.track_command import run as run_track
 
-    given = (source, region, tracker, changes, seed, truth, truth_format, out)
-    sys.exit(run_track(TrackRequest(*given, video, rerun, rate, frames, quiet)))
+    sys.exit(run_track(TrackRequest(**options)))
 
 
 @app.command()
@@ -117,15 +113,15 @@ def track(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
 )
 @click.option(
-    "--seeds", type=COUNT, default=3, show_default=True, help="Seeds 0, 1, ... up to this many."
+    "--seeds", type=COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
 )
 @workers_option
-@out_option("runs/bench-SUITE, to go on in")
+@out_option("runs/bench-SUITE, also to continue")
 @quiet_option
 def bench(
     suite: str, trackers: str | None, seeds: int, workers: int, out: Path | None, quiet: bool
 ) -> None:
-    """Compare trackers; a stopped bench goes on where it was."""
+    """Compare trackers; the same command continues a stopped bench."""
     from servo.cli.bench_command import run as run_bench
 
     sys.exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
@@ -134,40 +130,33 @@ def bench(
 @app.command()
 @click.argument("study", help="A shipped study (servobench list), or a .toml file of axes.")
 @changes_option
-@click.option("--seeds", type=COUNT, help="Seeds 0, 1, ... up to this many (default: the study's).")
+@click.option("--seeds", type=COUNT, help="Number of seeds from 0 on (default: the study's).")
 @workers_option
 @click.option(
     "--scheduler", metavar="ADDRESS",
     help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
 )  # fmt: skip
-@out_option("runs/sweep-STUDY, to go on in")
+@out_option("runs/sweep-STUDY, also to continue")
 @quiet_option
-def sweep(
-    study: str, changes: tuple[str, ...], seeds: int | None, workers: int, scheduler: str | None,
-    out: Path | None, quiet: bool,
-) -> None:  # fmt: skip
-    """Run a scenario over axes, draws and seeds; a stopped study goes on where it was."""
+def sweep(**options: Any) -> None:
+    """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
     from servo.cli.sweep_command import SweepRequest
     from servo.cli.sweep_command import run as run_study
 
-    sys.exit(run_study(SweepRequest(study, changes, seeds, workers, scheduler, out, quiet)))
+    sys.exit(run_study(SweepRequest(**options)))
 
 
 @app.command()
 @click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
-@click.option("--quick", is_flag=True, help="One seed of each, to see that all works.")
-@click.option("--sequences", type=PATH, help="A folder of real sequences that join P0-1.")
+@click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
+@click.option("--sequences", type=PATH, help="A folder of real sequences to add to P0-1.")
 @workers_option
-@out_option("runs/papers, to go on in")
+@out_option("runs/papers, also to continue")
 @quiet_option
 def papers(
-    claims: tuple[str, ...],
-    quick: bool,
-    sequences: Path | None,
-    workers: int,
-    out: Path | None,
+    claims: tuple[str, ...], quick: bool, sequences: Path | None, workers: int, out: Path | None,
     quiet: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Test the papers' claims again; exit 1 if one does not hold."""
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
@@ -179,7 +168,7 @@ def papers(
 @click.argument("folders", nargs=-1, required=True, type=PATH, metavar="DIR...")
 @click.option("--out", type=PATH, help="File to write (default: report.html in the first DIR).")
 def report(folders: tuple[Path, ...], out: Path | None) -> None:
-    """Write a page about the folders of run, bench, papers, sweep."""
+    """Write a page about folders of run, bench, papers and sweep."""
     from servo.cli.report_command import write
 
     click.echo(write(folders, out))

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the group that lists the commands."""
+"""Options that several commands share, and the group of all commands."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ MOST_FRAMES = 1_000_000_000
 
 
 class FiniteRange(click.FloatRange):
-    """A range of numbers; click's own lets nan pass, which is neither too small nor too large."""
+    """A range of numbers without nan, which click's own range accepts."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number, or click's usage error."""
+        """The number; a usage error of click if it is out of range."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
@@ -48,13 +48,13 @@ class Numbers(click.ParamType[list[float]]):
 
 
 class Named(click.Path):
-    """A path, or a word in its place, that names something: "" is not the current folder.
+    """A path, or a word in its place, that is not empty and could be a name.
 
-    A script whose variable is unset gives an empty one.
+    A script whose variable is not set passes an empty text, which would be the current folder.
     """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path, or click's usage error."""
+        """The path; a usage error of click if no file can have this name."""
         if not str(value) or "\0" in str(value):
             self.fail("no file can have this name." if value else "this is empty.", param, ctx)
         return super().convert(value, param, ctx)
@@ -69,15 +69,11 @@ MOMENT = FiniteRange(0.0, LONGEST)
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
 changes_option = click.option(
     "--set", "changes", metavar="KEY=VALUE", multiple=True,
-    help="Change any setting; repeat at will: the last value of a key holds. A value is TOML, or "
+    help="Change any setting; may be repeated: the last value of a key counts. A value is TOML, or "
     "else a text.",
 )  # fmt: skip
 workers_option = click.option(
-    "--workers",
-    type=COUNT,
-    default=2,
-    help="Processes side by side.",
-    show_default=True,
+    "--workers", type=COUNT, default=2, show_default=True, help="Processes at the same time."
 )
 
 
@@ -87,7 +83,7 @@ def out_option(default: str) -> Callable[[Command], Command]:
 
 
 class Commands(click.Group):
-    """Lists commands in the order of the file; Ctrl-C, TERM and HUP end all of them alike."""
+    """Commands, listed in the order of the file; Ctrl-C, TERM and HUP end all in the same way."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(self.commands)
@@ -98,7 +94,7 @@ class Commands(click.Group):
             try:
                 return super().invoke(ctx)
             except KeyboardInterrupt as cause:
-                from servo.cli.terminal import stop  # only now: it imports rich
+                from servo.cli.terminal import stop  # it imports rich
 
                 stop(cause)
 
@@ -111,6 +107,6 @@ def truth_options(command: Command) -> Command:
     )  # fmt: skip
     path = click.option(
         "--truth", type=PATH,
-        help="Truth to compare with: OTB, VOT, TLD, CSV (default: what lies beside it).",
+        help="Truth to compare with: OTB, VOT, TLD, CSV (default: a truth file beside it).",
     )  # fmt: skip
     return path(form(command))

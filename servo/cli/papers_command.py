@@ -1,4 +1,4 @@
-"""What `servobench papers` does: run the experiments, and print whether each claim holds."""
+"""The command `servobench papers`: run the experiments and print whether each claim holds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from servo.batch.jobs import Job
 from servo.batch.workers import Workers
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain
@@ -27,12 +26,12 @@ from tracking.files import atomic
 def run(
     names: Sequence[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool
 ) -> int:
-    """Test claims; the exit code: 1 where one does not hold or a run failed.
+    """Test claims; the exit code: 1 if one does not hold or a run failed.
 
-    A quick run never fails for its numbers: one seed says little.
+    The numbers of a quick run do not change its exit code: one seed is too few.
 
     Raises:
-        Mistake: There is no such claim, or the sequences join none.
+        Mistake: There is no such claim, or none of the claims uses the given sequences.
     """
     known = {claim.name: claim for claim in CLAIMS}
     for name in names:
@@ -41,7 +40,10 @@ def run(
     chosen = [known[name] for name in names] if names else list(CLAIMS)
     if effort.sequences is not None and known[JOINED] not in chosen:
         raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
-    jobs = {claim.name: _jobs(claim, effort) for claim in chosen}
+    try:
+        jobs = {claim.name: claim.jobs(effort) for claim in chosen}
+    except ValueError as error:
+        raise Mistake(str(error)) from None
     folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
     console = Console(quiet=quiet)
     if any(claim in (*servo_paper.CLAIMS, *estimator_study.CLAIMS) for claim in chosen):
@@ -66,13 +68,6 @@ def run(
     plain(console, f"  {folder / FIGURES}\n  {written}")
     missed = [name for name, verdict in verdicts.items() if not verdict.holds]
     return failed or (1 if missed and not effort.quick else 0)
-
-
-def _jobs(claim: Claim, effort: Effort) -> Sequence[Job]:
-    try:
-        return claim.jobs(effort)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
 
 
 def _print(console: Console, claim: Claim, verdict: Verdict) -> None:

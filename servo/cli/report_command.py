@@ -1,4 +1,4 @@
-"""What `servobench report` does: recognise each folder, and write one page about all."""
+"""The command `servobench report`: write one page about the results in some folders."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
     ((SequenceBench.FILE,), bench_section.section),
     ((TABLE, STREAM), run_section.section),
 )
-"""Files by which a folder is recognised, and the section that reads it."""
+"""Files by which a kind of folder is recognised, and the function that makes its section."""
 
 
 def write(folders: Sequence[Path], out: Path | None) -> Path:
     """Write the page; its path.
 
     Raises:
-        Mistake: A folder is missing, unknown or broken, or the page has no place.
+        Mistake: A folder is missing, unknown or damaged, or the page cannot be written.
         Refused: The disk is full.
     """
     text = render([_section(folder) for folder in folders])
@@ -42,10 +42,10 @@ def write(folders: Sequence[Path], out: Path | None) -> Path:
 
 
 def _check_out(path: Path, folders: Sequence[Path]) -> None:
-    """Refuse a page that has no place, or that of something else.
+    """Refuse a path at which the page must not be written.
 
     Raises:
-        Mistake: It is a folder, lies in none, or is a file of a folder that the page is about.
+        Mistake: It is a folder, its folder is missing, or it is a file that the page is about.
     """
     if not path.parent.is_dir():
         raise Mistake(f"{path}: cannot write this page: there is no such folder")

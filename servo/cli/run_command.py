@@ -1,4 +1,4 @@
-"""What `servobench run` does: one scenario, from its settings to a folder."""
+"""The command `servobench run`: run one scenario and write its results into a folder."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from statistics import median
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
-from servo.cli.terminal import COMPILING, WAITING, plain, progress_bar
+from servo.cli.terminal import COMPILING, WAITING, columns, plain, progress_bar
 from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
@@ -29,19 +28,14 @@ TRACEBACK = "traceback.txt"
 
 
 def run_scenario(
-    name: str,
-    changes: Sequence[str],
-    seed: int | None,
-    out: Path | None,
-    *,
-    quiet: bool,
+    name: str, changes: Sequence[str], seed: int | None, out: Path | None, *, quiet: bool,
     rerun: bool,
-) -> int:
-    """Run one scenario into a folder; the exit code: 1 where a bound was missed.
+) -> int:  # fmt: skip
+    """Run one scenario into a folder; the exit code: 1 if a bound was missed.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
-        Refused: The disk did not take all of it; the rows come first.
+        Mistake: The scenario or a setting is wrong, or the folder cannot be used.
+        Refused: A file could not be written completely; the rows have priority.
     """
     scenario = load(name, changes, seed)
     again = command_line("run", name, set=list(changes), seed=scenario.run.seed, no_rerun=not rerun)
@@ -91,10 +85,10 @@ def _with_traceback(error: PartFailed, folder: Path) -> Mistake:
 
 
 def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
-    """A scenario whose bounds are measures that exist.
+    """A scenario that can be run and whose bounds name existing measures.
 
     Raises:
-        Mistake: It is not there, or a setting or a bound is wrong.
+        Mistake: There is no such scenario, or a setting or a bound is wrong.
     """
     scenario = scenarios.load(name, changes, seed)
     check_expect(scenario)
@@ -113,9 +107,7 @@ def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[St
 def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
     outcome = f"{report.outcome.name}. {report.outcome.value}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {scenario.run.seed}: {outcome}")
-    table = Table(box=None, pad_edge=False)
-    for title in ("measure", "value", "bound"):
-        table.add_column(title, justify="left" if title == "measure" else "right")
+    table = columns(("measure", "value", "bound"), ("measure",))
     table.add_column("meaning", style="dim")
     for m in report.measures:
         bound = scenario.expect.get(m.name)
@@ -138,7 +130,7 @@ def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
 
 
 def print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
-    """Print missed bounds and the command that repeats them; nothing where none was missed."""
+    """Print missed bounds and the command that repeats the run; nothing if none was missed."""
     for violation in missed:
         plain(console, f"missed: {violation}")
     if missed:

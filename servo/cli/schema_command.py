@@ -1,4 +1,4 @@
-"""`servobench schema`: the JSON Schema of a scenario, its bounds and its study included."""
+"""The command `servobench schema`: the JSON Schema of scenarios with their bounds and studies."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def text() -> str:
 
 
 def expect_schema() -> Schema:
-    """The table of bounds: any measure, and the outcome."""
+    """Schema of the table of bounds: any measure, and the outcome."""
     ends = list(Outcome.__members__)
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
     return table({"outcome": outcome} | _bounds(), "Outcome and largest measures of a good run.")
 
 
 def sweep_schema() -> Schema:
-    """The table of a study of this scenario."""
+    """Schema of the table of a study of this scenario."""
     share = {"type": "number", "minimum": 0, "maximum": 1, "description": "Share of good runs."}
     seed, most = {"type": "integer", "minimum": 0}, {"maximum": parse.MOST_RUNS}
     name = {"type": "string"}
@@ -56,7 +56,7 @@ def _bounds() -> Schema:
 
 
 def _axes() -> Schema:
-    """Settings, in nested tables, that take a list of values, those of a span, or drawn ones."""
+    """Schema of nested tables of settings, each with a list of values, a span, or a draw."""
     number = {"type": "number"}
     counts = dict.fromkeys(SPANS, 3) | LAWS
     laws: list[Schema] = []

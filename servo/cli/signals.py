@@ -1,4 +1,4 @@
-"""The signals that end a command: all of them unwind it as Ctrl-C does, so that nothing is lost."""
+"""Signals that end a command; each raises an exception, as Ctrl-C does, and files are closed."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class Stopped(KeyboardInterrupt):
 
 
 def exit_code(cause: KeyboardInterrupt) -> int:
-    """What a shell reports of a program that a signal has ended."""
+    """The exit code that shells use for a program ended by a signal."""
     return 128 + (cause.number if isinstance(cause, Stopped) else signal.SIGINT)
 
 
 @contextmanager
 def ending_signals() -> Generator[None]:
-    """In here each ending signal raises `Stopped` once; those that come while it unwinds are lost.
+    """Raise `Stopped` at the first ending signal within the block, and ignore all later ones.
 
-    A signal that the parent has us ignore (nohup, a shell's background) stays ignored.
+    A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,4 +1,4 @@
-"""How long things take on this machine: medians over real frames, side by side in one run."""
+"""Times of trackers, control law and loop on this machine: medians over rendered frames."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from sim.types import Frame
 from tracking.types import Region, State
 
 CAR_LENGTH = 0.2
-"""Of the target's reference rectangle [m]."""
+"""Length of the target's reference rectangle [m]."""
 WARM = 5
-"""First frames that do not count: caches fill."""
+"""Number of first frames that do not count, because caches are still empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Frames of the driving car under a camera that stands, and where it is in the first."""
+    """Frames of the driving car from a camera at rest, with its place in the first frame."""
 
     frames: tuple[Frame, ...]
     region: Region
@@ -35,7 +35,7 @@ class Film:
 
 
 def film(length: float, width: int = 320, frames: int = 40) -> Film:
-    """A film in which the car is this long [px], half as wide, in images of this width [px]."""
+    """A film with a car of this length [px], half as wide, in images of this width [px]."""
     height = width * 3 // 4
     focal = length / CAR_LENGTH  # at the goal's depth of 1 m
     changes = [
@@ -58,7 +58,7 @@ def tracker_ms(kind: str, film: Film, **settings: Any) -> float:
 
 
 def law_ms(estimator: str = "kalman_cv", rounds: int = 10) -> float:
-    """Median time of features, control law and estimator together [ms], over a run's steps."""
+    """Median time of features, control law and estimator together over a run's steps [ms]."""
     with Episode(load("line", ["run.duration=1.0", f"estimator.kind={estimator}"])) as episode:
         steps, dt = list(episode), episode.world.period
         scene = steps[0].scene
@@ -78,7 +78,7 @@ class LoopTimes:
     """Medians over the steps of one run [ms]."""
 
     step: float
-    """From frame to frame, all included."""
+    """Time from frame to frame, with everything."""
     render: float
     track: float
     control: float
@@ -86,18 +86,18 @@ class LoopTimes:
 
     @property
     def ratio(self) -> float:
-        """A step over its rendering."""
+        """Time of a step over that of rendering."""
         return self.step / self.render
 
 
 def loop_times(changes: tuple[str, ...] = ()) -> LoopTimes:
-    """Times of the scenario `line`."""
+    """Times of the scenario `line` with changes, as for --set."""
     with Episode(load("line", ["run.duration=4.0", *changes])) as episode:
         return times_of(episode)
 
 
 def times_of(episode: Episode, add: Callable[[Step], None] | None = None) -> LoopTimes:
-    """Times of an episode that has not begun; add is what a recording does with each step."""
+    """Times of a new episode, with `add` called for each step, such as that of a recording."""
     stages: list[Seconds] = []
     walls: list[float] = []
     began = perf_counter()
@@ -113,7 +113,7 @@ def times_of(episode: Episode, add: Callable[[Step], None] | None = None) -> Loo
 
 
 def _median_ms(calls: list[Callable[[], Any]]) -> float:
-    """Median time of calls, but for the first few."""
+    """Median time of calls without the first `WARM` [ms]."""
     times: list[float] = []
     for call in calls:
         began = perf_counter()

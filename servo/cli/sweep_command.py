@@ -1,16 +1,13 @@
-"""What `servobench sweep` does: run what is missing of a study, store it, and summarise it."""
+"""The command `servobench sweep`: do the missing runs of a study, store and summarise them."""
 
 from __future__ import annotations
 
-import io
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -27,27 +24,28 @@ from servo.study.parse import load
 from servo.study.perform import perform
 from servo.study.plan import Study
 from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
+from servo.study.run_file import parquet
 from servo.study.store import COMPARISONS, RESULTS, Store
 from servo.study.study_file import StudyFile
 from sim import gl
 
 SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
          "ms": "track_ms"}  # fmt: skip
-"""Measures in the table, by the words that head them."""
+"""Measures in the table, by the titles of their columns."""
 LEGEND = (
-    "held: share of runs that ended as hoped, with its 95 % bootstrap interval; true centre "
+    "held: share of runs with the expected outcome, with its 95 % bootstrap interval; true centre "
     "against the goal, rms and\npeak [px]; estimate against truth, rms [px]; tracker's time [ms]: "
     "means over runs"
 )
 MOST_SHOWN = 60
-"""Cells in the printed table; the files have all."""
+"""Most cells in the printed table; the files have all."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """What the command line asks for."""
+    """The options of the command line."""
 
-    name: str
+    study: str
     changes: Sequence[str]
     seeds: int | None
     workers: int
@@ -57,19 +55,20 @@ class SweepRequest:
 
     @property
     def command(self) -> str:
-        """The command line, without where it writes and over how many workers."""
-        return command_line("sweep", self.name, set=list(self.changes), seeds=self.seeds)
+        """The command line, without --out, --workers and --scheduler."""
+        return command_line("sweep", self.study, set=list(self.changes), seeds=self.seeds)
 
 
 def run(request: SweepRequest) -> int:
-    """Run what is missing of a study; the exit code: 1 where a run failed or a bound was missed.
+    """Do the missing runs of a study; the exit code: 1 if a run failed or a bound was missed.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The study or its folder is wrong, or the scheduler cannot be used.
+        Refused: A file cannot be written, or the workers cannot work.
     """
     console = Console(quiet=request.quiet)
     with console.status("reading the study"):
-        study = load(request.name, request.changes, request.seeds)
+        study = load(request.study, request.changes, request.seeds)
     folder = request.out or Path("runs") / f"sweep-{study.name}"
     if request.scheduler is None:
         check_workers(request.workers)
@@ -94,7 +93,7 @@ def run(request: SweepRequest) -> int:
 def _work(
     study: Study, store: Store, request: SweepRequest, console: Console
 ) -> list[tuple[Path, str]]:
-    """Run what is missing; the file of each failed run, with the last line of its error."""
+    """Do the missing runs; the file of each failed run, with the last line of its error."""
     done = store.done()
     failed: list[tuple[Path, str]] = []
     if len(done) == study.size:
@@ -132,7 +131,7 @@ def _again(store: Store, study: Study, request: SweepRequest) -> str:
 
 
 def _sum_up(study: Study, store: Store, console: Console) -> int:
-    """Write the tables, and print what matters; the exit code."""
+    """Write the tables and print a summary; the exit code: 1 if a bound was missed."""
     done = store.done()
     if not done:
         return 0
@@ -140,7 +139,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     rows = table.to_pylist()
     cells, pairs = cells_of(study, rows), comparisons(study, rows)
     _print_cells(console, cells)
-    paths = [store.write(RESULTS, _parquet(table))]
+    paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
         paths.append(store.write(COMPARISONS, comparisons_csv(pairs)))
@@ -151,23 +150,17 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
             )
     for path in paths:
         plain(console, f"  {path}")
-    plain(console, f"a page of it: servobench report {shlex.quote(str(store.folder))}")
+    plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
     not_kept = missed([axis.key for axis in study.every_axis], study.expect, rows)
     for line in not_kept:
         plain(Console(stderr=True), f"servobench: {line}")
     return 1 if not_kept else 0
 
 
-def _parquet(table: pa.Table) -> bytes:
-    sink = io.BytesIO()
-    pq.write_table(table, sink, write_page_checksum=True)
-    return sink.getvalue()
-
-
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for key in cells[0].settings:
-        # Words wrap, so that numbers keep all their digits.
+        # Long texts wrap, so that numbers keep all their digits.
         table.add_column(escape(key).replace(".", ".\n", 1), overflow="fold")
     for title in ("runs", "held", "95 %", *SHOWN):
         table.add_column(title, justify="right", no_wrap=True)

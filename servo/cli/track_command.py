@@ -1,4 +1,4 @@
-"""What `servobench track` does: a tracker on any pictures, its track, report, video, recording."""
+"""The command `servobench track`: run a tracker on pictures and write its track and report."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from servo.cli.signals import exit_code
-from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
+from servo.cli.terminal import COMPILING, STOPPED, columns, plain, progress_bar
 from servo.mistake import Mistake
 from servo.output.command_line import command_line
 from servo.output.run_folder import prepare
@@ -37,11 +36,11 @@ from tracking.types import Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class TrackRequest:
-    """What was asked for on the command line."""
+    """The options of the command line."""
 
     source: str
     region: str | None
-    kind: str
+    tracker: str
     changes: Sequence[str]
     seed: int
     truth: Path | None
@@ -55,21 +54,23 @@ class TrackRequest:
 
     @property
     def command(self) -> str:
-        """The command line, but for where it writes."""
+        """The command line, without --out."""
         return command_line(
-            "track", self.source, region=self.region, tracker=self.kind, set=list(self.changes),
+            "track", self.source, region=self.region, tracker=self.tracker, set=list(self.changes),
             seed=self.seed, truth=self.truth, truth_format=self.truth_format, video=self.video,
             rerun=self.rerun, rate=f"{self.rate:g}", frames=self.frames,
         )  # fmt: skip
 
 
 def run(request: TrackRequest) -> int:
-    """Track, and write what was asked for; the exit code.
+    """Track the target and write the files; the exit code.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The source, its truth, the region or the tracker is wrong, or the folder cannot be
+            used.
+        Refused: The video or the recording could not be written completely.
     """
-    settings, config = tracker_of(request.kind, request.changes)
+    settings, config = tracker_of(request.tracker, request.changes)
     try:
         source = source_of(request.source, request.rate)
         truth = _truth(request, source)
@@ -80,7 +81,7 @@ def run(request: TrackRequest) -> int:
     shots = _told(itertools.islice(follow(tracker, source, region, start), request.frames))
     first = next(shots, None)
     if first is None:
-        raise Mistake(f"{request.source}: there is not one picture in it")
+        raise Mistake(f"{request.source}: there are no pictures in it")
     kind = settings["kind"]
     name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
     folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
@@ -108,11 +109,11 @@ def _told(shots: Iterator[Shot]) -> Iterator[Shot]:
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """The table and the `Config` of a tracker.
+    """The settings of a tracker as a table, and its `Config`.
 
     Args:
-        kind: Such as "kams".
-        changes: Such as "tracker.particles=80".
+        kind: The tracker, such as "kams".
+        changes: Changed settings, such as "tracker.particles=80".
 
     Raises:
         Mistake: There is no such kind or setting.
@@ -152,7 +153,7 @@ def region_of(text: str) -> tuple[Region, State]:
     """The region "X,Y,W,H" or "X,Y,W,H,DEG": top left corner, size, rotation about its centre.
 
     Raises:
-        Mistake: It has not that form.
+        Mistake: The text has another form.
     """
     try:
         x, y, w, h, *turn = (float(part) for part in text.split(","))
@@ -168,14 +169,14 @@ def _write(
     request: TrackRequest, folder: Path, region: Region, truth: Array | None, shots: Iterator[Shot],
     source: Source,
 ) -> tuple[TrackFolder, list[Shot], int]:  # fmt: skip
-    """Write all shots; the files, what can be kept of the shots, and the exit code."""
+    """Write all shots; the files, the shots without pictures, and the exit code."""
     files = TrackFolder(folder, region, source.rate, video=request.video, recording=request.rerun)
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
     try:
         with progress_bar(Console(quiet=request.quiet)) as bar:
-            task = bar.add_task(escape(request.kind), total=count, note=COMPILING)
+            task = bar.add_task(escape(request.tracker), total=count, note=COMPILING)
             for shot in shots:
                 true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
                 files.add(shot, true)
@@ -217,9 +218,8 @@ def _print(
     console.print(f"[bold]{escape(kind)}[/] on {escape(name)}: {len(seen)} frames, {lost} LOST")
     if comparison is None:
         return
-    table = Table(box=None, pad_edge=False)
-    for title in ("measure", "value", "better", "meaning"):
-        table.add_column(title, justify="right" if title == "value" else "left")
+    words = ("measure", "better", "meaning")
+    table = columns(("measure", "value", "better", "meaning"), words)
     for measure in MEASURES:
         value = measure.of(comparison)
         if np.isfinite(value):
@@ -237,7 +237,7 @@ def _print_oddities(console: Console, seen: list[Shot]) -> None:
         plain(
             console,
             f"servobench: the pictures change their size at {change.picture.name} to "
-            f"{width} x {height} px; the target is looked for at the same pixels",
+            f"{width} x {height} px; the target is searched for at the same pixels",
         )
     if blind:
         plain(

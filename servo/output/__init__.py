@@ -1,1 +1,1 @@
-"""What commands write: folders, tables, plots, recordings, and the versions they were made with."""
+"""Files that commands write: folders, tables, plots, recordings, and their versions."""

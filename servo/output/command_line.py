@@ -1,4 +1,4 @@
-"""The command line that makes a result again, as it is stored with the result."""
+"""The command line that repeats a result, as it is stored with the result."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import shlex
 
 
 def command_line(command: str, *words: str, **options: object) -> str:
-    """A command as a shell takes it.
+    """A command line for a shell.
 
     Args:
-        command: Such as "bench".
+        command: The command, such as "bench".
         words: Its arguments.
-        options: By name; True is a flag, a list or a tuple repeats the option, None and False leave
-            it out.
+        options: Its options by name; True is a flag, a list or a tuple repeats the option, None and
+            False leave it out.
     """
     given: list[str] = []
     for name, value in options.items():
@@ -20,6 +20,6 @@ def command_line(command: str, *words: str, **options: object) -> str:
         for one in values:
             if one is not None and one is not False:
                 given += [f"--{name.replace('_', '-')}", *([] if one is True else [str(one)])]
-    if any(word.startswith("-") for word in words):  # they would be taken for options
+    if any(word.startswith("-") for word in words):  # else it would be read as an option
         return shlex.join(["servobench", command, *given, "--", *words])
     return shlex.join(["servobench", command, *words, *given])

@@ -1,4 +1,4 @@
-"""The JSON files of servobench: each kind is one frozen dataclass, which writes and reads it."""
+"""The JSON files of servobench: each kind is a frozen dataclass that writes and reads it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HALF = "it may be half-written"
 
 
 class OtherFormat(Mistake):
-    """A file whose format number is not the one that this version reads."""
+    """A file whose format number differs from the one that this version reads."""
 
     def __init__(self, path: Path, found: Any, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found}"
@@ -35,51 +35,51 @@ class OtherFormat(Mistake):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """A JSON file. A subclass has a field for each key, and says what kind of file it is."""
+    """A JSON file; a subclass has a field for each key, and the kind of the file."""
 
     FILE: ClassVar[str]
     """Its usual name."""
     KIND: ClassVar[str]
     """The command that writes it."""
     FORMAT: ClassVar[int]
-    """Raised by one where an older reader could not read the file."""
+    """Format number; it increases by one when older versions cannot read the file any more."""
 
     def write(self, folder: Path, name: str | None = None) -> Path:
-        """Write it into a folder as a whole; its path.
+        """Write the file into a folder; its path.
 
         Raises:
-            OSError: The disk refuses.
+            OSError: It cannot be written.
         """
         head = {"format": self.FORMAT, "kind": self.KIND}
         return atomic.write(folder, name or self.FILE, json_text(head | as_json(self)))
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read it; errors are those of `read`."""
+        """Read a file of this kind; errors are those of `read`."""
         return read(path, cls)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made(Document):
-    """A file that says how it was made."""
+    """A file with the command and the versions that made it."""
 
     command: str
-    """The command line that makes it again, but for where it writes and how many work at it; empty
-    where it was made from Python.
+    """The command line that repeats it, without --out and the number of workers; empty if it was
+    made from Python.
     """
     versions: dict[str, str]
-    """Of what decides the numbers: packages, and the digest of our own source."""
+    """Versions of the packages that decide the numbers, and the digest of our own source."""
 
 
 Kind = TypeVar("Kind", bound=Document)
 
 
 def read(path: Path, *kinds: type[Kind]) -> Kind:
-    """A file that is one of these kinds; keys that its dataclass does not have are passed over.
+    """Read a file of one of some kinds; keys that are not fields of its dataclass are ignored.
 
     Raises:
         OtherFormat: It has another format number, or none.
-        Mistake: The file cannot be read, is no JSON, of another kind, or lacks something.
+        Mistake: The file cannot be read, is not JSON, is of another kind, or lacks a key.
     """
     encoded = content(path)
     head = _parsed(path, encoded, dict[str, Any])
@@ -95,17 +95,17 @@ def read(path: Path, *kinds: type[Kind]) -> Kind:
 
 
 def check_format(path: Path, found: Any, number: int) -> None:
-    """Refuse a file of another format.
+    """Refuse a file whose format number differs.
 
     Raises:
-        OtherFormat: The number that was found in it is another one.
+        OtherFormat: The number that was found is another one.
     """
     if type(found) is not int or found != number:
         raise OtherFormat(path, found, number)
 
 
 def content(path: Path) -> bytes:
-    """A file's bytes.
+    """The bytes of a file.
 
     Raises:
         Mistake: It cannot be read, is not a regular file, or is too large.

@@ -1,4 +1,4 @@
-"""Plots of one run, like the paper's figures 9 and 10 (Teuliere, Marchand, Eck)."""
+"""Plots of one run, like figures 9 and 10 of the multi-kernel paper (Teuliere, Marchand, Eck)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from servo.loop.step import Step
-from tracking.evaluation.drawing.figures import literal, save
+from tracking.evaluation.drawing.figures import literal, panels, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
@@ -22,26 +21,19 @@ ABOVE: dict[str, Any] = {
 """A legend above its axes, where it hides no curve."""
 MOTION, ERRORS = "target_motion.png", "errors.png"
 MIDDLE = (1, 99)
-"""Percentiles of the measured motion that the plot must show; its outliers may leave it."""
+"""Percentiles of the measured motion that the plot shows; outliers may be outside."""
 
 
 def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
     """Both plots of a run as PNG files in a folder; their paths."""
     title = literal(title)
-    figures = {
-        MOTION: _motion_figure(steps, title),
-        ERRORS: _error_figure(steps, title),
-    }
+    figures = {MOTION: _motion_figure(steps, title), ERRORS: _error_figure(steps, title)}
     return [save(figure, folder, name) for name, figure in figures.items()]
 
 
 def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(8, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = list(np.atleast_1d(figure.subplots(rows, 1, sharex=True)))
+    figure, axes = panels(8, height, rows, sharex=True)
     for ax in axes:
-        ax.grid(alpha=0.25)
-        ax.spines[["top", "right"]].set_visible(False)
         ax.margins(x=0)
     axes[-1].set_xlabel("time [s]")
     return figure, axes
@@ -83,16 +75,9 @@ def _error_figure(steps: Sequence[Step], title: str) -> Figure:
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")
-    axes[1].plot(
-        time, [s.servo_error for s in steps], color=COLOURS[0], lw=1.5, label="true centre to goal"
-    )
-    axes[1].plot(
-        time,
-        [s.tracking_error for s in steps],
-        color=COLOURS[1],
-        lw=1.0,
-        label="estimated to true centre",
-    )
+    servo, tracking = [s.servo_error for s in steps], [s.tracking_error for s in steps]
+    axes[1].plot(time, servo, color=COLOURS[0], lw=1.5, label="true centre to goal")
+    axes[1].plot(time, tracking, color=COLOURS[1], lw=1.0, label="estimated to true centre")
     axes[1].set_ylabel("distance [px]")
     axes[1].set_ylim(bottom=0)
     axes[1].legend(ncols=2, **ABOVE)
@@ -102,15 +87,6 @@ def _error_figure(steps: Sequence[Step], title: str) -> Figure:
 
 
 def _shade_unseen(ax: Axes, steps: Sequence[Step]) -> None:
-    unseen = [not s.seen for s in steps]
-    time = [s.frame.time for s in steps]
-    low_high = (0, 1)
-    ax.fill_between(
-        time,
-        *low_high,
-        where=unseen,
-        transform=ax.get_xaxis_transform(),
-        color="#d9d2c3",
-        alpha=0.7,
-        lw=0,
-    )
+    time, unseen = [s.frame.time for s in steps], [not s.seen for s in steps]
+    across = ax.get_xaxis_transform()
+    ax.fill_between(time, 0, 1, where=unseen, transform=across, color="#d9d2c3", alpha=0.7, lw=0)

@@ -1,7 +1,7 @@
-"""A folder that results are added to over several sessions: whose it is, and one writer at a time.
+"""A folder to which several sessions of one command add results, with one writer at a time.
 
-`begun.json` says which command began it, with which versions: results of other code would not
-compare, and another command's results would be mixed with these.
+`begun.json` holds the command and the versions of the first session. Other commands and versions
+are refused: their results could not be compared with those in the folder.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Beginning = TypeVar("Beginning", bound=Document)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Begun(Document):
-    """Whose results a folder holds."""
+    """begun.json: the command and the versions of a folder's results."""
 
     FILE: ClassVar[str] = "begun.json"
     KIND: ClassVar[str] = "begun"
@@ -39,20 +39,23 @@ class Begun(Document):
 
 @contextmanager
 def result_folder(folder: Path, command: str) -> Generator[None]:
-    """Begin a folder or go on in it; nobody else writes there until the block ends.
+    """Make a folder or continue in it, and lock it until the block ends.
 
     Args:
-        folder: Which; made if need be.
-        command: Which command's results it holds: "bench" or "papers".
+        folder: The folder; made if it does not exist.
+        command: The command whose results it holds: "bench", "bench closed_loop" or "papers".
 
     Raises:
-        Mistake: It holds something else, was begun with other versions, somebody is writing there,
-            or it cannot be written.
-        Refused: The disk refused something in the block.
+        Mistake: It holds something else or results of other versions, another process is writing
+            into it, or it cannot be written.
+        Refused: A file could not be written in the block.
     """
     with only_writer(folder, Begun, command) as found:
         if found is None:
-            _write(folder, Begun(holds=command, versions=versions()))
+            try:
+                Begun(holds=command, versions=versions()).write(folder)
+            except OSError as error:
+                raise unwritable(folder, error) from None
         elif found.holds != command:
             raise Mistake(
                 f"{folder}: this folder holds results of another command; choose another folder "
@@ -70,19 +73,20 @@ def result_folder(folder: Path, command: str) -> Generator[None]:
 def only_writer(
     folder: Path, kind: type[Beginning], command: str, own: Collection[str] = ()
 ) -> Generator[Beginning | None]:
-    """Make a folder, and keep others from writing into it until the block ends.
+    """Make a folder, and lock it until the block ends.
 
     Args:
-        folder: Which. Nothing is written into one that is not the command's.
-        kind: Of the file that says whose it is.
-        command: Which command goes on here.
-        own: Folders that may be there, empty, where the first session was killed at once.
+        folder: The folder. Nothing is written into it if it belongs to another command.
+        kind: Kind of the file that describes the folder.
+        command: The command.
+        own: Names of empty folders in it that a first session may leave when it is killed early.
 
     Yields:
-        What the first session wrote about it; None for a folder that is still empty.
+        The file that the first session wrote; None if the folder is still empty.
 
     Raises:
-        Mistake: Somebody is writing there, it cannot be written, or holds something else.
+        Mistake: Another process is writing into it, it cannot be written, or it holds something
+            else.
     """
     try:
         if folder.is_dir():
@@ -103,11 +107,10 @@ def only_writer(
 def _manifest(
     folder: Path, kind: type[Beginning], command: str, own: Collection[str]
 ) -> Beginning | None:
-    """What a folder's first session wrote about it; arguments as for `only_writer`.
+    """The file that a folder's first session wrote; arguments as for `only_writer`.
 
     Raises:
-        Mistake: The file is damaged or of another format, or missing though the folder holds
-            something.
+        Mistake: The file is damaged, of another format, or missing in a folder that is not empty.
     """
     path = folder / kind.FILE
     if not path.exists():
@@ -123,32 +126,25 @@ def _manifest(
         raise Mistake(f"{error.fact}; choose another folder with --out") from None
     except Mistake:
         raise Mistake(
-            f"{path}: this file is damaged, so that nobody knows what the results beside "
-            "it are; choose another folder with --out"
+            f"{path}: this file is damaged, so the results beside it cannot be identified; "
+            "choose another folder with --out"
         ) from None
 
 
 def check_versions(folder: Path, before: dict[str, str], now: dict[str, str]) -> None:
-    """Refuse to add results to those of other versions.
+    """Refuse to add results to a folder of other versions.
 
     Raises:
-        Mistake: A package or our own source differs; the message says which.
+        Mistake: A package or our own source differs; the message names it.
     """
     for name, version in now.items():
         if before.get(name) != version:
             raise Mistake(
-                f"{folder}: this was begun with {name} {before.get(name)}, here is {version}: its "
-                "numbers would not compare; choose another folder with --out"
+                f"{folder}: this was begun with {name} {before.get(name)}, but {version} is "
+                "installed: the numbers could not be compared; choose another folder with --out"
             )
 
 
 def _of_the_beginning(path: Path, name: str, own: Collection[str]) -> bool:
     empty = path.name in own and path.is_dir() and not any(path.iterdir())
     return empty or path.name in (LOCK, atomic.ASIDE.format(name))
-
-
-def _write(folder: Path, begun: Begun) -> None:
-    try:
-        begun.write(folder)
-    except OSError as error:
-        raise unwritable(folder, error) from None

@@ -1,4 +1,4 @@
-"""Everything a run writes: DIR/run.rrd, steps.parquet, report.json and two plots."""
+"""The folder of a run: run.rrd, steps.parquet, report.json and two plots."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ RECORDING = "run.rrd"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
-    """The empty folder a run will write to: the one asked for, or the next free runs/NAME.
+    """The empty folder to write to: the one asked for, or the next free runs/NAME.
 
     Raises:
-        Mistake: It holds something already, cannot be written, or has no name for a recording.
+        Mistake: It is not empty, cannot be written, or its name is not UTF-8.
     """
     _check_name(asked or Path(name))
     try:
@@ -30,7 +30,7 @@ def prepare(asked: Path | None, name: str) -> Path:
         if asked.is_dir() and any(asked.iterdir()):
             raise Mistake(f"{asked}: there is something in this folder; choose another with --out")
         asked.mkdir(parents=True, exist_ok=True)
-        atomic.write(asked, RECORDING, b"").unlink()  # a probe
+        atomic.write(asked, RECORDING, b"").unlink()  # a test
     except OSError as error:
         raise unwritable(asked or Path("runs") / name, error) from None
     return asked
@@ -46,7 +46,7 @@ def _check_name(folder: Path) -> None:
 
 
 def _next_free(runs: Path, name: str) -> Path:
-    """A new folder, also where other runs make theirs at the same time."""
+    """Make a new folder, safely also when other runs make theirs at the same time."""
     runs.mkdir(parents=True, exist_ok=True)
     folder, again = runs / name, 2
     while True:
@@ -59,27 +59,27 @@ def _next_free(runs: Path, name: str) -> Path:
 
 
 class RunFolder:
-    """Takes the steps of one run as they come, and what is left at its end.
+    """Writer of the steps of one run, and of its report and plots at the end.
 
-    Rows come first: their room on the disk is reserved, and a recording that the disk refuses ends
-    without them.
+    Rows have priority: their space on the disk is reserved, and they continue when the recording
+    cannot be written any more.
     """
 
     refused: Refused | None = None
-    """Why the recording is not whole, if it is not."""
+    """Why the recording is not complete; None if it is."""
 
     def __init__(self, folder: Path, episode: Episode, *, rerun: bool, command: str = "") -> None:
         """Open the files.
 
         Args:
-            folder: Where to write.
+            folder: The folder to write to.
             episode: The run.
             rerun: Also write a recording.
-            command: The command line that makes it again, if there is one.
+            command: The command line that repeats the run; empty if there is none.
 
         Raises:
             Mistake: Another run is writing into this folder.
-            Refused: The disk has no room for the rows.
+            Refused: The disk has no space for the rows.
         """
         self.folder, self._scenario, self._command = folder, episode.scenario, command
         self._features = episode.loop.features
@@ -108,7 +108,7 @@ class RunFolder:
                 self.refused = error
 
     def close(self) -> None:
-        """Finish recording and table, which then hold every step they were given.
+        """Finish the recording and the table.
 
         Raises:
             Refused: The table cannot be written; the rows are in the stream.
@@ -127,10 +127,10 @@ class RunFolder:
     def finish(
         self, steps: Sequence[Step], report: Report, missed: Sequence[Violation]
     ) -> list[Path]:
-        """Write report and plots; the paths of everything written.
+        """Write report and plots; the paths of all files.
 
         Raises:
-            Refused: The disk refuses; the rows are complete.
+            Refused: A file cannot be written; the rows are complete.
         """
         found = RunReport.of(self._scenario, self._features, report, list(missed), self._command)
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"

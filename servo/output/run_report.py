@@ -1,4 +1,4 @@
-"""What is known of a run at its end: report.json of `servobench run`."""
+"""The report of a run: report.json of `servobench run`."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ class RunReport(Made):
     outcome: str
     """The name of an `Outcome`."""
     measures: dict[str, Number | None]
-    """None where a measure has no finite value."""
+    """Values of the measures by name; None if there is no finite value."""
     units: dict[str, str]
-    """Of the measures, by name."""
+    """Units of the measures by name."""
     expect: dict[str, Number | str]
     """The scenario's bounds."""
     missed: list[Violation]
     """The bounds that were not kept."""
     features: dict[str, str]
-    """Units of the features, by name."""
+    """Units of the features by name."""
     feed_forward: list[str]
-    """Features whose target motion is drawn."""
+    """Features for which the target's motion is drawn."""
     settings: dict[str, Any]
-    """Every value that the run used, the defaults included."""
+    """All settings of the run, including defaults."""
     table: dict[str, Any]
-    """The scenario as TOML has it, changes included."""
+    """The scenario's TOML table, including changes."""
     rates: dict[str, Number] = field(default_factory=dict)
     """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
 
@@ -51,7 +51,7 @@ class RunReport(Made):
         scenario: Scenario, features: FeatureSet, report: Report, missed: list[Violation],
         command: str,
     ) -> RunReport:  # fmt: skip
-        """The report of a run that a command line made."""
+        """The report of a run, with the command line that repeats it."""
         return RunReport(
             command=command,
             versions=versions(),
@@ -71,7 +71,7 @@ class RunReport(Made):
 
 
 def _table(scenario: Scenario) -> dict[str, Any]:
-    """The table that gives these settings: its own, or all of them where Python changed a part."""
+    """The scenario's table; if Python changed a setting, a table of all settings."""
     settings = scenario.settings()
     try:
         same = scenarios.parse(scenario.table, scenario.name, scenario.name).settings() == settings
@@ -83,7 +83,7 @@ def _table(scenario: Scenario) -> dict[str, Any]:
 
 
 def _without_none(value: Any) -> Any:
-    """A value for TOML, which has no null: a setting that is None has its default."""
+    """A value without settings that are None: TOML has no null, and None is their default."""
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
     return [_without_none(item) for item in value] if isinstance(value, list) else value

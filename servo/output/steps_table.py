@@ -1,7 +1,7 @@
-"""The steps of a run as a table: one row a frame, column names with units, stored as Parquet.
+"""The steps of a run as a Parquet table: a row for each frame, and units in the columns' names.
 
-While a run lasts its rows go to an Arrow stream beside the table, a second's worth at a time, so
-that a killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads what was written.
+During the run, rows are written to an Arrow stream once a second, so that a killed run keeps them:
+`pyarrow.ipc.open_stream("steps.arrows")` reads them.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from tracking.files import atomic
 
 STREAM, TABLE = "steps.arrows", "steps.parquet"
 FORMAT = 1
-"""Stands in the schema's metadata; raised by one where a reader must change."""
+"""Format number in the schema's metadata; it increases by one when readers must change."""
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
 REAL, WHOLE, FLAG, TEXT = pa.float64(), pa.int64(), pa.bool_(), pa.string()
 TIMED = "seconds_"
-"""Columns that begin so hold wall-clock time; all others repeat bit for bit with the seed."""
+"""Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
 CELL, COLUMN_OF_BATCH = 16, 320
-"""Room of a value in stream and table, and of a column's part of a batch, never less [bytes]."""
+"""Largest size of a value in stream and table, and of a column's part of a batch [bytes]."""
 SPARE = 1 << 20
-"""Room for report and plots, which are written when the rows are [bytes]."""
+"""Space for report and plots, which are written after the rows [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Columns whose values are read from a step together."""
+    """A column, or several whose values are read from a step together."""
 
     name: str
     columns: tuple[Column, ...]
@@ -59,7 +59,7 @@ class Quantity:
         """Name and value of each column.
 
         Raises:
-            Mistake: There are more or fewer values than columns.
+            Mistake: The number of values is not that of the columns.
         """
         values = self.of(step)
         if len(values) != len(self.columns):
@@ -140,12 +140,12 @@ def _features(features: FeatureSet) -> Iterator[Quantity]:
 
 
 def ending(unit: str) -> str:
-    """What a column's name ends in, for a unit; nothing for a plain number."""
+    """The ending of a column's name for a unit; empty for a number without unit."""
     return "" if unit == "1" else unit
 
 
 def ending_of_rate(unit: str) -> str:
-    """The same for a change a second."""
+    """The ending of a column's name for the rate of change of a unit."""
     return "per_s" if unit == "1" else f"{unit}_s"
 
 
@@ -179,19 +179,19 @@ def _seconds(stage: str) -> Quantity:
 
 
 class StepsTable:
-    """Writes the table of one run into a folder."""
+    """Writer of the table of one run."""
 
     def __init__(self, folder: Path, episode: Episode, rows_at_once: int) -> None:
-        """Reserve room for all rows on the disk, so that nothing else can take it.
+        """Open the stream, and reserve space for all rows on the disk.
 
         Args:
-            folder: Where to write.
-            episode: Whose features and joints are columns.
-            rows_at_once: Rows that are written together.
+            folder: The folder to write to.
+            episode: The run; its features and joints are columns.
+            rows_at_once: Number of rows that are written together.
 
         Raises:
-            FileExistsError: Somebody writes a run into this folder already.
-            OSError: The disk has no room for the rows.
+            FileExistsError: Another run is writing into this folder.
+            OSError: The disk has no space for the rows.
         """
         self._folder, self._at_once = folder, rows_at_once
         robot, rows = episode.world.robot, episode.frames
@@ -202,7 +202,7 @@ class StepsTable:
         self._schema = pa.schema(fields, metadata={"format": str(FORMAT)})
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
-        # The schema goes out with the first batch: what is killed at once can be read as well.
+        # An empty batch writes the schema: a stream that is killed at once can be read, too.
         self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
         self._file.flush()
         batches = 1 + rows / rows_at_once
@@ -212,15 +212,15 @@ class StepsTable:
         """Append a row.
 
         Raises:
-            Mistake: The controller has other features than the table has columns.
-            OSError: The disk refuses.
+            Mistake: The controller has other features than the table.
+            OSError: The row cannot be written.
         """
         self._rows.append(dict(cell for q in self._quantities for cell in q.cells(step)))
         if len(self._rows) >= self._at_once:
             self._flush()
 
     def close(self) -> None:
-        """Turn the stream into the table; where the disk refuses that, the stream stays."""
+        """Turn the stream into the table; if that cannot be written, the stream stays."""
         self._flush()
         self._stream.close()
         self._file.truncate()
@@ -239,6 +239,6 @@ class StepsTable:
 
 
 def _reserve(file: BinaryIO, size: int) -> None:
-    """Take room on the disk [bytes]; a reader takes the zeros at the end for the stream's end."""
+    """Reserve space on the disk [bytes]; readers interpret the zeros as the stream's end."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)

@@ -1,4 +1,4 @@
-"""Everything a track writes while it lasts: rows first, and with them a video and a recording."""
+"""The files of a track: rows, and optionally a video and a recording."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tracking.types import Region
 
 TRACK, VIDEO, RECORDING = "track.csv", "track.mp4", "track.rrd"
 SPARE = 1 << 18
-"""Room on the disk that is left for rows and report: with less the others end [bytes]."""
+"""Free space that is kept for rows and report; with less, the other files end [bytes]."""
 
 
 class Extra(Protocol):
-    """A file that is written beside the rows."""
+    """A file that is written in addition to the rows."""
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture with what the tracker found in it."""
+        """Write a picture with the tracker's estimate and the truth."""
         ...
 
     def close(self) -> None:
@@ -31,15 +31,15 @@ class Extra(Protocol):
         ...
 
     def abandon(self) -> None:
-        """Leave the file as it is: the disk takes no more."""
+        """Leave the file as it is, because the disk is full."""
         ...
 
 
 class TrackFolder:
-    """Takes shots as they come. A file beside the rows that the disk refuses ends without them."""
+    """Writer of the shots of one track; a video or recording that fails does not stop the rows."""
 
     refused: Refused | None = None
-    """Why a video or a recording is not whole, if one is not."""
+    """Why the video or the recording is not complete; None if both are."""
 
     def __init__(
         self, folder: Path, region: Region, rate: float, *, video: bool, recording: bool
@@ -47,14 +47,14 @@ class TrackFolder:
         """Open the files.
 
         Args:
-            folder: Where to write.
+            folder: The folder to write to.
             region: The template.
             rate: Pictures a second.
             video: Also write an annotated video.
             recording: Also write a Rerun recording.
 
         Raises:
-            OSError: The disk refuses.
+            OSError: A file cannot be written.
         """
         self._folder, self._at_once = folder, max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
@@ -62,9 +62,8 @@ class TrackFolder:
         if video:
             self._extras[folder / VIDEO] = AnnotatedVideo(folder / VIDEO, rate, region)
         if recording:
-            from servo.output.recording.track_log import (
-                TrackLog,  # rerun takes half a second to import
-            )
+            # rerun takes half a second to import
+            from servo.output.recording.track_log import TrackLog
 
             self._extras[folder / RECORDING] = TrackLog(folder / RECORDING, region, rate)
         self.paths = [folder / TRACK, *self._extras]
@@ -73,7 +72,7 @@ class TrackFolder:
         """Write a shot, and the truth of its picture (4, 2) if there is one.
 
         Raises:
-            OSError: The disk refuses the row.
+            OSError: The row cannot be written.
         """
         self._rows.add(shot)
         full = self._extras and shot.index % self._at_once == 0 and self._nearly_full()
@@ -87,7 +86,7 @@ class TrackFolder:
         """Finish all files.
 
         Raises:
-            OSError: The disk refuses the last rows.
+            OSError: The last rows cannot be written.
         """
         try:
             self._rows.close()

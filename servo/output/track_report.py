@@ -1,4 +1,4 @@
-"""What is known of a track at its end: report.json of `servobench track`."""
+"""The report of a track: report.json of `servobench track`."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class TrackReport(Made):
 
     source: str
     tracker: dict[str, Any]
-    """Kind and settings, as they were given."""
+    """Kind and settings that were given."""
     seed: int
     frames: int
     undecodable: list[str]
-    """Names of pictures that could not be read."""
+    """Names of the pictures that could not be read."""
     lost: int
-    """Frames in which the tracker reported LOST."""
+    """Number of frames with status LOST."""
     measures: dict[str, Number | None]
-    """None where a measure has no finite value; empty without a truth."""
+    """Values of the measures by name, None if not finite; empty without a truth."""
     units: dict[str, str]
-    """Of the measures, by name."""
+    """Units of the measures by name."""

@@ -1,4 +1,4 @@
-"""The versions that decide the numbers: of the packages, and of our own source."""
+"""Versions of the packages that decide the numbers, and a digest of our own source."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ OPENCV = (
 """Distributions of `cv2`: all write into one folder, so that only one can be whole."""
 VERSIONED = ("servobench", "mujoco", "numpy", "numba", *OPENCV, "filterpy", "rerun-sdk")
 PACKAGES, ENDINGS = ("servo", "tracking", "sim", "scenes"), (".py", ".xml", ".png")
-"""What our source is; the scenarios are kept with each result anyway."""
+"""Packages and files that the digest includes; scenarios are stored with each result."""
 PICTURES = "pictures"
-"""Of the README: they decide nothing."""
+"""Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
 DIGITS = 12
 
@@ -57,7 +57,7 @@ def clash() -> str:
 
 @functools.cache
 def source_digest() -> str:
-    """A short digest of the installed source and models, as they are when it is first asked for."""
+    """A short digest of the installed source and models at the first call."""
     whole = hashlib.sha256()
     for package in PACKAGES:
         with resources.as_file(resources.files(package)) as root:

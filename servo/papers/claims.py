@@ -1,4 +1,4 @@
-"""All claims, and where their verdicts are written."""
+"""All claims, and the file of their verdicts."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ CLAIMS = (
     *estimator_study.CLAIMS,
 )  # fmt: skip
 JOINED = "P0-1"
-"""The claim that real sequences join."""
+"""The claim that also uses real sequences."""
 FIGURES = "figures"
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A claim, and what came out."""
+    """A claim with its verdict, as stored."""
 
     says: str
     measured: str
     holds: bool
     table: list[list[str]]
-    """Rows of cells, the first one heads them."""
+    """Rows of cells; the first row has the titles."""
     figures: list[str]
-    """Paths below the folder."""
+    """Paths relative to the folder."""
 
     @staticmethod
     def of(claim: Claim, verdict: Verdict) -> Judged:

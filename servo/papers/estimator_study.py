@@ -1,4 +1,4 @@
-"""All estimators of the target's motion against each other: four motions, at 30 and at 5 Hz."""
+"""Comparison of all estimators of the target's motion: four motions, at 30 and at 5 Hz."""
 
 from __future__ import annotations
 
@@ -10,19 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
-from servo.papers.claim import (
-    COLOURS,
-    Claim,
-    Effort,
-    Result,
-    Verdict,
-    axes,
-    column,
-    group,
-    save,
-)
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, panels
+from servo.papers.groups import Result, column, group
 from servo.papers.loop_series import LoopSeries
 from sim import kinds
+from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import Interval, bootstrap
 
 SEEDS = 10
@@ -32,12 +24,12 @@ RMS, PEAK = "servo_rms_px", "servo_peak_px"
 FAST, SLOW = "30 Hz", "5 Hz"
 LONG = ("run.duration=20.0", "measure.after=5.0")
 AT = {FAST: (), SLOW: ("camera.rate=5.0", "controller.gain=1.0")}
-"""What a rate changes in a scenario: lambda T stays below 1/4."""
+"""Changes of a scenario for each rate; they keep lambda T below 1/4."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion at a rate, and what is measured in it."""
+    """A motion at a rate, its measure, and the bounds on it."""
 
     motion: str
     rate: str
@@ -45,7 +37,7 @@ class Case:
     measure: str
     changes: tuple[str, ...]
     bounds: dict[str, float]
-    """By estimator, or for the best one [px]."""
+    """Largest error by estimator, or of the best one (`BEST`) [px]."""
 
     @property
     def title(self) -> str:
@@ -93,7 +85,7 @@ def _judge(results: list[Result], folder: Path) -> Verdict:
     said = f"{bounds - len(missed)} of {bounds} bounds kept"
     return Verdict(
         f"{said}; missed: {', '.join(missed)}" if missed else said, not missed,
-        _table(found), [save(_draw(found), folder, "estimators")],
+        _table(found), [figures.save(_draw(found), folder, "estimators.png")],
     )  # fmt: skip
 
 
@@ -109,7 +101,7 @@ def _missed(found: Scores, i: int, case: Case) -> list[str]:
 
 
 def _table(found: Scores) -> list[list[str]]:
-    """Rows of estimators, for one rate after the other, with the bounds below each."""
+    """A row for each rate and estimator; the bounds follow the rows of their rate."""
     rows = [["px", "rate", *(c.title for c in CASES if c.rate == FAST)]]
     for rate in AT:
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
@@ -128,10 +120,10 @@ def _short(i: Interval) -> str:
 
 
 def _draw(found: Scores) -> Figure:
-    """A panel a rate: each estimator's error for each motion, with its interval, and the bounds."""
-    figure, panels = axes(2, width=9.0)
+    """A panel for each rate: errors of the estimators by motion, with intervals and bounds."""
+    figure, both = panels(2, width=9.0)
     names = [name for name in found if name != NONE]
-    for ax, rate in zip(panels, AT, strict=True):
+    for ax, rate in zip(both, AT, strict=True):
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
         for k, name in enumerate(names):
             place = np.arange(len(chosen)) + 0.1 * (k - (len(names) - 1) / 2)
@@ -145,7 +137,7 @@ def _draw(found: Scores) -> Figure:
         titles = [CASES[i].title for i in chosen]
         ax.set(xticks=range(len(chosen)), xticklabels=titles, ylabel="distance [px]")
         ax.set(yscale="log", title=f"{rate}; dashed: the bounds")
-    panels[0].legend(frameon=False, ncols=3)
+    both[0].legend(frameon=False, ncols=3)
     return figure
 
 

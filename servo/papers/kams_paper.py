@@ -1,4 +1,4 @@
-"""The KAMS paper: kernel annealed mean shift among clutter (Naeem, Pridmore, Mills)."""
+"""Claims of the KAMS paper: kernel annealed mean shift in clutter (Naeem, Pridmore, Mills)."""
 
 from __future__ import annotations
 
@@ -14,21 +14,12 @@ from servo.batch.jobs import Job
 from servo.bench.ranking import compare
 from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded, SequenceJob
 from servo.bench.suites import GENERATORS
-from servo.papers.claim import (
-    COLOURS,
-    Claim,
-    Effort,
-    Result,
-    Verdict,
-    axes,
-    column,
-    contender,
-    group,
-    save,
-)
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, contender, panels
+from servo.papers.groups import Result, column, group
 from sim import kinds
 from sim.types import Array
 from tracking.appearance.bins import Labelled
+from tracking.evaluation.drawing import figures
 from tracking.evaluation.sequences.sequence import read_all
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.statistics import McNemar, holm
@@ -39,14 +30,14 @@ from tracking.search.particles import ParticleFilter
 LEVELS = "abcd"
 SEEDS_Z, SEEDS_ERROR, SEEDS_SPREAD = 16, 10, 10
 SIGNIFICANT = 2.58
-"""z of the two-sided 1 % level."""
+"""z at the two-sided 1 % level."""
 PAPER_Z = {"condensation": 2.91, "mean_shift": 5.13, "annealed": 3.80, "hybrid": 4.83, "sok": 3.59}
-"""The KAMS paper's table 1."""
+"""z of KAMS against each tracker, from table 1 of the KAMS paper."""
 BUDGET = {"condensation": {"particles": 1000}, "annealed": {"particles": 200},
           "hybrid": {"particles": 180}, "mean_shift": {}, "sok": {}}  # fmt: skip
-"""Settings with which each reads about as many histograms as KAMS with 40 particles: 1000."""
+"""Settings with which each reads about 1000 histograms, as KAMS with 40 particles does."""
 SMALL, SMALL_D, OF_D = 3.0, 8.0, 0.8
-"""Largest mean error on levels a to c and on d [px], and the share of d to be completed."""
+"""Largest mean error on levels a to c and on d [px], and the least share of d completed."""
 WARM_UP = 5
 
 
@@ -81,14 +72,14 @@ def _judge_first(results: list[Result], folder: Path) -> Verdict:
                       f"{same.z:.2f}", _split(same)])  # fmt: skip
     holds = all(t.z > SIGNIFICANT and t.wins > t.losses for t in tests.values())
     least = min(test.z for test in tests.values())
-    figure, (ax,) = axes(1)
+    figure, (ax,) = panels(1)
     labels = sorted({r["tracker"] for r in results})
     means = [column(group(results, tracker=label), "frames_until_loss").mean() for label in labels]
     ax.barh(labels, means, color=[COLOURS[0] if "kams" in n else COLOURS[5] for n in labels])
     ax.set(xlabel="mean frames until loss", title="P0-1: KAMS and five others")
     return Verdict(
         f"least z {least:.2f} over {len(ours)} sequences at the papers' settings",
-        holds, table, [save(figure, folder, "P0-1")],
+        holds, table, [figures.save(figure, folder, "P0-1.png")],
     )  # fmt: skip
 
 
@@ -109,7 +100,7 @@ def _second(effort: Effort) -> Sequence[Job]:
 def _judge_second(results: list[Result], folder: Path) -> Verdict:
     labels = list(dict.fromkeys(r["tracker"] for r in results))
     table = [["tracker", *(f"{level}: error [px], completed" for level in LEVELS)]]
-    figure, (ax,) = axes(1)
+    figure, (ax,) = panels(1)
     for i, label in enumerate(labels):
         groups = [group(results, tracker=label, family=f"clutter-{level}") for level in LEVELS]
         errors = [column(g, "mean_error_px") for g in groups]
@@ -128,13 +119,13 @@ def _judge_second(results: list[Result], folder: Path) -> Verdict:
     return Verdict(
         f"KAMS: a to c {'all' if easy else 'not all'} completed, worst mean error {worst:.1f} px; "
         f"d completed within {SMALL_D:g} px in {int(hard.sum())} of {len(hard)}",
-        bool(easy and hard.mean() >= OF_D), table, [save(figure, folder, "P0-2")],
+        bool(easy and hard.mean() >= OF_D), table, [figures.save(figure, folder, "P0-2.png")],
     )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class SpreadJob:
-    """How far KAMS's particles are spread in each layer, before and after mean shift."""
+    """Spread of KAMS's particles in each layer, before and after mean shift."""
 
     seed: int
 
@@ -152,7 +143,8 @@ class SpreadJob:
     def run(self, folder: Path) -> dict[str, Any]:
         """Mean spread [px] in each layer (2, layers): before and after."""
         del folder
-        (tracker, entry), c = self._parts(), self._parts()[0].config
+        tracker, entry = self._parts()
+        c = tracker.config
         sequence = entry.build(self.seed)
         pictures = [p.image for p in sequence.source if p.image is not None]
         model = c.model(pictures[0], sequence.region, sequence.start)
@@ -163,13 +155,8 @@ class SpreadJob:
         spreads: list[tuple[float, float]] = []
         reach = float(np.sqrt(sequence.region.area(sequence.start)))
         for image in pictures[1:]:
-            anneal(
-                cloud,
-                np.zeros(4),
-                _probe(model, model.label(image), c, reach, spreads),
-                layers,
-                1.0,
-            )
+            likelihood = _probe(model, model.label(image), c, reach, spreads)
+            anneal(cloud, np.zeros(4), likelihood, layers, 1.0)
             cloud.resample()
         kept = np.array(spreads).reshape(-1, c.layers, 2)[WARM_UP:]
         return {"tracker": tracker.label, "spread": kept.mean(axis=0).T.tolist()}
@@ -181,7 +168,7 @@ class SpreadJob:
 def _probe(
     model: Any, image: Labelled, config: Any, reach: float, spreads: list[tuple[float, float]]
 ) -> Callable[[ParticleFilter], Array]:
-    """KAMS's likelihood, which writes down the spread before and after the climb."""
+    """KAMS's likelihood, which also records the spread before and after the climb."""
 
     def likelihood(cloud: ParticleFilter) -> Array:
         before = _spread(cloud)
@@ -201,7 +188,7 @@ def _spread(cloud: ParticleFilter) -> float:
 def _judge_third(results: list[Result], folder: Path) -> Verdict:
     before, after = np.mean([r["spread"] for r in results], axis=0)
     layers = len(before)
-    figure, (ax,) = axes(1)
+    figure, (ax,) = panels(1)
     at = np.arange(layers)
     ax.plot(at, before, "o-", color=COLOURS[1], label="before mean shift")
     ax.plot(at, after, "o-", color=COLOURS[0], label="after mean shift")
@@ -215,7 +202,7 @@ def _judge_third(results: list[Result], folder: Path) -> Verdict:
     holds = bool(after[-1] < before[0] / 2 and after.sum() < before.sum())
     return Verdict(
         f"from {before[0]:.1f} px before the first climb to {after[-1]:.1f} px after the last",
-        holds, table, [save(figure, folder, "P0-3")],
+        holds, table, [figures.save(figure, folder, "P0-3.png")],
     )  # fmt: skip
 
 

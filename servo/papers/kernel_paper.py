@@ -1,5 +1,5 @@
-"""The multi-kernel paper, its trackers: one kernel and nine, deterministic, probabilistic, and both
-(Teuliere, Marchand, Eck).
+"""Claims of the multi-kernel paper about trackers (Teuliere, Marchand, Eck): one kernel and nine;
+deterministic, probabilistic, and combined.
 """
 
 from __future__ import annotations
@@ -15,20 +15,10 @@ import numpy as np
 from servo.batch.jobs import Job
 from servo.bench.sequence_jobs import Contender, Generated, SequenceJob, track_path
 from servo.bench.suites import GENERATORS
-from servo.papers.claim import (
-    COLOURS,
-    Claim,
-    Effort,
-    Result,
-    Verdict,
-    axes,
-    column,
-    contender,
-    group,
-    save,
-    words,
-)
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, contender, panels
+from servo.papers.groups import Result, column, group, words
 from sim import kinds
+from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import bootstrap
 from tracking.evaluation.track_file import read
 
@@ -64,10 +54,10 @@ def _judge_five(results: list[Result], folder: Path) -> Verdict:
 
 
 def _over_time(labels: Sequence[str], folder: Path) -> Path:
-    """Figures 6 and 7: errors of angle and position over one sequence."""
+    """Draw errors of angle and position over one sequence, as figures 6 and 7; the file's path."""
     states = SIMILARITY.build(0).states
     assert states is not None
-    figure, (above, below) = axes(2)
+    figure, (above, below) = panels(2)
     for i, label in enumerate(labels):
         found = read(track_path(folder.parent, f"{label}/similarity-0")).states
         turned = np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - states[:, 2])))))
@@ -77,7 +67,7 @@ def _over_time(labels: Sequence[str], folder: Path) -> Path:
               title="P1-1: fast from 35 % on, hidden at 75 % of the sequence (seed 0)")  # fmt: skip
     below.set(ylabel="position error [px]", xlabel="frame", ylim=(0, 60))
     above.legend(frameon=False, ncols=3, fontsize=7)
-    return save(figure, folder, "P1-1")
+    return figures.save(figure, folder, "P1-1.png")
 
 
 def _pair(effort: Effort) -> Sequence[Job]:
@@ -98,7 +88,7 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
     ours, theirs = group(results, tracker=COMBINED), group(results, tracker=WHOLE)
     angle = [float(column(g, "angle_rmse_deg").mean()) for g in (ours, theirs)]
     times = column(ours, "milliseconds") / column(theirs, "milliseconds")
-    figure, (ax,) = axes(1)
+    figure, (ax,) = panels(1)
     for i, g in enumerate((ours, theirs)):
         ax.scatter(column(g, "milliseconds"), column(g, "angle_rmse_deg"), s=14, color=COLOURS[i],
                    label=g[0]["tracker"])  # fmt: skip
@@ -109,13 +99,13 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
         f"angle RMSE {angle[0]:.2f} against {angle[1]:.2f} deg in {np.median(times):.2f} of the "
         f"time, papers' settings, {len(ours)} seeds",
         bool(angle[0] <= angle[1] and np.median(times) <= THIRD), table,
-        [save(figure, folder, "P1-2")],
+        [figures.save(figure, folder, "P1-2.png")],
     )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class DistanceJob:
-    """The distance of one kernel and of nine against rotation and x, around the true state."""
+    """Distances of one kernel and of nine kernels over rotation and x, around the true state."""
 
     seed: int = 0
 
@@ -130,7 +120,7 @@ class DistanceJob:
                 "version": metadata.version("servobench")}  # fmt: skip
 
     def run(self, folder: Path) -> dict[str, Any]:
-        """Distances by number of kernels: over the rotations, over x."""
+        """Distances over the rotations and over x, by number of kernels."""
         del folder
         sequence = SIMILARITY.build(self.seed)
         image = next(iter(sequence.source)).image
@@ -148,7 +138,7 @@ class DistanceJob:
 
 
 def _judge_distance(results: list[Result], folder: Path) -> Verdict:
-    figure, parts = axes(1, 2, 9.0)
+    figure, parts = panels(1, 2, 9.0)
     for i, name in enumerate(("one", "nine")):
         for ax, offsets, k in zip(parts, (OFFSETS_DEG, OFFSETS_PX), range(2), strict=True):
             mean = np.mean([r[name][k] for r in results], axis=0)
@@ -163,7 +153,7 @@ def _judge_distance(results: list[Result], folder: Path) -> Verdict:
     return Verdict(
         f"at {AT_DEG:g} deg the distance rises by {rise['nine']:.2f} with nine kernels, by "
         f"{rise['one']:.2f} with one", bool(rise["nine"] > 2 * rise["one"]),
-        figures=[save(figure, folder, "P1-3")],
+        figures=[figures.save(figure, folder, "P1-3.png")],
     )  # fmt: skip
 
 

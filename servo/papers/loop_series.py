@@ -1,4 +1,4 @@
-"""A closed loop as a job: its measures, and what the figures show over time."""
+"""A closed-loop run as a job; its result has measures, and errors and velocities over time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from servo.scenario.load import Scenario
 from tracking.files.json_text import number
 
 ALONG = "yn"
-"""The car of `reversal` drives back and forth along the image's y axis."""
+"""The feature along which the car of `reversal` drives back and forth."""
 
 
 @dataclass(frozen=True, slots=True)

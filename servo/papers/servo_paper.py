@@ -1,4 +1,4 @@
-"""The multi-kernel paper, section VI: what estimating the target's motion does to the servo."""
+"""Claims of the multi-kernel paper, section VI: effect of estimating the target's motion."""
 
 from __future__ import annotations
 
@@ -9,31 +9,23 @@ from typing import Any
 import numpy as np
 
 from servo.batch.jobs import Job
-from servo.papers.claim import (
-    COLOURS,
-    Claim,
-    Effort,
-    Result,
-    Verdict,
-    axes,
-    column,
-    group,
-    save,
-    words,
-)
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, panels
+from servo.papers.groups import Result, column, group, words
 from servo.papers.loop_series import LoopSeries
 from sim.types import Array
+from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import bootstrap
 
 SEEDS = 5
 ESTIMATORS = ("none", "kalman_cv")
 LESS = 5.0
-"""The paper's figure 10 without estimation: many times the error."""
+"""Least ratio of the errors without and with estimation; figure 10 of the paper shows more."""
 SLOW = 0.02
-"""A target slower than this has no sign worth telling [m/s]."""
+"""The sign of the velocity is compared only above this true speed [m/s]."""
 AGREE, WITHIN = 0.9, 1.0
-"""Share of frames with the right sign, and time after a reversal to be back [s]."""
+"""Least share of frames with the right sign, and longest time to recover after a reversal [s]."""
 BACK_PX = 4.0
+"""Distance below which the camera has recovered [px]."""
 
 
 def _both(name: str, effort: Effort) -> Sequence[Job]:
@@ -46,20 +38,22 @@ def _judge_lag(results: list[Result], folder: Path) -> Verdict:
     table = [["estimator", "servo rms"], *([e, words(rms[e], "px")] for e in ESTIMATORS)]
     figure = _draw_error(results, "P1-4: distance of the target from the goal, constant speed")
     return Verdict(f"{times:.0f} times smaller with estimation", times >= LESS, table,
-                   [save(figure, folder, "P1-4")])  # fmt: skip
+                   [figures.save(figure, folder, "P1-4.png")])  # fmt: skip
 
 
 def _judge_sign(results: list[Result], folder: Path) -> Verdict:
     runs = group(results, estimator="kalman_cv")
     shares = np.array([_agreement(r) for r in runs])
-    figure, (ax,) = axes(1)
+    figure, (ax,) = panels(1)
     ax.plot(runs[0]["time"], runs[0]["estimated"], color=COLOURS[2], label="estimated")
     ax.plot(runs[0]["time"][1:], runs[0]["true"][1:], "--", color=COLOURS[5], label="true")
     ax.set(xlabel="time [s]", ylabel="d yn/dt of the target [m/s]",
            title="P1-5: the estimated velocity follows the reversals")  # fmt: skip
     ax.legend(frameon=False)
     said = f"right in {words(bootstrap(100 * shares), '%')} of the frames"
-    return Verdict(said, bool(shares.mean() >= AGREE), figures=[save(figure, folder, "P1-5")])
+    return Verdict(
+        said, bool(shares.mean() >= AGREE), figures=[figures.save(figure, folder, "P1-5.png")]
+    )
 
 
 def _agreement(run: Result) -> float:
@@ -75,7 +69,7 @@ def _judge_peak(results: list[Result], folder: Path) -> Verdict:
     figure = _draw_error(results, "P1-6: distance of the target from the goal, reversals")
     return Verdict(
         f"peak {words(peak, 'px')}, below {BACK_PX:g} px again after {back:.2f} s", back <= WITHIN,
-        figures=[save(figure, folder, "P1-6")],
+        figures=[figures.save(figure, folder, "P1-6.png")],
     )  # fmt: skip
 
 
@@ -91,7 +85,7 @@ def _longest_away(run: Result) -> float:
 
 
 def _draw_error(results: list[Result], title: str) -> Any:
-    figure, (ax,) = axes(1)
+    figure, (ax,) = panels(1)
     for i, estimator in enumerate(ESTIMATORS):
         runs = group(results, estimator=estimator)
         error: Array = np.array([r["servo_error"] for r in runs])

@@ -1,1 +1,1 @@
-"""Result folders as one page that opens anywhere: `servobench report`."""
+"""Result folders as one HTML page: `servobench report`."""

@@ -1,39 +1,31 @@
-"""The section about a bench on sequences: trackers against each other, curves, contact sheets."""
+"""The section about a bench: a comparison of trackers, with curves and contact sheets."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from servo.bench import ranking
 from servo.bench.loop_jobs import LoopBench
-from servo.bench.ranking import (
-    INTERVAL,
-    LEGEND,
-    RANKS,
-    SHEETS,
-    SHOWN,
-    Row,
-    SequenceBench,
-    SequenceRun,
-)
+from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.mistake import Mistake
 from servo.output import formats
-from servo.report import loop_section
+from servo.report import loop_section, page
 from servo.report.page import Badge, Block, Cell, Fact, PageImage, Section, Table, Tone, again
 from servo.report.words import NOTHING, cut, shown, spread
 from tracking.evaluation.statistics import Interval
 
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
-MOST_SHEETS, MOST_ROWS = 24, 500
+MOST_SHEETS = 24
 SURE = 0.05
-"""A p value below this counts as a difference between two trackers."""
+"""Largest p value that counts as a difference between two trackers."""
 
 
 def section(folder: Path) -> Section:
-    """All about a bench's folder.
+    """The section about the folder of a bench.
 
     Raises:
-        Mistake: A file is missing or broken.
+        Mistake: A file is missing or damaged.
     """
     path = folder / SequenceBench.FILE
     bench = formats.read(path, SequenceBench, LoopBench)
@@ -45,7 +37,7 @@ def section(folder: Path) -> Section:
         raise Mistake(f"{path}: there are no trackers in it")
     best = bench.trackers[0]
     blocks = [
-        Block("Trackers", points=_told(bench.trackers), tables=[_table(bench.trackers)],
+        Block("Trackers", points=_compared(bench.trackers), tables=[_table(bench.trackers)],
               pictures=[_picture(folder / name, title, sheet=False)
                         for name, title in CURVES.items() if (folder / name).exists()]),
         *_families(bench.trackers),
@@ -53,7 +45,7 @@ def section(folder: Path) -> Section:
         _runs(bench.runs),
         again(bench),
     ]  # fmt: skip
-    score = best.means.get(RANKS)
+    score = best.means.get(ranking.RANKS)
     facts = [
         Fact("best tracker", best.tracker),
         Fact("its success AUC", shown(score.value if score else None), "95 % interval: "
@@ -67,7 +59,7 @@ def section(folder: Path) -> Section:
     return Section("bench", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
 
 
-def _told(trackers: Sequence[Row]) -> list[str]:
+def _compared(trackers: Sequence[Row]) -> list[str]:
     best, others = trackers[0].tracker, trackers[1:]
     worse = [t.tracker for t in others if t.against_best and t.p < SURE]
     alike = [t.tracker for t in others if t.tracker not in worse]
@@ -79,11 +71,16 @@ def _told(trackers: Sequence[Row]) -> list[str]:
 def _table(trackers: Sequence[Row]) -> Table:
     rows: list[list[Cell]] = []
     for t in trackers:
-        cells = [_cell(t.means.get(name), title == INTERVAL) for title, name in SHOWN.items()]
+        cells = [
+            _cell(t.means.get(name), title == ranking.INTERVAL)
+            for title, name in ranking.SHOWN.items()
+        ]
         test = t.against_best
         end = [shown(test.z), shown(t.p)] if test else ["", ""]
         rows.append([t.tracker, str(t.runs), *cells, *end])
-    return Table(("tracker", "runs", *SHOWN, "z", "p"), rows, note=" ".join(LEGEND.split()))
+    return Table(
+        ("tracker", "runs", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())
+    )
 
 
 def _cell(mean: Interval | None, with_interval: bool) -> str:
@@ -102,7 +99,7 @@ def _families(trackers: Sequence[Row]) -> list[Block]:
 
 
 def _sheets(folder: Path, best: str) -> list[Block]:
-    paths = sorted((folder / SHEETS).glob("*.png"))
+    paths = sorted((folder / ranking.SHEETS).glob("*.png"))
     if not paths:
         return []
     legend = f"The first seed of each sequence: truth white, {best} green."
@@ -117,9 +114,7 @@ def _picture(path: Path, title: str, *, sheet: bool) -> PageImage:
 
 def _runs(runs: Sequence[SequenceRun]) -> Block:
     names = list(runs[0].measures)
-    rows = [[r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
-            for r in runs[:MOST_ROWS]]  # fmt: skip
-    table = Table(("tracker", "sequence", "seed", *names), rows, words=range(2))
-    return Block(
-        "Runs", list(filter(None, [cut("runs", runs, MOST_ROWS)])), tables=[table], folded=True
-    )
+    rows = ([r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
+            for r in runs)  # fmt: skip
+    head = ("tracker", "sequence", "seed", *names)
+    return page.rows_of("runs", head, rows, len(runs), range(2))

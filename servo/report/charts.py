@@ -1,4 +1,4 @@
-"""The kinds of figures on a page: curves, values by name, and heat maps."""
+"""The figures of a page: curves, values by name, and heat maps."""
 
 from __future__ import annotations
 
@@ -21,23 +21,22 @@ from tracking.evaluation.statistics import Interval
 ERRORS, SETTINGS = 50.0, 10.0
 """Errors and settings that differ by more than this factor are drawn on a logarithmic axis."""
 DEEPEST = 1e3
-"""So far below the largest value a logarithmic axis reaches."""
+"""Largest ratio of the ends of a logarithmic axis."""
 ROOM = 1.15
 ROW, FRAME = 0.24, 0.7
-"""Heights of a row of names, and of what surrounds them [inch]."""
+"""Height of a row of names, and of the figure without rows [inch]."""
 MOST_IN_CELLS = 10
-"""A heat map with more columns has no numbers in its cells."""
+"""Most columns of a heat map with numbers in its cells."""
 MAP, DARK_BELOW = "viridis", 0.6
 BAND = 0.18
 
-
 Shade = tuple[Array, NDArray[np.bool_]]
-"""Times (n,), and the flags (n,) at which a figure is darker."""
+"""Times (n,), and flags (n,): where they are true, a figure is shaded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A line, with where its values probably lie."""
+    """A line with an optional band of intervals."""
 
     label: str
     x: Array
@@ -47,18 +46,18 @@ class Curve:
     colour: str = INK
     dashed: bool = False
     points: bool = False
-    """Drawn as points with bars."""
+    """Whether it is drawn as points with error bars."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The title of an axis, and how it is scaled."""
+    """Title, limits and scale of an axis."""
 
     title: str
     low: float | None = None
     high: float | None = None
     log_from: float | None = None
-    """From this factor between values on, the axis is logarithmic."""
+    """Ratio of the values above which the axis is logarithmic; None: never."""
 
 
 def curves(
@@ -70,7 +69,7 @@ def curves(
     shaded: Shade | None = None,
     note: str = "",
 ) -> Figure:
-    """Lines over a common axis; shaded are the times at which the flags hold."""
+    """A figure of lines over a common axis, shaded where the flags are true."""
     with canvas() as (figure, axes):
         for curve in drawn:
             _draw(axes, curve)
@@ -92,7 +91,7 @@ def curves(
 def by_name(
     title: str, across: str, names: Sequence[str], groups: Mapping[str, Sequence[Interval | None]]
 ) -> Figure:
-    """Values with intervals, a row a name, a colour a group."""
+    """A figure of values with intervals: a row for each name, a colour for each group."""
     with canvas(FRAME + ROW * max(2, len(names)) * max(1, 0.6 * len(groups))) as (figure, axes):
         step = 0.6 / max(1, len(groups))
         for i, (label, values) in enumerate(groups.items()):
@@ -124,7 +123,7 @@ def heat(
     log_from: float = np.inf,
     note: str = "",
 ) -> Figure:
-    """Values (rows, columns) by colour, from least to most or within limits; nan stays empty."""
+    """A figure of values (rows, columns) as colours; a cell that is nan stays empty."""
     finite = values[np.isfinite(values)]
     scaled: Array = np.log(values) if finite.min() > 0 and _range(finite) > log_from else values
     known = scaled[np.isfinite(scaled)]
@@ -159,7 +158,7 @@ def _draw(axes: Axes, curve: Curve) -> None:
 
 
 def _scale(axes: Axes, axis: Scale, values: Sequence[Array], which: str) -> None:
-    """Limits, and a logarithm where the values need one."""
+    """Set the limits of an axis, and a logarithmic scale where the values need it."""
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]
     limits = axes.set_xlim if which == "x" else axes.set_ylim
@@ -176,7 +175,7 @@ def _scale(axes: Axes, axis: Scale, values: Sequence[Array], which: str) -> None
 
 
 def _range(values: Array) -> float:
-    """A few values near zero do not make a logarithmic axis."""
+    """Largest value over the lower quartile, so that a few values near zero do not count."""
     return float(values.max() / np.percentile(values, 25))
 
 

@@ -1,7 +1,7 @@
-"""Figures that follow the page: SVG on a transparent ground, coloured by the page's style.
+"""Figures as SVG with a transparent background and the colours of the page.
 
-Matplotlib draws with stand-in colours; in the SVG they become `currentColor` and the page's
-variables `--series-N`, of which there is one set for light and one for dark.
+Matplotlib draws with placeholder colours. In the SVG they become `currentColor` and the page's
+variables `--series-N`, which have one set of values for light mode and one for dark mode.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ DARK = (
     "#ff7ab5", "#aab4c3", "#4cc9e8", "#ffab73", "#b5d94c", "#eb8bf5",
 )  # fmt: skip
 INK = "#ab00ff"
-"""Stands for the colour of the page's text."""
+"""Placeholder for the colour of the page's text."""
 SIZE = (4.9, 2.9)
-"""Of a figure [inch]: about as wide as a phone, so that its text stays readable there."""
+"""Size of a figure [inch]: about the width of a phone, where its text must be readable."""
 STYLE: dict[Any, Any] = {
     "font.size": 9, "text.parse_math": False, "svg.fonttype": "none", "svg.hashsalt": "servobench",
     "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": INK, "xtick.color": INK,
@@ -37,25 +37,25 @@ STYLE: dict[Any, Any] = {
     "grid.color": INK, "grid.alpha": 0.15, "axes.spines.top": False, "axes.spines.right": False,
     "axes.xmargin": 0, "axes.linewidth": 0.7, "path.simplify_threshold": 0.3,
 }  # fmt: skip
-"""Text from files is never taken for mathematics."""
+"""Matplotlib's settings; text from files is never parsed as a formula."""
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 
 def colour(i: int) -> str:
-    """The stand-in for the colour of series i."""
+    """The placeholder for the colour of series i."""
     return f"#ab00{i % len(LIGHT):02x}"
 
 
-def css(stand_in: str) -> str:
-    """What a stand-in is on the page."""
-    return "currentColor" if stand_in == INK else f"var(--series-{int(stand_in[-2:], 16)})"
+def css(placeholder: str) -> str:
+    """The colour in CSS for a placeholder."""
+    return "currentColor" if placeholder == INK else f"var(--series-{int(placeholder[-2:], 16)})"
 
 
 @contextmanager
 def canvas(height: float = SIZE[1]) -> Generator[tuple[Figure, Axes]]:
-    """A figure with axes, to draw on and to turn into SVG while this lasts."""
+    """A figure with axes; draw it and turn it into SVG within the block."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
-        # The reader's browser has the letters that our font lacks.
+        # The browser has the characters that our font lacks.
         warnings.filterwarnings("ignore", "Glyph")
         figure = Figure(figsize=(SIZE[0], height), layout="constrained")
         axes = figure.subplots()
@@ -64,7 +64,7 @@ def canvas(height: float = SIZE[1]) -> Generator[tuple[Figure, Axes]]:
 
 
 def svg(figure: Figure, title: str) -> Markup:
-    """The figure as an element of a page, which scales, and has a label for screen readers."""
+    """The figure as a scalable SVG element with a label for screen readers."""
     file = io.StringIO()
     figure.savefig(file, format="svg", transparent=True, metadata=NO_METADATA)
     text = file.getvalue()

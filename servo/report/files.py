@@ -1,4 +1,4 @@
-"""Reading what other commands wrote: a file that is missing or damaged is a mistake."""
+"""Readers of tables written by other commands, which refuse missing and damaged files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from servo.output.formats import ABSURD, HALF, check_format, content
 
 
 def steps(path: Path, wanted: Sequence[str]) -> pa.Table:
-    """Some columns of the table of a run's steps.
+    """Columns of the table of a run's steps.
 
     Raises:
-        Mistake: As for `table`, or it has another format number, or none.
+        Mistake: As for `table`.
     """
     return table(path, wanted, steps_table.FORMAT)
 
@@ -29,9 +29,9 @@ def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = 
     """A Parquet file, or some of its columns.
 
     Args:
-        path: Where it is.
-        wanted: Columns; all of them for None.
-        number: Of its format, where it has one.
+        path: The file.
+        wanted: Names of columns; None: all of them.
+        number: Its format number; None: it has none.
 
     Raises:
         Mistake: It cannot be read, has another format number, or lacks a column.
@@ -49,7 +49,7 @@ def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = 
     except Mistake:
         raise
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
-        raise Mistake(f"{path}: this is no Parquet table; {HALF}") from None
+        raise Mistake(f"{path}: this is not a Parquet table; {HALF}") from None
     for name, column in zip(found.column_names, found.columns, strict=True):
         if pa.types.is_floating(column.type) and _absurd(column):
             raise Mistake(f"{path}: the column '{name}' holds a number beyond {ABSURD:g}")
@@ -57,16 +57,16 @@ def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = 
 
 
 def _absurd(column: pa.ChunkedArray) -> bool:
-    """Whether a finite number is too large; inf and nan stand for what has no value."""
+    """Whether a finite number is too large; inf and nan mean that there is no value."""
     values = np.asarray(column.to_numpy(), float)
     return bool((np.abs(values[np.isfinite(values)]) > ABSURD).any())
 
 
 def rows(path: Path) -> list[dict[str, Any]]:
-    """A CSV file with a head, a row a line.
+    """The rows of a CSV file by the names of its columns.
 
     Raises:
-        Mistake: It cannot be read, or is no text.
+        Mistake: It cannot be read, or is not UTF-8 text.
     """
     try:
         text = content(path).decode("utf-8")

@@ -1,4 +1,4 @@
-"""The section about a bench in the closed loop: each tracker steers the camera."""
+"""The section about a bench in the closed loop, where each tracker steers the camera."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from servo.bench.loop_jobs import LEGEND, RANKS, SHOWN, LoopBench, LoopRun
-from servo.report import charts
+from servo.report import charts, page
 from servo.report.page import Badge, Block, Cell, Fact, Section, Table, again
-from servo.report.words import cut, shown, spread
+from servo.report.words import shown, spread
 from tracking.evaluation.statistics import Interval, bootstrap
-
-MOST_ROWS = 500
 
 
 def section(folder: Path, bench: LoopBench) -> Section:
-    """All about the folder of such a bench."""
+    """The section about the folder of such a bench."""
     runs = bench.runs
     trackers = list(dict.fromkeys(r.tracker for r in runs))
     names = list(dict.fromkeys(r.scenario for r in runs))
@@ -65,9 +63,7 @@ def _table(runs: Sequence[LoopRun], names: Sequence[str], trackers: Sequence[str
 
 def _runs(runs: Sequence[LoopRun]) -> Block:
     names = list(runs[0].measures)
-    rows = [[r.tracker, r.scenario, str(r.seed), r.outcome,
-             *(shown(r.measures.get(n)) for n in names)] for r in runs[:MOST_ROWS]]  # fmt: skip
-    table = Table(("tracker", "scenario", "seed", "outcome", *names), rows, words=range(2))
-    return Block(
-        "Runs", list(filter(None, [cut("runs", runs, MOST_ROWS)])), tables=[table], folded=True
-    )
+    rows = ([r.tracker, r.scenario, str(r.seed), r.outcome,
+             *(shown(r.measures.get(n)) for n in names)] for r in runs)  # fmt: skip
+    head = ("tracker", "scenario", "seed", "outcome", *names)
+    return page.rows_of("runs", head, rows, len(runs), range(2))

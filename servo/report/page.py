@@ -1,12 +1,13 @@
-"""What a page is made of, as values, and the one template that writes it."""
+"""The parts of a page as values, and the template that turns them into HTML."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from importlib import resources
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -16,13 +17,15 @@ from markupsafe import Markup
 from servo.mistake import Mistake
 from servo.output.formats import Made
 from servo.report.drawing import DARK, LIGHT
+from servo.report.words import cut
 
 TEMPLATE = "page.html.jinja"
 JPEG_QUALITY = 82
+MOST_ROWS = 500
 
 
 class Tone(Enum):
-    """Whether a word is good or bad news."""
+    """Whether a badge is good, bad or neutral."""
 
     GOOD = "good"
     BAD = "bad"
@@ -31,14 +34,14 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A word in colour."""
+    """A short text in colour."""
 
     text: str
     tone: Tone
 
     @staticmethod
     def of(held: bool, good: str, bad: str) -> Badge:
-        """One of two words."""
+        """A good or a bad badge."""
         return Badge(good, Tone.GOOD) if held else Badge(bad, Tone.BAD)
 
 
@@ -47,7 +50,7 @@ Cell = str | Badge
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A number that sums up, with what it is."""
+    """A value of the summary with its label."""
 
     label: str
     value: Cell
@@ -56,7 +59,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows under a head; the columns in `words` are words, the others numbers."""
+    """A table with a head; the columns in `words` are texts, the others numbers."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -66,11 +69,11 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """What a colour of a figure stands for."""
+    """An entry of a figure's legend."""
 
     label: str
     colour: str
-    """In CSS."""
+    """A colour of CSS."""
     dashed: bool = False
 
 
@@ -86,7 +89,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """An image that is part of the page."""
+    """An image inside the page."""
 
     title: str
     uri: str
@@ -94,19 +97,19 @@ class PageImage:
     height: int
     """[px]."""
     sheet: bool = True
-    """A contact sheet stays wide enough to see something; a plot fits the page."""
+    """Whether it is a contact sheet, which keeps a minimum width; a plot fits the page."""
 
     @staticmethod
     def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> PageImage:
-        """A PNG or JPEG file as it is; a sheet becomes a JPEG.
+        """The image of a PNG or JPEG file; a sheet becomes a JPEG.
 
         Raises:
-            Mistake: It is neither; place names it.
+            Mistake: The file is neither; `place` names it.
         """
         raw = np.frombuffer(encoded, np.uint8)
         image = cv2.imdecode(raw, cv2.IMREAD_COLOR) if len(raw) else None
         if image is None:
-            raise Mistake(f"{place}: this is no picture; it may be half-written")
+            raise Mistake(f"{place}: this is not a picture; it may be half-written")
         height, width = image.shape[:2]
         is_jpeg = encoded.startswith(b"\xff\xd8")
         if sheet and not is_jpeg:
@@ -119,26 +122,26 @@ class PageImage:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Some of a section under a heading; what is empty is left out."""
+    """A part of a section under a heading; its empty parts are left out."""
 
     title: str
     text: Sequence[str] = ()
     points: Sequence[str] = ()
-    """Sentences, one a line."""
+    """Items of a list."""
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
     pictures: Sequence[PageImage] = ()
     code: Sequence[str] = ()
     folded: bool = False
-    """Opened by the reader."""
+    """Whether it is closed until the reader opens it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """All about one folder."""
+    """The part of a page about one folder."""
 
     kind: str
-    """Such as "run"."""
+    """The command that wrote the folder, such as "run"."""
     title: str
     lead: str
     verdict: Badge
@@ -148,15 +151,24 @@ class Section:
 
 
 def again(made: Made) -> Block:
-    """How a file was made: the versions, and the command line."""
+    """The block with the versions and the command line that made a file."""
     table = Table(("package", "version"), list(made.versions.items()), words=range(2))
     if not made.command:
         return Block("Again", ["This was made from Python, not by a command."], tables=[table])
     return Block("Again", tables=[table], code=[made.command])
 
 
+def rows_of(
+    what: str, head: Sequence[str], rows: Iterable[list[str]], count: int, words: Collection[int]
+) -> Block:
+    """A folded block with a table of the first `MOST_ROWS` of `count` rows; `what` names them."""
+    table = Table(head, list(islice(rows, MOST_ROWS)), words)
+    text = filter(None, [cut(what, range(count), MOST_ROWS)])
+    return Block(what.capitalize(), list(text), tables=[table], folded=True)
+
+
 def render(sections: Sequence[Section]) -> str:
-    """The page, complete."""
+    """The complete page."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -1,4 +1,4 @@
-"""The section about the papers' claims: what they say, what was measured, what held."""
+"""The section about the papers' claims: their sentences, what was measured, and which hold."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from servo.report.page import Badge, Block, Fact, PageImage, Section, Table, aga
 
 
 def section(folder: Path) -> Section:
-    """All about a folder of the papers' experiments.
+    """The section about a folder of the papers' experiments.
 
     Raises:
-        Mistake: A file is missing or broken.
+        Mistake: A file is missing or damaged.
     """
     papers = PapersReport.read(folder / PapersReport.FILE)
     held = sum(c.holds for c in papers.claims.values())

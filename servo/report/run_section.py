@@ -1,11 +1,9 @@
-"""The section about a run: measures against bounds, errors over time, pictures, the command."""
+"""The section about a run: measures and bounds, errors over time, pictures, settings."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import tomli_w
 
@@ -20,21 +18,21 @@ from servo.report.drawing import INK, colour
 from servo.report.page import Badge, Block, Fact, Figure, PageImage, Section, Table, Tone, again
 from servo.report.words import shown
 from sim.types import Array
-from tracking.evaluation.drawing.contact_sheet import page, tile
+from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture as Shown
 
 TILES = 12
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
 SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropped."
 MIDDLE = (1, 99)
-"""Percentiles of the measured motion that its plot shows; its outliers leave it."""
+"""Percentiles of the measured motion that its plot shows; outliers may be outside."""
 
 
 def section(folder: Path) -> Section:
-    """All about a run's folder.
+    """The section about the folder of a run.
 
     Raises:
-        Mistake: The run is not finished, or a file is broken.
+        Mistake: The run is not finished, or a file is damaged.
     """
     path = folder / RunReport.FILE
     if not path.exists():
@@ -85,12 +83,8 @@ def _bounds(run: RunReport) -> Block:
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
         text = ["This scenario has no bounds."]
-    return Block(
-        "Measures and bounds",
-        text,
-        list(map(str, run.missed)),
-        [Table(head, rows, words=(0, 2, 4, 5))],
-    )
+    table = Table(head, rows, words=(0, 2, 4, 5))
+    return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
@@ -129,7 +123,7 @@ def _column(prefix: str, name: str, ending: str) -> str:
 
 
 def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade) -> Figure:
-    """The target's own motion in the image: measured, estimated, true."""
+    """The figure of the target's own motion in the image: measured, estimated, true."""
     measured, estimated, true = found
     true = true.copy()
     true[:1] = np.nan  # before the first frame there is no motion
@@ -158,10 +152,8 @@ def _pictures(folder: Path) -> Block:
     if not found:
         return Block(title, ["There are no pictures in this recording."])
     tiles = [tile(Shown(f"{p.time:.1f} s", p.time, p.image), p.truth, p.estimate) for p in found]
-    whole: Any = page(tiles)
-    encoded = cv2.imencode(".png", cv2.cvtColor(whole, cv2.COLOR_RGB2BGR))[1].tobytes()
-    return Block(title, ["Truth white, estimate green."],
-                 pictures=[PageImage.of("", encoded, str(path), sheet=True)])  # fmt: skip
+    sheet = PageImage.of("", encoded(page(tiles)), str(path), sheet=True)
+    return Block(title, ["Truth white, estimate green."], pictures=[sheet])
 
 
 def _scenario(path: Path, run: RunReport) -> Block:

@@ -1,4 +1,4 @@
-"""How a study's errors depend on its axes: against each numeric one, and over two of them."""
+"""Figures of a study's errors against each numeric axis, and over two axes."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from servo.report import charts
 from servo.report.charts import ERRORS, SETTINGS, Curve, Scale
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
-from servo.report.study_data import SUCCESS, Row, StudyResults, interval, median
+from servo.report.study_data import SUCCESS, Row, StudyResults, interval, median, same
 from servo.report.words import cut, shown
 
 ERROR = "servo_rms_px"
 MOST_AXES, MOST_CELLS, MOST_SERIES = 6, 20, len(LIGHT)
 COLOURED = 8.0
-"""Errors that differ by more than this factor are coloured by their logarithm."""
+"""Errors that differ by more than this factor are coloured on a logarithmic scale."""
 AVERAGED = "Mean over all else, with its 95 % interval."
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Error and success rate against each numeric axis, a colour a compared value."""
+    """Error and success rate against each numeric axis, with a colour for each compared value."""
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []
     for key in numeric[:MOST_AXES]:
@@ -48,13 +48,13 @@ def heat_maps(study: StudyResults) -> list[Figure]:
         return []
     x, y = keys[0], keys[1]
     columns, rows = study.axes[x][:MOST_CELLS], study.axes[y][:MOST_CELLS]
-    notes = ["All else is averaged." if len(keys) > 2 else "",
-             *(cut(f"values of {k}", study.axes[k], MOST_CELLS) or "" for k in (x, y))]  # fmt: skip
+    notes = ["All else is averaged."] if len(keys) > 2 else []
+    notes += [cut(f"values of {k}", study.axes[k], MOST_CELLS) or "" for k in (x, y)]
     note = " ".join(filter(None, notes))
 
     def grid(score: Callable[[list[Row]], float]) -> Any:
         return np.array([
-            [score([r for r in study.rows if _same(r[x], a) and _same(r[y], b)]) for a in columns]
+            [score([r for r in study.rows if same(r[x], a) and same(r[y], b)]) for a in columns]
             for b in rows
         ], float)  # fmt: skip
 
@@ -73,7 +73,7 @@ def _curve(
 ) -> Curve:
     at: list[tuple[float, float, float, float]] = []
     for value in sorted(study.axes[key]):
-        found = interval([r for r in rows if _same(r[key], value)], name)
+        found = interval([r for r in rows if same(r[key], value)], name)
         if found is not None:
             at.append((float(value), found.value, found.low, found.high))
     x, y, low, high = np.array(at).reshape(-1, 4).T
@@ -92,8 +92,3 @@ def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
 
 def _numeric(values: list[Any]) -> bool:
     return all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-
-
-def _same(found: Any, value: Any) -> bool:
-    """Tables keep words for values that have nothing in common."""
-    return found == value or str(found) == str(value)

@@ -1,4 +1,4 @@
-"""A study's folder as values: what was to be run, a row a run, its errors over time, its sheets."""
+"""A study's folder as values: the study, and rows, errors over time and sheets of its runs."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A run over time; what was not kept is not there."""
+    """Values of a run over time; those that were not stored are missing."""
 
     time: Array
     """(n,) [s]."""
     values: dict[str, Array]
-    """By name, each (n,)."""
+    """Values (n,) by name."""
 
     @property
     def duration(self) -> float:
-        """When it ended [s]: the last frame lasts as long as the others."""
+        """When the run ended [s]: its last frame lasts as long as the others."""
         return float(self.time[-1] + (np.median(np.diff(self.time)) if len(self.time) > 1 else 0))
 
 
 @dataclass(frozen=True, slots=True)
 class StudyResults:
-    """All that a folder has but its sheets, which are read when they are shown."""
+    """The content of a folder; sheets are read only when they are shown."""
 
     folder: Path
     plan: StudyFile
     rows: list[Row]
     series: dict[int, Series]
-    """By the number of the run."""
+    """Values over time by the number of the run."""
     failures: list[FailureFile]
     comparisons: list[dict[str, str]]
     broken: int
-    """Files of runs that cannot be read, as a crash leaves them: they count as not run."""
+    """Number of run files that cannot be read, as after a crash; these runs count as missing."""
 
     @property
     def axes(self) -> dict[str, list[Any]]:
-        """The axes with several values that the rows have."""
+        """The axes that have several values and are columns of the rows."""
         return {
             key: values for key, values in self.plan.axes.items()
             if len(values) > 1 and all(key in row for row in self.rows[:1])
@@ -63,21 +63,20 @@ class StudyResults:
 
     @property
     def compared(self) -> str | None:
-        """The axis whose values have a colour each."""
+        """The axis whose values are drawn in different colours."""
         if self.plan.compare in self.axes:
             return self.plan.compare
         return next(iter(self.axes), None)
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """The rows by a value of an axis, in the axis' order; all together without one."""
+        """The rows by value of an axis, in the order of the axis; one group if there is no axis."""
         if key is None:
             return {"all runs": self.rows} if self.rows else {}
-        found = {str(v): [r for r in self.rows if r[key] == v or str(r[key]) == str(v)]
-                 for v in self.axes[key]}  # fmt: skip
+        found = {str(v): [r for r in self.rows if same(r[key], v)] for v in self.axes[key]}
         return {name: rows for name, rows in found.items() if rows}
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
-        """Contact sheets, those of runs that did not succeed first."""
+        """Rows with their contact sheets; first those of runs that did not succeed."""
         shown = 0
         for row in sorted(self.rows, key=lambda r: (bool(r[SUCCESS]), r["run"])):
             kept = _kept(_path(self.folder, row["run"]), [SHEET])
@@ -90,10 +89,10 @@ class StudyResults:
 
 
 def load(folder: Path) -> StudyResults:
-    """A study's folder, also of one that is not finished.
+    """The content of a study's folder, also if the study is not finished.
 
     Raises:
-        Mistake: A file is missing or broken.
+        Mistake: A file is missing or damaged.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
     numbers = sorted(int(p.stem) for p in (folder / RUNS).glob("*.parquet") if p.stem.isdecimal())
@@ -120,6 +119,11 @@ def load(folder: Path) -> StudyResults:
     return StudyResults(folder, plan, rows, series, failed, comparisons, broken)
 
 
+def same(found: Any, value: Any) -> bool:
+    """Whether a cell is a value of an axis; columns of mixed types hold texts."""
+    return found == value or str(found) == str(value)
+
+
 def values(rows: list[Row], name: str) -> Array:
     """The finite values of a measure (n,)."""
     found = [r[name] for r in rows if r.get(name) is not None]
@@ -127,13 +131,13 @@ def values(rows: list[Row], name: str) -> Array:
 
 
 def interval(rows: list[Row], name: str) -> Interval | None:
-    """Mean of a measure with its 95 % interval; None where no run has it."""
+    """Mean of a measure with its 95 % interval; None if no run has it."""
     found = values(rows, name)
     return bootstrap(found) if len(found) else None
 
 
 def median(rows: list[Row], name: str) -> float:
-    """Median of a measure; nan where no run has it."""
+    """Median of a measure; nan if no run has it."""
     found = values(rows, name)
     return float(np.median(found)) if len(found) else np.nan
 
@@ -143,12 +147,12 @@ def _path(folder: Path, number: int) -> Path:
 
 
 def _kept(path: Path, columns: list[str] | None) -> tuple[Row, Series | None] | None:
-    """A run's file without what is long, and that by itself; None where it cannot be read."""
+    """The short columns of a run's file and its values over time; None if it cannot be read."""
     try:
         schema = pq.read_schema(path)
         every = [n for n in schema.names if n != SHEET] if columns is None else columns
         table = pq.read_table(path, columns=[n for n in every if n in schema.names])
-    except (ValueError, OSError):  # what a crash leaves
+    except (ValueError, OSError):  # damaged by a crash
         return None
     long = [name for name in (TIME, *SERIES) if name in table.column_names]
     rows = table.drop_columns(long).to_pylist() if table.num_rows else []
@@ -159,7 +163,7 @@ def _kept(path: Path, columns: list[str] | None) -> tuple[Row, Series | None] | 
 
 
 def _array(column: Any) -> NDArray[np.float64]:
-    """The list of the only row (n,)."""
+    """The list in the only row (n,)."""
     listed = column[0]
     if not listed.is_valid:
         return np.zeros(0)

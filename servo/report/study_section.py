@@ -1,43 +1,33 @@
-"""The section about a study: bounds and comparisons, errors over time and axes, sheets, tables."""
+"""The section about a study: bounds, comparisons, errors over time and axes, sheets, tables."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from servo.loop.run_measures import MEANINGS, Outcome
-from servo.report import study_axes, study_time
-from servo.report.page import (
-    Badge,
-    Block,
-    Cell,
-    Fact,
-    Figure,
-    PageImage,
-    Section,
-    Table,
-    Tone,
-    again,
-)
+from servo.report import page, study_axes, study_time
+from servo.report.page import Badge, Block, Cell, Fact, Figure, PageImage, Section, Table, Tone
 from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
 from servo.report.words import NOTHING, cut, listed, shown, spread
 from servo.study.results import grouped, missed
 
-MOST_SHEETS, MOST_ROWS, MOST_FAILURES, MOST_TOLD = 24, 500, 12, 12
+MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
-"""Measures in the tables; the files have all."""
+"""Measures in the tables; the files have all of them."""
 SURE = 0.05
 
 
 def section(folder: Path) -> Section:
-    """All about a study's folder.
+    """The section about the folder of a study.
 
     Raises:
-        Mistake: A file is missing or broken.
+        Mistake: A file is missing or damaged.
     """
     study = load(folder)
     plan = study.plan
@@ -46,7 +36,7 @@ def section(folder: Path) -> Section:
         _overview(study, broken),
         *(_shown(study) if study.rows else []),
         *_failures(study),
-        again(plan),
+        page.again(plan),
     ]
     verdict, facts = _verdict(study, broken), _facts(study, broken)
     return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
@@ -59,8 +49,8 @@ def _shown(study: StudyResults) -> list[Block]:
         *_figures("Against the axes", study_axes.against(study)),
         *_figures("Over two axes", study_axes.heat_maps(study)),
         *_sheets(study),
-        *_cells(study),
-        *_runs(study),
+        _cells(study),
+        _runs(study),
     ]
 
 
@@ -103,13 +93,13 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
         rows.append(["drawn for each seed", key, "; ".join(described)])
     rows += [["bound", name, f"at {'least' if name == 'success_rate' else 'most'} {bound:g}"]
              for name, bound in plan.expect.items()]  # fmt: skip
-    rows.append(["seeds", "", ", ".join(map(str, plan.seeds[:MOST_TOLD]))
-                 + (" ..." if len(plan.seeds) > MOST_TOLD else "")])  # fmt: skip
+    rows.append(["seeds", "", ", ".join(map(str, plan.seeds[:MOST_LISTED]))
+                 + (" ..." if len(plan.seeds) > MOST_LISTED else "")])  # fmt: skip
     if plan.expect and study.rows and not broken:
         text.append("Every cell keeps every bound.")
-    text += filter(None, [cut("missed bounds", broken, MOST_TOLD)])
+    text += filter(None, [cut("missed bounds", broken, MOST_LISTED)])
     table = Table(("what", "setting", "values"), rows, words=range(3))
-    return Block("What was varied, and what held", text, broken[:MOST_TOLD], [table])
+    return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])
 
 
 def _compared(study: StudyResults) -> list[Block]:
@@ -124,10 +114,12 @@ def _compared(study: StudyResults) -> list[Block]:
         )
     head = (study.compared or "runs", "runs", "success (95 %)", *outcomes, *COLUMNS)
     note = "Outcomes are counts of runs, measures are medians over runs."
-    tables = [Table(head, rows[:MOST_ROWS], note=note)]
+    tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     if study.comparisons:
         names = ("first", "second", "wins", "losses", "ties", "z", "p", "p_holm")
-        pairs = [[_number(pair.get(n)) for n in names] for pair in study.comparisons[:MOST_ROWS]]
+        pairs = [
+            [_number(pair.get(n)) for n in names] for pair in study.comparisons[: page.MOST_ROWS]
+        ]
         described = (
             "McNemar's test on success, paired over all else; p_holm is corrected for their number."
         )
@@ -140,7 +132,7 @@ def _sure(study: StudyResults) -> list[str]:
     return [
         f"{pair['first']} succeeds more often than {pair['second']}: {pair['wins']} to "
         f"{pair['losses']} (p = {_float(pair['p_holm']):.2g} after Holm)."
-        for pair in found[:MOST_TOLD]
+        for pair in found[:MOST_LISTED]
         if _float(pair.get("wins")) > _float(pair.get("losses"))
     ]
 
@@ -151,14 +143,10 @@ def _figures(title: str, figures: list[Figure]) -> list[Block]:
 
 def _sheets(study: StudyResults) -> list[Block]:
     found = [
-        PageImage.of(
-            f"{_named(study, row)}: {row['outcome']}",
-            encoded,
-            f"{study.folder}: the sheet of run {row['run']}",
-            sheet=True,
-        )
+        PageImage.of(f"{_named(study, row)}: {row['outcome']}", encoded,
+                     f"{study.folder}: the sheet of run {row['run']}", sheet=True)
         for row, encoded in study.sheets(MOST_SHEETS)
-    ]
+    ]  # fmt: skip
     if not found:
         return []
     text = ["Truth white, estimate green; runs that did not succeed first."]
@@ -172,30 +160,27 @@ def _named(study: StudyResults, row: Row) -> str:
     return f"run {row['run']}, {listed(settings | {'seed': row.get('seed')})}"
 
 
-def _cells(study: StudyResults) -> list[Block]:
+def _cells(study: StudyResults) -> Block:
     found = grouped(list(study.axes), study.rows)
-    rows = [
+    rows = (
         [*(shown(v) for v in settings.values()), str(len(group)),
          *(spread(interval(group, name)) for name in (SUCCESS, *COLUMNS))]
-        for settings, group in found[:MOST_ROWS]
-    ]  # fmt: skip
+        for settings, group in found
+    )  # fmt: skip
     head = (*study.axes, "runs", "success", *COLUMNS)
-    text = ["Means with 95 % bootstrap intervals.", *filter(None, [cut("cells", found, MOST_ROWS)])]
-    return [
-        Block("Cells", text, tables=[Table(head, rows, words=range(len(study.axes)))], folded=True)
-    ]
+    block = page.rows_of("cells", head, rows, len(found), range(len(study.axes)))
+    return replace(block, text=["Means with 95 % bootstrap intervals.", *block.text])
 
 
-def _runs(study: StudyResults) -> list[Block]:
+def _runs(study: StudyResults) -> Block:
     left_out = ("version_", "sheet")
     names = [n for n in study.rows[0] if not n.startswith(left_out)]
-    rows = [[_cell(row.get(n)) for n in names] for row in study.rows[:MOST_ROWS]]
-    text = list(filter(None, [cut("runs", study.rows, MOST_ROWS)]))
-    return [Block("Runs", text, tables=[Table(names, rows, words=())], folded=True)]
+    rows = ([_cell(row.get(n)) for n in names] for row in study.rows)
+    return page.rows_of("runs", names, rows, len(study.rows), ())
 
 
 def _cell(value: Any) -> str:
-    """A cell of a run; of missed bounds the names."""
+    """A cell of a run; for missed bounds, their names."""
     return ", ".join(str(bound["name"]) for bound in value) if _are_bounds(value) else shown(value)
 
 
@@ -206,17 +191,17 @@ def _are_bounds(value: Any) -> bool:
 def _failures(study: StudyResults) -> list[Block]:
     if not study.failures:
         return []
+    text = list(filter(None, [cut("failures", study.failures, MOST_FAILURES)]))
     points: list[str] = []
     for failure in study.failures[:MOST_FAILURES]:
         last = [NOTHING, *failure.error.strip().splitlines()][-1]
         points.append(f"run {failure.run}, {listed(failure.settings)}: {last}")
-    text = list(filter(None, [cut("failures", study.failures, MOST_FAILURES)]))
     code = [f"{f.command}\n\n{f.error.strip()}" for f in study.failures[:1]]
     return [Block("Runs that failed", text, points, code=code)]
 
 
 def _number(text: str | None) -> str:
-    """A number as tables have it; other words stay."""
+    """A number as it is shown in tables; other texts stay."""
     value = _float(text)
     if text is None or np.isnan(value):
         return text or NOTHING

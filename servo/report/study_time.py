@@ -1,4 +1,4 @@
-"""How a study's runs went over time: median errors with bands, and who was still on target."""
+"""Figures of a study over time: median errors with bands, and the share still on target."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from sim.types import Array
 TIMES = 200
 """Points in time of a curve."""
 BAND = (10, 50, 90)
-"""Percentiles of a band: its lower edge, its line, its upper edge."""
+"""Percentiles of the lower edge, the line and the upper edge of a band."""
 ROUNDING = 1e-3
-"""Runs whose ends differ by less end together [s]: times are kept with seven digits."""
+"""Largest difference of two ends that count as equal [s]: times are stored with seven digits."""
 SETTLED = 1.0
-"""The first second does not count as lost [s]."""
+"""Time from the start in which a loss does not count [s]."""
 MOST = len(LIGHT)
 DISTANCES = {
     "servo_error_px": "Distance from the goal",
@@ -30,7 +30,7 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Errors and survival over time, a colour a value of the compared axis."""
+    """Errors and survival over time, with a colour for each value of the compared axis."""
     groups = {
         name: [s for row in rows if (s := study.series.get(row["run"])) is not None]
         for name, rows in study.groups(study.compared).items()
@@ -43,7 +43,7 @@ def figures(study: StudyResults) -> list[Figure]:
 
 
 def band(series: Sequence[Series], name: str) -> tuple[Array, Array] | None:
-    """Times (n,) [s], and the percentiles (3, n) over the runs that last so long."""
+    """Times (n,) [s], and percentiles (3, n) over the runs that last until each time."""
     having = [(s, np.isfinite(s.values[name])) for s in series if name in s.values]
     having = [(s, finite) for s, finite in having if finite.any()]
     if not having:
@@ -57,7 +57,7 @@ def band(series: Sequence[Series], name: str) -> tuple[Array, Array] | None:
 
 
 def survival(series: Sequence[Series]) -> tuple[Array, Array] | None:
-    """Times (n,) [s], and the share (n,) on target until then, of the runs that last so long."""
+    """Times (n,) [s], and the share (n,) on target so far of the runs that last until each time."""
     having = [s for s in series if "on_target" in s.values]
     if not having:
         return None
@@ -82,14 +82,9 @@ def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -
             drawn.append(Curve(label, times, middle, low, high, colour(i)))
     if not drawn:
         return None
-    said = f"Median and 10 to 90 % of the runs. {note}"
-    return curves(
-        title,
-        Scale("time [s]"),
-        Scale("distance [px]", low=0, log_from=ERRORS),
-        drawn,
-        note=said,
-    )
+    distance = Scale("distance [px]", low=0, log_from=ERRORS)
+    note = f"Median and 10 to 90 % of the runs. {note}"
+    return curves(title, Scale("time [s]"), distance, drawn, note=note)
 
 
 def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
@@ -98,11 +93,6 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
              for i, (label, curve) in enumerate(found.items()) if curve is not None]  # fmt: skip
     if not drawn:
         return None
-    said = f"Runs that were never off the target after the first second. {note}"
-    return curves(
-        "Still on target",
-        Scale("time [s]"),
-        Scale("share of runs", 0, 1.02),
-        drawn,
-        note=said,
-    )
+    share = Scale("share of runs", 0, 1.02)
+    note = f"Runs that were never off the target after the first second. {note}"
+    return curves("Still on target", Scale("time [s]"), share, drawn, note=note)

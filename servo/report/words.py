@@ -1,4 +1,4 @@
-"""How values are written on a page."""
+"""Values as text on a page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LARGE, HUGE = 100, 1e6
 
 
 def shown(value: Any) -> str:
-    """Three digits where they say something; a dash where there is no value."""
+    """A value with three digits, or all digits of its whole part; a dash if there is none."""
     if value is None:
         return NOTHING
     if isinstance(value, bool):
@@ -26,7 +26,7 @@ def shown(value: Any) -> str:
 
 
 def spread(interval: Interval | None) -> str:
-    """A value with where it probably lies, such as "2.1 (1.9 to 2.4)"."""
+    """A value with its interval, such as "2.1 (1.9 to 2.4)"."""
     if interval is None:
         return NOTHING
     if interval.low == interval.high:
@@ -35,10 +35,10 @@ def spread(interval: Interval | None) -> str:
 
 
 def listed(settings: Mapping[str, Any]) -> str:
-    """Such as "camera.rate = 5, tracker.kind = kams"."""
+    """Settings in a line, such as "camera.rate = 5, tracker.kind = kams"."""
     return ", ".join(f"{key} = {shown(value)}" for key, value in settings.items())
 
 
 def cut(what: str, found: Sequence[Any], most: int) -> str | None:
-    """The sentence for a list that is longer than what is shown of it; None where it is not."""
+    """A sentence if only the first of a list are shown; None if all are."""
     return f"The first {most} of {len(found):,} {what} are shown." if len(found) > most else None

@@ -1,4 +1,4 @@
-"""The axes of a study, and what it draws: as values, and from TOML."""
+"""Axes and draws of a study, as values and from TOML."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from sim import kinds
 from tracking.external import OF_THE_USER
 
 SCENARIO = "scenario"
-"""The axis of scenarios; all others have the names of settings."""
+"""Key of the axis of scenarios; the keys of all others are settings."""
 Value = Any
-"""Of a setting, in the words that TOML has."""
+"""Value of a setting, in the types of TOML."""
 SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
 """Axes that are given as [first, last, count]."""
 LAWS = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
-"""How values are drawn, and how many numbers that takes."""
+"""Laws of random values, and how many numbers each takes; None: any number."""
 ENDS = frozenset({*SPANS, *LAWS})
-"""A table with one of these is no table of settings."""
+"""A table with one of these keys is a value, not a table of settings."""
 ELSEWHERE = {
     SCENARIO: "list these under `scenario` instead",
     "run.seed": "list these under `seeds` instead, or count them with --seeds",
@@ -32,16 +32,16 @@ ELSEWHERE = {
     "expect": "bounds change nothing in a run; those of the study are under `expect`",
     "sweep": "a study changes the settings of runs only",
 }
-"""What cannot be an axis, and what to do instead."""
+"""Keys that cannot be axes, and what to do instead."""
 ALL = "*"
 MOST_VALUES = 10_000
 LARGEST = 1e100
-"""Numbers in a law: sums and ratios of two have a floating-point value."""
+"""Largest number in a law: sums and ratios of two such numbers are finite."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A setting, and the values it takes one after the other."""
+    """A setting and the values that it takes in turn."""
 
     key: str
     values: tuple[Value, ...]
@@ -49,7 +49,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """A setting that is drawn anew for each seed: the same in all cells with this seed."""
+    """A setting that is drawn for each seed, with the same value in all cells of that seed."""
 
     key: str
     law: str
@@ -58,11 +58,11 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Values that stand for all that can be drawn: the ends of a range, a mean, all choices."""
+        """Values to check for all possible draws: the ends of a range, a mean, or all choices."""
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
     def value(self, seed: int) -> Value:
-        """What is drawn for a seed."""
+        """The value for a seed."""
         rng = stream(seed, f"draw {self.key}")
         match self.law:
             case "uniform":
@@ -76,10 +76,10 @@ class Draw:
 
 
 def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
-    """What varies, from a table: a list makes an axis, `{ uniform = [a, b] }` draws.
+    """Axes and draws from a table: a list is an axis, `{ uniform = [a, b] }` is a draw.
 
     Raises:
-        Mistake: Something is wrong in the table, whose file is `place`.
+        Mistake: Something is wrong in the table; `place` names its file.
     """
     axes: list[Axis] = []
     draws: list[Draw] = []
@@ -106,10 +106,10 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
 
 
 def check_key(key: str, at: str) -> None:
-    """Refuse what cannot vary, or be set for all runs; `at` names its place.
+    """Refuse a key that can neither vary nor be set for all runs; `at` names its place.
 
     Raises:
-        Mistake: It says where its values belong.
+        Mistake: The message says where its values belong.
     """
     section = key.split(".")[0]
     remedy = ELSEWHERE.get(key) or (ELSEWHERE[section] if section in ("expect", "sweep") else None)
@@ -118,7 +118,7 @@ def check_key(key: str, at: str) -> None:
 
 
 def _plain(value: Value) -> Value:
-    """A value in which numbers that are equal are the same: 1 and 1.0."""
+    """A value with all numbers as floats, so that 1 and 1.0 compare equal as text."""
     match value:
         case bool():
             return value

@@ -1,4 +1,4 @@
-"""Names of settings in a study: dotted keys, each spelled in one way and given once."""
+"""Dotted keys of settings in a study: spelled in one way, and given once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def spelled(key: str, place: str) -> str:
     """A dotted key without the spaces around its names.
 
     Raises:
-        Mistake: One of its names is empty; place says where it stands.
+        Mistake: One of its names is empty; the message begins with `place`.
     """
     names = [name.strip() for name in key.split(".")]
     if not all(names):
@@ -21,11 +21,11 @@ def spelled(key: str, place: str) -> str:
 
 
 def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> dict[str, Any]:
-    """Nested tables by dotted keys; a table with one of the keys in `ends` is a value, an empty one
-    too.
+    """The values of nested tables by dotted keys; an empty table, or one with a key from `ends`, is
+    a value.
 
     Raises:
-        Mistake: A key is given twice, in whatever spelling, or has an empty name.
+        Mistake: A key is given twice, also in different spellings, or has an empty name.
     """
     found: dict[str, Any] = {}
     for key, value in _leaves(table, frozenset(ends)):
@@ -45,10 +45,10 @@ def _leaves(table: Mapping[str, Any], ends: frozenset[str]) -> Iterable[tuple[st
 
 
 def check_apart(keys: Mapping[str, str], place: str) -> None:
-    """Refuse keys of which one lies in the table that another one sets as a whole.
+    """Refuse a key inside a table that another key sets as a whole.
 
     Args:
-        keys: Where each key stands in the study, by key.
+        keys: The place of each key in the study, by key.
         place: The study's file.
 
     Raises:

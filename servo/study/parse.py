@@ -1,5 +1,5 @@
-"""A study from a TOML file, or from the [sweep] table of a scenario; every mistake is named with
-its place.
+"""A study from a TOML file or from the [sweep] table of a scenario; every message about a mistake
+names its place.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from servo.scenario.override import assignment
 from servo.scenario.toml import is_number
 from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
 from servo.study.keys import check_apart, flat
-from servo.study.plan import Base, Run, Study
+from servo.study.plan import Base, Study
 
 KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
 MOST_RUNS, MOST_CHECKED, MOST_SCENARIOS = 1_000_000, 2000, 1000
 COUNTABLE = 10**15
-"""Numbers of runs from here on are not written out."""
+"""Larger numbers of runs are not written out."""
 SUCCESS = "success_rate"
 
 
@@ -35,8 +35,8 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
 
     Args:
         name: Such as "particles" or "mine/gains.toml".
-        changes: As with --set, for all runs.
-        seeds: Seeds 0, 1, ... up to this many instead of the file's.
+        changes: Settings of all runs, as for --set.
+        seeds: Number of seeds (0, 1, ...) instead of those of the file.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
@@ -62,7 +62,7 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
 
 
 def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[str, Any]:
-    """What is set for all runs, by key: the file's own [set], and over it the command line's."""
+    """Settings of all runs, by key: those of [set] in the file, replaced by the command line's."""
     changed = flat(_table(table.get("set", {}), f"{place}: set"), f"{place}: set")
     places = {key: f"set.{key}" for key in changed}
     for item in changes:
@@ -98,7 +98,7 @@ def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: st
 
 
 def _compared(study: Study, asked: Any, place: str) -> Study:
-    """With the axis that is compared: by default trackers."""
+    """The study with the axis that is compared; by default tracker.kind."""
     keys = [axis.key for axis in study.every_axis]
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
@@ -112,16 +112,16 @@ def _compared(study: Study, asked: Any, place: str) -> Study:
 
 
 def _check(study: Study, place: str) -> None:
-    """Parse each value of each axis, and every cell once, so that a wrong setting is reported
-    before hours of running; of more values than MOST_VALUES, and of more cells than
-    MOST_CHECKED, the first ones.
+    """Parse the first MOST_VALUES samples and the first MOST_CHECKED cells, so that a wrong setting
+    is reported before hours of running.
     """
     cells = itertools.islice(replace(study, seeds=study.seeds[:1]).runs(), MOST_CHECKED)
     for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
+        table = run.table  # its mistakes name their place already
         try:
-            run.parsed()
+            check_expect(scenarios.parse(table, run.base.name, run.base.place))
         except Mistake as error:
-            _check_base(run, study, place)
+            _check_base(run.base, place)
             settings = study.changes | run.settings
             where = ", ".join(f"{key} = {value}" for key, value in settings.items())
             raise Mistake(
@@ -129,9 +129,8 @@ def _check(study: Study, place: str) -> None:
             ) from None
 
 
-def _check_base(run: Run, study: Study, place: str) -> None:
-    """Refuse a scenario that is wrong without the study's changes."""
-    base = next(b for b in study.bases if b.name == run.scenario)
+def _check_base(base: Base, place: str) -> None:
+    """Refuse a scenario that is wrong even without the study's changes."""
     try:
         check_expect(scenarios.parse(base.table, base.name, base.place))
     except Mistake as error:
@@ -159,9 +158,9 @@ def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
 
 
 def _seeds(given: Any, place: str) -> tuple[int, ...]:
-    seeds = list(range(given)) if _whole(given) and given <= MOST_RUNS else given
     if _whole(given) and given > MOST_RUNS:
         raise Mistake(f"{place}: seeds = {given}: the limit is {MOST_RUNS:,}")
+    seeds = list(range(given)) if _whole(given) else given
     if not isinstance(seeds, list) or not seeds or not all(_whole(s) for s in seeds):
         raise Mistake(f"{place}: seeds = {given!r}: how many, or a list of whole numbers from 0 on")
     if len(set(seeds)) < len(seeds):

@@ -1,11 +1,10 @@
-"""One run of a study, from its settings to its row; this is what workers do."""
+"""One run of a study, from its settings to its row: the task of the workers."""
 
 from __future__ import annotations
 
 import platform
 from typing import Any
 
-import cv2
 import numpy as np
 
 from servo.loop.episode import measured_run
@@ -16,21 +15,21 @@ from servo.output.versions import versions
 from servo.scenario.load import Scenario
 from servo.study.plan import Run
 from sim.kinds import UnknownKind
-from tracking.evaluation.drawing.contact_sheet import page, tile
+from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture
 from tracking.files.json_text import number
 
 Row = dict[str, Any]
 TILES, JPEG_QUALITY = 8, 80
 TIMED = ("step_ms", "track_ms")
-"""What differs from run to run."""
+"""Columns of measured times, which differ when a run is repeated."""
 
 
 def perform(run: Run) -> Row:
-    """Everything that is kept of a run, by column.
+    """Do a run; its row, by column.
 
     Raises:
-        Mistake: A setting does not fit.
+        Mistake: A setting is not valid.
     """
     scenario = _parsed(run)
     last = scenario.frames - 1
@@ -58,7 +57,7 @@ def perform(run: Run) -> Row:
         "track_ms": 1e3 * float(np.median([s.seconds.track for s in steps])),
         **version_columns(),
         **_series(steps),
-        "sheet": _jpeg(tiles) if tiles else None,
+        "sheet": encoded(page(tiles), JPEG_QUALITY) if tiles else None,
     }
 
 
@@ -97,9 +96,3 @@ def _series(steps: list[Step]) -> dict[str, list[Any]]:
 def _tile(step: Step) -> Any:
     picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
     return tile(picture, step.truth.corners, step.estimate.outline(step.region))
-
-
-def _jpeg(tiles: list[Any]) -> bytes:
-    picture: Any = page(tiles)
-    bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
-    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()

@@ -1,4 +1,4 @@
-"""What a study is, as values: axes, draws, seeds, and the runs that they make."""
+"""A study as values: axes, draws and seeds, and the runs that result from them."""
 
 from __future__ import annotations
 
@@ -30,47 +30,53 @@ class Base:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """One run's place in a study."""
+class Run:
+    """One run of a study, with all that a worker needs; it is sent between processes."""
 
     number: int
-    """From 0."""
+    """Place in the study, from 0."""
     base: Base
     seed: int
     settings: dict[str, Value]
     """Values of axes and draws, by key."""
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """One run of a study: all that a worker needs; it is sent between processes."""
-
-    number: int
-    """Place in the study, from 0."""
-    scenario: str
-    seed: int
-    settings: dict[str, Value]
-    """Values of axes and draws, by key."""
-    table: Table
-    place: str
+    changes: dict[str, Value]
+    """Settings that all runs of the study have in common."""
+    study: str
+    """Name of the study's file, for messages."""
     pictured: bool
-    """Whether a contact sheet is kept of it."""
+    """Whether its contact sheet is kept."""
+
+    @property
+    def scenario(self) -> str:
+        """Name of the scenario that is changed."""
+        return self.base.name
+
+    @property
+    def table(self) -> Table:
+        """The scenario's table with all changes."""
+        table = copy.deepcopy(self.base.table)
+        table.pop("sweep", None)
+        own = {k: v for k, v in self.settings.items() if k != SCENARIO}
+        for key, value in ordered(self.changes | own).items():
+            put(table, key, value, self.study)
+        put(table, "run.seed", self.seed, self.study)
+        return table
 
     def parsed(self) -> Scenario:
-        """Its scenario.
+        """The scenario of this run.
 
         Raises:
-            Mistake: A setting does not fit.
+            Mistake: A setting is not valid.
         """
-        scenario = scenarios.parse(self.table, self.scenario, self.place)
+        scenario = scenarios.parse(self.table, self.base.name, self.base.place)
         check_expect(scenario)
         return scenario
 
     def command(self, changes: dict[str, Value]) -> str:
-        """The command that runs it alone; changes are those of the whole study."""
+        """The command that repeats this run alone, given the changes of the whole study."""
         every = changes | {k: v for k, v in self.settings.items() if k != SCENARIO}
         sets = [f"{k}={_toml(v)}" for k, v in ordered(every).items()]
-        return command_line("run", self.scenario, seed=self.seed, set=sets)
+        return command_line("run", self.base.name, seed=self.seed, set=sets)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +85,9 @@ class Study:
 
     name: str
     title: str
-    """A sentence about it."""
+    """A sentence that describes it."""
     table: Table
-    """As it was read, the command line's changes included."""
+    """The table that was read, including the changes of the command line."""
     bases: tuple[Base, ...]
     changes: dict[str, Value]
     """Settings that all runs have in common."""
@@ -95,7 +101,7 @@ class Study:
 
     @property
     def every_axis(self) -> tuple[Axis, ...]:
-        """The axes, with that of the scenarios first where there are several."""
+        """All axes; if there are several scenarios, they are the first axis."""
         several = Axis(SCENARIO, tuple(b.name for b in self.bases))
         return (several, *self.axes) if len(self.bases) > 1 else self.axes
 
@@ -112,56 +118,39 @@ class Study:
             for values in itertools.product(*(a.values for a in self.axes)):
                 yield base, named | dict(zip((a.key for a in self.axes), values, strict=True))
 
-    def places(self) -> Iterator[Place]:
-        """The places of all runs in their order: cell by cell, seed by seed."""
+    def runs(self) -> Iterator[Run]:
+        """All runs in their order: cell by cell, seed by seed."""
         numbers = itertools.count()
         for base, cell in self.cells():
             for seed in self.seeds:
                 settings = cell | {d.key: d.value(seed) for d in self.draws}
-                yield Place(next(numbers), base, seed, settings)
-
-    def runs(self) -> Iterator[Run]:
-        """All runs in their order."""
-        return map(self._run, self.places())
+                yield self._run(next(numbers), base, seed, settings)
 
     def samples(self) -> Iterator[Run]:
-        """Few runs, not of the study, in which each value of an axis and each end of a draw occurs:
-        one after the other, with the first values of all others.
+        """A few extra runs for checking: each value of an axis and each end of a draw occurs in one
+        of them, with the first values of all other axes and draws.
         """
         varied = {a.key: a.values for a in self.axes} | {d.key: d.ends for d in self.draws}
         first = {key: values[0] for key, values in varied.items()}
         for base in self.bases:
             named = {SCENARIO: base.name} if len(self.bases) > 1 else {}
-            yield self._run(Place(0, base, self.seeds[0], named | first))
+            yield self._run(0, base, self.seeds[0], named | first)
             for key, values in varied.items():
                 for value in values[1:]:
-                    other = named | first | {key: value}
-                    yield self._run(Place(0, base, self.seeds[0], other))
+                    yield self._run(0, base, self.seeds[0], named | first | {key: value})
 
-    def _run(self, place: Place) -> Run:
-        base, seed, settings = place.base, place.seed, place.settings
-        return Run(
-            place.number, base.name, seed, settings, self._table(base, settings, seed), base.place,
-            pictured=seed == self.seeds[0],
-        )  # fmt: skip
-
-    def _table(self, base: Base, settings: dict[str, Value], seed: int) -> Table:
-        table = copy.deepcopy(base.table)
-        table.pop("sweep", None)
-        own = {k: v for k, v in settings.items() if k != SCENARIO}
-        for key, value in ordered(self.changes | own).items():
-            put(table, key, value, f"{self.name}.toml")
-        put(table, "run.seed", seed, f"{self.name}.toml")
-        return table
+    def _run(self, number: int, base: Base, seed: int, settings: dict[str, Value]) -> Run:
+        pictured, file = seed == self.seeds[0], f"{self.name}.toml"
+        return Run(number, base, seed, settings, self.changes, file, pictured)
 
 
 def ordered(settings: dict[str, Value]) -> dict[str, Value]:
-    """Kinds and presets first: another kind clears the table that the other settings go to."""
+    """Settings with kinds and presets first: a change of kind clears the kind's other settings."""
     return dict(sorted(settings.items(), key=lambda item: not item[0].endswith(".kind")))
 
 
 def _toml(value: Value) -> str:
-    """A value as TOML in one line; a word that is no TOML needs no quotes after --set."""
+    """A value as TOML in one line; a text that --set would read as itself stays without quotes."""
     if isinstance(value, str) and assignment(f"key={value}") == ("key", value):
         return value
     # Inside two lists everything is written as a value, never as a table of its own.

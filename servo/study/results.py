@@ -1,4 +1,4 @@
-"""The results of a study: cells with intervals, paired comparisons, and bounds that were missed."""
+"""The results of a study: cells with intervals, paired comparisons, and missed bounds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.study.parse import SUCCESS
 from servo.study.perform import Row
 from servo.study.plan import Study
-from tracking.evaluation.statistics import Interval, McNemar, bootstrap, holm
+from tracking.evaluation.statistics import Interval, McNemar, bootstrap, cells, holm, titles
 from tracking.files.csv_text import csv_text
 
 AVERAGED = (*MEANINGS, "track_ms")
@@ -26,11 +26,11 @@ class Cell:
     runs: int
     success: Interval
     means: dict[str, Interval]
-    """Of the measures that are finite somewhere; over those runs."""
+    """Means of the measures over the runs in which they are finite; others are left out."""
 
     @staticmethod
     def of(settings: dict[str, Any], rows: Sequence[Row]) -> Cell:
-        """The cell of these rows, at least one."""
+        """The cell of some rows, at least one."""
         means: dict[str, Interval] = {}
         for name in AVERAGED:
             found = [row[name] for row in rows if row[name] is not None]
@@ -42,17 +42,17 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Two values of the compared axis, over runs alike in all else."""
+    """Two values of the compared axis, over runs that are otherwise the same."""
 
     first: Any
     second: Any
     test: McNemar
     p_holm: float
-    """The exact p, corrected for the number of comparisons."""
+    """The exact p value, corrected for the number of comparisons (Holm)."""
 
 
 def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, Any], list[Row]]]:
-    """Rows with the same values of axes, and these values, in the order of the rows."""
+    """The rows grouped by the values of axes; each group with its values, in the rows' order."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[k] for k in keys), []).append(row)
@@ -67,7 +67,7 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
 
 def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
     """McNemar's test on success for every pair of values of the compared axis, with Holm's
-    correction; runs are paired by all other axes and the seed, which fixes what is drawn.
+    correction; runs are paired by all other axes and the seed, which decides the draws.
     """
     key = study.compare
     if key is None:
@@ -88,7 +88,7 @@ def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
 
 
 def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -> list[str]:
-    """A sentence for each bound that the rows with the same values of axes do not keep."""
+    """A sentence for each bound that is missed by a group of rows with the same values of axes."""
     sentences: list[str] = []
     for settings, group in grouped(keys, rows):
         for name, bound in expect.items():
@@ -100,18 +100,15 @@ def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -
     return sentences
 
 
-def cells_csv(study: Study, cells: Sequence[Cell]) -> str:
-    """The cells as CSV: axes, runs, success rate and means, each with its 95 % interval."""
+def cells_csv(study: Study, found: Sequence[Cell]) -> str:
+    """The cells as CSV: axes, runs, and success rate and means with their 95 % intervals."""
     keys = [axis.key for axis in study.every_axis]
-    head = [*keys, "runs", *_three(SUCCESS), *(c for name in AVERAGED for c in _three(name))]
     lines = [
-        [
-            *(cell.settings[k] for k in keys), cell.runs, *_numbers(cell.success),
-            *(n for name in AVERAGED for n in _numbers(cell.means.get(name))),
-        ]
-        for cell in cells
+        [*(cell.settings[k] for k in keys), cell.runs,
+         *cells([cell.success, *map(cell.means.get, AVERAGED)])]
+        for cell in found
     ]  # fmt: skip
-    return csv_text(head, lines)
+    return csv_text([*keys, "runs", *titles([SUCCESS, *AVERAGED])], lines)
 
 
 def comparisons_csv(found: Sequence[Compared]) -> str:
@@ -130,14 +127,6 @@ def _mcnemar(first: dict[Any, bool], second: dict[Any, bool]) -> McNemar:
 
 
 def _mean(rows: Sequence[Row], name: str) -> float:
-    """Over the runs that have it; infinite where none has."""
+    """Mean of a measure over the runs that have it; infinite if none has."""
     found = [row[name] for row in rows if row.get(name) is not None]
     return float(np.mean(found)) if found else np.inf
-
-
-def _three(name: str) -> tuple[str, str, str]:
-    return name, f"{name}_low", f"{name}_high"
-
-
-def _numbers(interval: Interval | None) -> tuple[Any, Any, Any]:
-    return ("", "", "") if interval is None else (interval.value, interval.low, interval.high)

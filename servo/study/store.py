@@ -1,8 +1,8 @@
-"""The folder of a study: a finished run stays when a process is killed.
+"""The folder of a study, in which finished runs stay when a process is killed.
 
-`study.json` says what is to be run; each finished run is a Parquet file of one row, written aside,
-flushed to the disk and renamed. A file that is not the row of its place in the plan counts as not
-run.
+`study.json` describes the study. Each finished run is a Parquet file of one row, which is written
+under another name, flushed to the disk and renamed. A file that is not the row of its run counts as
+missing.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ from tracking.files.json_text import as_json
 RUNS, FAILURES = "runs", "failures"
 RESULTS, COMPARISONS = "results.parquet", "comparisons.csv"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios")
-"""What must not differ between the sessions of one study."""
+"""Keys of study.json that must not differ between the sessions of one study."""
 
 
 class Store:
     """A study's folder, for one writer; use it in a `with`."""
 
     def __init__(self, folder: Path, study: Study, described: StudyFile) -> None:
-        """Make the folder, or go on in it.
+        """Make the folder, or continue in it.
 
         Args:
-            folder: Which.
-            study: What is to be run.
-            described: All that decides it.
+            folder: The folder.
+            study: The study.
+            described: The content of its study.json.
 
         Raises:
-            Mistake: It cannot be written, holds something else, or somebody is writing there.
+            Mistake: The folder cannot be written or holds something else, or another process is
+                writing into it.
         """
         self.folder, self._study, self._files = folder, study, RunFiles(study)
         self.damaged: list[Path] = []
-        """Files that are not the run whose name they have; they are run again."""
+        """Files that do not hold the run of their name; these runs are repeated."""
         self._open = ExitStack()
         with ExitStack() as begun:
             writer = only_writer(folder, StudyFile, "sweep", own=(RUNS, FAILURES))
@@ -63,21 +64,21 @@ class Store:
         for what in DECIDE:
             if as_json(getattr(before, what)) != as_json(getattr(now, what)):
                 raise Mistake(
-                    f"{self.folder}: another study is kept here (its {what} differs); "
+                    f"{self.folder}: this folder holds another study (its {what} differs); "
                     "choose another folder with --out"
                 )
         check_versions(self.folder, before.versions, now.versions)
 
     def _checked(self) -> set[int]:
-        """The runs whose file is whole and holds their row."""
+        """Numbers of the runs whose file is whole and holds their row."""
         there = {path.name for path in (self.folder / RUNS).glob("*.parquet")}
         done: set[int] = set()
-        places = (p for p in self._study.places() if _name(p.number) in there) if there else ()
-        for place in places:
-            path = self.folder / RUNS / _name(place.number)
+        runs = (r for r in self._study.runs() if _name(r.number) in there) if there else ()
+        for run in runs:
+            path = self.folder / RUNS / _name(run.number)
             table = self._files.read(path)
-            if table is not None and self._files.fits(table, place):
-                done.add(place.number)
+            if table is not None and self._files.fits(table, run):
+                done.add(run.number)
             else:
                 self.damaged.append(path)
             there.remove(path.name)
@@ -89,18 +90,19 @@ class Store:
         return set(self._done)
 
     def add(self, row: Row) -> None:
-        """Keep a finished run.
+        """Store the row of a finished run.
 
         Raises:
-            Mistake: A worker has other versions.
-            Refused: The disk is full, or otherwise refuses.
+            Mistake: The worker has other versions.
+            Refused: The disk is full, or the file cannot be written.
         """
         number = int(row["run"])
         for column, here in version_columns().items():
             if row.get(column) != here:
+                name = column.removeprefix("version_")
                 raise Mistake(
-                    f"a worker has {column.removeprefix('version_')} {row.get(column)}, here is "
-                    f"{here}: its numbers would not compare; install the same on every worker"
+                    f"a worker has {name} {row.get(column)}, but {here} is installed here: the "
+                    "numbers could not be compared; install the same on every worker"
                 )
         path, encoded = self.folder / RUNS / _name(number), self._files.encoded(row)
         try:
@@ -108,14 +110,14 @@ class Store:
                 atomic.write(path.parent, path.name, encoded)
             self._done.add(number)
         except KeyboardInterrupt:
-            if path.is_file() and path.read_bytes() == encoded:  # it came after the renaming
+            if path.is_file() and path.read_bytes() == encoded:  # interrupted after the renaming
                 self._done.add(number)
             raise
         with suppress(OSError):
             self._failure(number).unlink()
 
     def fail(self, run: Run, error: str, command: str) -> Path:
-        """Keep why a run failed; it is tried again when the study goes on.
+        """Store why a run failed; the next session runs it again.
 
         Raises:
             Refused: As for `add`.
@@ -125,22 +127,22 @@ class Store:
             return FailureFile.of(run, error, command).write(path.parent, path.name)
 
     def table(self, numbers: Iterable[int]) -> pa.Table:
-        """The tidy table of finished runs, in their order.
+        """The table of finished runs, a row for each, in their order.
 
         Raises:
-            Refused: A file was changed since it was checked.
+            Refused: A file has changed since it was checked.
         """
         tables: list[pa.Table] = []
         for number in sorted(numbers):
             path = self.folder / RUNS / _name(number)
             table = self._files.read(path)
             if table is None:
-                raise Refused(f"{path}: somebody changed this file; the same command runs it again")
+                raise Refused(f"{path}: this file was changed; the same command repeats the run")
             tables.append(table)
         return pa.concat_tables(tables)
 
     def write(self, name: str, content: bytes | str) -> Path:
-        """Write another file of the study as a whole.
+        """Write another file of the study; its path.
 
         Raises:
             Refused: As for `add`.

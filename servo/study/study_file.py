@@ -1,4 +1,4 @@
-"""The JSON files of a study's folder: what is to be run, and why a run failed."""
+"""The JSON files of a study's folder: the study, and one for each failed run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from servo.study.plan import Run, Study
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFile(Made):
-    """study.json: all that decides a study."""
+    """study.json: all that defines a study."""
 
     FILE: ClassVar[str] = "study.json"
     KIND: ClassVar[str] = "sweep"
@@ -22,20 +22,20 @@ class StudyFile(Made):
     title: str
     axes: dict[str, list[Any]]
     draws: dict[str, dict[str, list[Any]]]
-    """The law and its numbers, by setting."""
+    """The law of each drawn setting, and its numbers."""
     seeds: list[int]
     compare: str | None
     """The axis whose values are compared with each other."""
     expect: dict[str, Number]
     runs: int
     table: dict[str, Any]
-    """The study as TOML has it, changes included."""
+    """The study's TOML table, including the changes of the command line."""
     scenarios: dict[str, dict[str, Any]]
-    """Tables of the scenarios that it changes, by name."""
+    """Tables of the scenarios that the study changes, by name."""
 
     @staticmethod
     def of(study: Study, command: str) -> StudyFile:
-        """The file of a study that a command line begins."""
+        """The file of a study that a command line starts."""
         return StudyFile(
             command=command,
             versions=versions(),
@@ -62,12 +62,12 @@ class FailureFile(Document):
     run: int
     settings: dict[str, Any]
     command: str
-    """What runs it alone."""
+    """The command that repeats this run alone."""
     error: str
     """The traceback."""
 
     @staticmethod
     def of(run: Run, error: str, command: str) -> FailureFile:
-        """The file of a run that has just failed."""
+        """The file of a failed run."""
         settings = run.settings | {"seed": run.seed}
         return FailureFile(run=run.number, settings=settings, command=command, error=error)

@@ -1,1 +1,1 @@
-"""Comparing trackers honestly."""
+"""Comparison of trackers: sequences with truth, measures, statistics and drawings."""

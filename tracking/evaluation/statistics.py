@@ -1,7 +1,8 @@
-"""Is one tracker better than another? Paired tests, intervals, correction for many comparisons."""
+"""Statistics of comparisons: McNemar's test, bootstrap intervals, and Holm's correction."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,31 +12,31 @@ from annotated_types import Ge, Le
 from sim.types import Array
 
 DRAWS = 2000
-"""Of the bootstrap."""
+"""Number of the bootstrap's resamples."""
 Count = Annotated[int, Ge(0), Le(1 << 53)]
 
 
 @dataclass(frozen=True, slots=True)
 class McNemar:
-    """Two methods on the same sequences: how often only one of them succeeded."""
+    """McNemar's test of two methods on the same sequences, by how often only one succeeded."""
 
     wins: Count
-    """Sequences on which only the first succeeded."""
+    """Number of sequences on which only the first succeeded."""
     losses: Count
-    """Sequences on which only the second did."""
+    """Number of sequences on which only the second succeeded."""
     ties: Count = 0
-    """Sequences on which both did, or neither; they do not enter the test."""
+    """Number of sequences on which both or neither succeeded; the test does not use them."""
 
     @staticmethod
     def of(first: Array, second: Array) -> McNemar:
-        """Of two scores (n,) for the same sequences, such as frames tracked: more is a success."""
+        """The test of two scores (n,) for the same sequences; the higher score is a success."""
         return McNemar(
             int(np.sum(first > second)), int(np.sum(first < second)), int(np.sum(first == second))
         )
 
     @property
     def z(self) -> float:
-        """(|wins - losses| - 1) / sqrt(wins + losses), as Naeem, Pridmore and Mills have it."""
+        """(|wins - losses| - 1) / sqrt(wins + losses) (Naeem, Pridmore, Mills: the KAMS paper)."""
         discordant = self.wins + self.losses
         if discordant == 0:
             return 0.0
@@ -43,7 +44,7 @@ class McNemar:
 
     @property
     def p(self) -> float:
-        """Exact two-sided probability of so uneven a split by chance (binomial)."""
+        """Exact two-sided p value (binomial)."""
         discordant = self.wins + self.losses
         if discordant == 0:
             return 1.0
@@ -54,7 +55,7 @@ class McNemar:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value and where it probably lies."""
+    """A value with a confidence interval."""
 
     value: float
     low: float
@@ -64,7 +65,7 @@ class Interval:
 def bootstrap(scores: Array, seed: int = 0, confidence: float = 0.95) -> Interval:
     """The mean of scores (n,) with a percentile interval (Efron, Bootstrap methods, 1979).
 
-    The same scores and seed give the same interval; that of a single score is its own value.
+    The same scores and seed give the same interval. The interval of a single score is its value.
 
     Raises:
         ValueError: There are no scores.
@@ -83,8 +84,19 @@ def bootstrap(scores: Array, seed: int = 0, confidence: float = 0.95) -> Interva
     return Interval(mean, float(low), float(high))
 
 
+def titles(names: Iterable[str]) -> list[str]:
+    """Titles of the columns of intervals in a table: NAME, NAME_low and NAME_high for each."""
+    return [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
+
+
+def cells(intervals: Iterable[Interval | None]) -> list[float | str]:
+    """Cells of intervals under `titles`; empty for None."""
+    found = [("", "", "") if i is None else (i.value, i.low, i.high) for i in intervals]
+    return [cell for three in found for cell in three]
+
+
 def holm(p_values: Array) -> Array:
-    """p values (n,) corrected for n comparisons (Holm 1979), in their own order."""
+    """p values (n,) corrected for n comparisons (Holm 1979), in the given order."""
     order = np.argsort(p_values)
     count = len(p_values)
     corrected = np.empty(count)

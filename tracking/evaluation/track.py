@@ -1,4 +1,4 @@
-"""A track: what a tracker said of each picture of a source, and how long it took."""
+"""A track: a tracker's estimate for each picture of a source, and its time."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Shot:
     index: int
     estimate: Estimate
     seconds: float
-    """Time the tracker took; 0 where there was no picture."""
+    """Time of the tracker [s]; 0 if there was no picture."""
     size: tuple[int, int] | None
-    """Width and height of the picture [px]; None where there was none."""
+    """Width and height of the picture [px]; None if there was none."""
 
     @property
     def blind(self) -> bool:
@@ -33,11 +33,11 @@ class Shot:
 
     @property
     def confidence(self) -> float:
-        """1 - the distance; 0 where there was no picture."""
+        """1 - the estimate's distance; 0 if there was no picture."""
         return 1.0 - self.estimate.distance
 
     def without_picture(self) -> Shot:
-        """The same without what takes memory: picture and particles."""
+        """The shot without picture and particles, which take much memory."""
         picture = dataclasses.replace(self.picture, image=None)
         estimate = dataclasses.replace(self.estimate, particles=None)
         return dataclasses.replace(self, picture=picture, estimate=estimate)
@@ -46,11 +46,11 @@ class Shot:
 def follow(tracker: Tracker, source: Source, region: Region, state: State) -> Iterator[Shot]:
     """Start a tracker on the first picture and follow the target through the others.
 
-    A picture that cannot be decoded gives a LOST shot with the last state; the tracker does not see
-    it.
+    A picture that cannot be decoded gives a LOST shot with the last state, without a call of the
+    tracker.
 
     Raises:
-        ValueError: The region is none, or the first picture cannot be read.
+        ValueError: The region is not valid, or the first picture cannot be read.
     """
     last = state
     follows = (True, True)
@@ -77,20 +77,20 @@ def follow(tracker: Tracker, source: Source, region: Region, state: State) -> It
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """The numbers of all shots."""
+    """The numbers of all shots of a track."""
 
     states: Array
     """x, y, theta, scale (n, 4)."""
     corners: Array
-    """(n, 4, 2) [px]."""
+    """Corners (n, 4, 2) of the estimate [px]."""
     confidence: Array
-    """(n,), 0..1."""
+    """Confidence (n,), 0..1."""
     lost: Array
-    """Whether the tracker called the target LOST (n,)."""
+    """Whether the tracker reported LOST (n,)."""
     milliseconds: Array
-    """(n,); the first is the start."""
+    """Time of the tracker (n,) [ms]; the first is that of its start."""
     evaluations: Array
-    """Histograms read (n,)."""
+    """Number of evaluated histograms (n,)."""
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> Track:

@@ -1,4 +1,4 @@
-"""A track as CSV: one row a picture, written as it comes, read by spreadsheets and by us."""
+"""A track as a CSV file: a row for each picture, written immediately."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tracking.files import atomic, reading
 from tracking.types import Region, Status
 
 FORMAT = 1
-"""The header tells a track's format: a change of its columns raises the number by one."""
+"""Number of the track's format, which its header identifies; it increases with each change."""
 HEADER = (
     "frame", "time", "x", "y", "theta", "scale", "width", "height",
     "x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4", "confidence", "status", "milliseconds",
@@ -25,7 +25,7 @@ LARGEST = 1_000_000_000
 
 
 class TrackFile:
-    """Writes the rows of one track; every row is on disk before the next picture is read."""
+    """Writer of the rows of one track; each row is written before the next picture is read."""
 
     def __init__(self, path: Path, region: Region) -> None:
         self._path, self._region = path, region
@@ -37,7 +37,7 @@ class TrackFile:
         """Write a row.
 
         Raises:
-            OSError: The disk is full.
+            OSError: It cannot be written.
         """
         state, region = shot.estimate.state, self._region
         corners = shot.estimate.outline(region)
@@ -60,10 +60,10 @@ class TrackFile:
 
 
 def read(path: Path) -> Track:
-    """The track in a file, which does not hold how many histograms were read.
+    """The track in a file, without the numbers of evaluated histograms, which are nan.
 
     Raises:
-        ValueError: The file cannot be read, or is no track.
+        ValueError: The file cannot be read, or is not a track.
     """
     text = reading.text(path, "track", LARGEST)
     try:

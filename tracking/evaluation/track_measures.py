@@ -1,4 +1,4 @@
-"""How well a track follows the truth; each measure knows its name, unit, and better direction."""
+"""Measures of a track against the truth, each with its name, unit and better direction."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from tracking.evaluation.sequences.quadrilateral import boxes
 from tracking.evaluation.track import Track
 
 OVERLAPS = np.linspace(0, 1, 21)
-"""Thresholds of the success curve, as OTB has them (Wu, Lim, Yang 2013)."""
+"""Thresholds of the success curve, as in OTB (Wu, Lim, Yang 2013)."""
 PIXELS = np.arange(51.0)
 """Thresholds of the precision curve [px]."""
 SHARES = np.linspace(0, 0.5, 51)
 """Thresholds of the normalised precision curve, over the target's size (Mueller et al. 2018)."""
 NEAR = 20
-"""The precision that is quoted is that at this error [px]."""
+"""Error at which the precision is reported [px]."""
 LOSS_RUN = 5
-"""This many frames in a row away from the target are a loss."""
+"""Number of frames in a row away from the target that count as a loss."""
 ON_TARGET = 0.1
-"""Overlap from which on a box counts as on the target, when its confidence is judged."""
+"""Least overlap of a box that counts as on the target in `lost_signal`."""
 HALF, MOST = 0.5, 0.9
-"""The fixed criterion of success: this overlap in this share of the frames."""
+"""Criterion of success: an overlap above this in at least this share of the frames."""
 
 
 class Better(Enum):
-    """Which way is better."""
+    """Whether higher or lower values are better."""
 
     HIGHER = "higher"
     LOWER = "lower"
@@ -39,15 +39,15 @@ class Better(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A track beside its truth, for the frames in which the target is present."""
+    """A track and its truth, compared in the frames in which the target is present."""
 
     track: Track
     truth: Array
-    """(n, 4, 2); nan where the target is absent."""
+    """True corners (n, 4, 2) [px]; nan in frames without the target."""
     states: Array | None
-    """x, y, theta, scale (n, 4), where they are known exactly."""
+    """True x, y, theta, scale (n, 4) if they are known exactly, else None."""
     present: NDArray[np.bool_]
-    """(n,)."""
+    """Whether the target is in the frame (n,); m of the n frames have it."""
     errors: Array
     """Distances (m,) of the centres [px]."""
     sizes: Array
@@ -55,11 +55,11 @@ class Comparison:
     overlaps: Array
     """Intersection over union (m,) of the upright boxes."""
     turned_overlaps: Array
-    """The same of the rectangles as they are turned."""
+    """Intersection over union (m,) of the rotated rectangles."""
 
     @staticmethod
     def of(track: Track, truth: Array, states: Array | None = None) -> Comparison:
-        """Compare frame by frame; frames beyond the shorter of the two do not count."""
+        """Compare a track with its truth, up to the length of the shorter one."""
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])
         seen, true = track.corners[:count][present], truth[present]
@@ -81,7 +81,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class TrackMeasure:
-    """One number about a track."""
+    """A measure of a track."""
 
     name: str
     unit: str
@@ -114,14 +114,14 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 
 def frames_until_loss(c: Comparison) -> float:
-    """Frames before the centre strays by the target's size for five frames in a row."""
+    """Number of frames before the error exceeds the target's size for five frames in a row."""
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
     return float(np.argmax(runs)) if runs.any() else float(len(away))
 
 
 def lost_signal(c: Comparison) -> float:
-    """Area under the ROC of 1 - confidence as a sign that the box is not on the target."""
+    """Area under the ROC curve of 1 - confidence as a sign that the box is not on the target."""
     off = ~c.present
     off[c.present] = c.overlaps < ON_TARGET
     doubt = 1 - c.track.confidence[: len(off)]
@@ -182,5 +182,5 @@ def _relative(c: Comparison) -> Array:
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:
-    """Every measure by its name; nan where it does not apply."""
+    """All measures by name; nan if one does not apply."""
     return {measure.name: measure.of(comparison) for measure in MEASURES}

@@ -1,1 +1,1 @@
-"""Reading and writing files: whole or not at all, never through links, never without end."""
+"""Reading and writing files: completely or not at all, of limited size, and not through links."""

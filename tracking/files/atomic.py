@@ -1,7 +1,7 @@
-"""Files that are written whole or not at all; nothing is written through a link.
+"""Writing files completely or not at all, and never through a link.
 
-A file is written aside, flushed to the disk, and renamed over what was there. The folder may come
-from somebody else: a link in it is replaced where it is a file, and refused where it is a folder.
+A file is written under another name, flushed to the disk, and renamed over an older one. The folder
+may come from another person: a link at a file's place is replaced, a link to a folder is refused.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 
 
 def write(root: Path, name: str, content: bytes | str) -> Path:
-    """Write a file as a whole, over an older one.
+    """Write a file, or replace an older one.
 
     Args:
-        root: The folder that is written to; made if need be.
-        name: Of the file in it, such as "report.json" or "results/kams/a-0.json".
-        content: A text is written as UTF-8.
+        root: The folder to write to; made if it does not exist.
+        name: Name of the file in it, such as "report.json" or "results/kams/a-0.json".
+        content: Bytes, or a text that is written as UTF-8.
 
     Returns:
-        Its path.
+        The path of the file.
 
     Raises:
-        OSError: The disk refuses, or a folder on the way is a link.
+        OSError: The file cannot be written, or a folder on the way is a link.
     """
     with writing(root, name) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -42,9 +42,9 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
 
 @contextmanager
 def writing(root: Path, name: str) -> Generator[BinaryIO]:
-    """A binary file that is in its place when the block ends; after an exception it is not.
+    """A binary file to write to, which gets its name when the block ends without an exception.
 
-    Args and errors are those of `write`.
+    Arguments and errors are those of `write`.
     """
     path = folder(root, str(PurePosixPath(name).parent)) / PurePosixPath(name).name
     aside = path.with_name(ASIDE.format(path.name))
@@ -62,10 +62,10 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to put a file in the place of a device, a pipe or a folder.
+    """Refuse to replace a device, a pipe or a folder by a file.
 
     Raises:
-        OSError: There is one.
+        OSError: The path is one of them.
     """
     try:
         mode = path.lstat().st_mode
@@ -77,7 +77,7 @@ def _check_replaceable(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Generator[None]:
-    """Let the operating system's errors in the block say which file they are about."""
+    """Add the path to errors of the operating system in the block."""
     try:
         yield
     except OSError as error:
@@ -87,20 +87,20 @@ def naming(path: Path) -> Generator[None]:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """A file opened for writing in the place of an older one or of a link, which is not followed.
+    """A new file to write to, which replaces an older one or a link.
 
     Raises:
-        OSError: The disk refuses.
+        OSError: It cannot be opened.
     """
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, NEW, 0o666), "wb")
 
 
 def folder(root: Path, name: str) -> Path:
-    """A folder below a root, made with all between; none of them may be a link.
+    """Make a folder below a root, with all folders on the way, none of which may be a link.
 
     Raises:
-        OSError: The disk refuses, or a folder on the way is a link.
+        OSError: It cannot be made, or a folder on the way is a link.
     """
     root.mkdir(parents=True, exist_ok=True)
     path = root
@@ -113,10 +113,10 @@ def folder(root: Path, name: str) -> Path:
 
 
 def _flush_folder(path: Path) -> None:
-    """Make a rename survive a power failure, where the system can."""
+    """Flush a folder, so that a rename survives a power failure, if the system supports it."""
     try:
         opened = os.open(path, os.O_RDONLY)
-    except OSError:  # a system without folders that can be opened, or one that may only be written
+    except OSError:  # the system cannot open folders, or this one cannot be read
         return
     try:
         os.fsync(opened)

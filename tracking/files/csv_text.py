@@ -1,4 +1,4 @@
-"""Rows as the text of a CSV file."""
+"""Text of CSV files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def csv_text(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
-    """A header and rows, one a line."""
+    """The text of a CSV file with a header."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)

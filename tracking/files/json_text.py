@@ -1,4 +1,4 @@
-"""Values as JSON, which has neither infinity nor nan, nor halves of characters."""
+"""Values as JSON, without infinity, nan and invalid characters, which JSON does not have."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numpy as np
 
 
 def number(value: float) -> float | None:
-    """A number for JSON: None where it is infinite or nan."""
+    """A number for JSON: None if it is infinite or nan."""
     return value if math.isfinite(value) else None
 
 
 def as_json(value: Any) -> Any:
-    """A value in the types that JSON has: a dataclass is a table, an enum its value, what is
-    infinite or nan is None, and anything else is its text.
+    """A value in the types of JSON: a dataclass becomes a table, an enum its value, an infinite
+    number or nan None, and any other type its text.
     """
     match value:
         case bool() | int() | None:

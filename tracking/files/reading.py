@@ -1,4 +1,4 @@
-"""Reading of a file that a user names: only regular files up to a size, as all readers do it."""
+"""Reading of files that a user names: only regular files up to a limit of size."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def opened(path: Path, what: str) -> BinaryIO:
     """A regular file, open for reading; a pipe or a device is refused before it is opened.
 
     Args:
-        path: Where it is; links are followed.
-        what: What it should be, for messages: "truth".
+        path: Its path; links are followed.
+        what: What it should be, for messages, such as "truth".
 
     Raises:
         ValueError: It cannot be read, or is not a regular file.
@@ -41,7 +41,7 @@ def content(path: Path, what: str, most: int) -> bytes:
     """The bytes of a regular file.
 
     Args:
-        path: Where it is.
+        path: Its path.
         what: What it should be, for messages.
         most: Largest size [bytes].
 
@@ -61,7 +61,7 @@ def content(path: Path, what: str, most: int) -> bytes:
 
 
 def text(path: Path, what: str, most: int) -> str:
-    """The UTF-8 text of a regular file, as for `content`; a byte order mark is left out.
+    """The UTF-8 text of a regular file, without a byte order mark; arguments as for `content`.
 
     Raises:
         ValueError: As for `content`, or it is not UTF-8 text.
@@ -73,7 +73,7 @@ def text(path: Path, what: str, most: int) -> str:
 
 
 def names(folder: Path) -> list[Path]:
-    """What is in a folder, sorted by name, the numbers in names by their value.
+    """The paths in a folder sorted by name, with numbers in names sorted by value.
 
     Raises:
         ValueError: There is no such folder, or it cannot be read.
@@ -86,6 +86,6 @@ def names(folder: Path) -> list[Path]:
 
 
 def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """A key by which 9.png comes before 10.png, and 010.png as before."""
+    """A sort key by which 9.png comes before 10.png."""
     parts = NUMBERS.split(path.name)
     return [(int(p), "") if i % 2 else (0, p) for i, p in enumerate(parts)], path.name

@@ -1,5 +1,5 @@
-"""The compiled loops, and nothing else: each has a plain NumPy twin in tests/test_hot*.py.
+"""All compiled loops; tests/test_hot*.py compare each with the same function in plain NumPy.
 
-numba is used in this folder only. It compiles a loop when it is first called and keeps the result
-on disk, so that only the first run on a machine waits for it.
+Only this folder uses numba, which compiles a loop at its first call and stores the result on disk,
+so that only the first run on a machine takes longer.
 """

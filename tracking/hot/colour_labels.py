@@ -1,4 +1,4 @@
-"""Compiled: bin numbers of the colours in a part of an image, and colours without brightness."""
+"""Compiled loops for bin numbers of colours, and for colours without brightness."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @compiled()
 def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int) -> NDArray[Any]:
-    """Bin numbers (h, w): the leading bits of red, green and blue, red first.
+    """Bin numbers (h, w) of the pixels of a window: the leading bits of red, green and blue.
 
     Args:
         image: RGB (H, W, 3).
@@ -23,7 +23,7 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int
         top: First row.
         right: Column after the last.
         bottom: Row after the last.
-        bits: How many bits of each channel count.
+        bits: Number of bits of each channel that are used.
     """
     found = np.empty((max(bottom - top, 0), max(right - left, 0)), np.int16)
     shift = 8 - bits
@@ -39,11 +39,11 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int
 
 @compiled()
 def evened(image: Image, floor: int) -> Image:
-    """Each channel over the pixel's largest one: 255 c / (max + floor), rounded down (H, W, 3).
+    """Channels divided by the pixel's largest one: 255 c / (max + floor), rounded down (H, W, 3).
 
     Args:
         image: RGB (H, W, 3).
-        floor: Keeps dark pixels dark: their colour is noise.
+        floor: Added to the largest channel; keeps dark pixels, whose colour is noise, dark.
     """
     found = np.empty_like(image)
     for i in range(image.shape[0]):

@@ -1,4 +1,4 @@
-"""How a loop is compiled: once a machine, with the result kept on disk where that is possible."""
+"""Compilation of loops: once on each machine, with the result stored on disk if possible."""
 
 # pyright: reportAttributeAccessIssue=false
 # numba's settings are made at run time.
@@ -20,20 +20,21 @@ NAME = "servobench-numba-{}"
 
 
 def compiled(error_model: Literal["python", "numpy"] = "python") -> Callable[[Loop], Loop]:
-    """Compile a loop when it is first called, and keep the result beside its source.
+    """Compile a loop at its first call, and store the result beside its source.
 
-    Where neither the source's folder nor the user's cache can be written, as in a container, the
-    result is kept in the temporary folder.
+    If neither the source's folder nor the user's cache can be written, as in a container, the
+    result is stored in the temporary folder.
 
     Args:
-        error_model: With "python" a division by zero raises, with "numpy" it gives inf or nan.
+        error_model: With "python" a division by zero raises an error, with "numpy" it gives inf or
+            nan.
     """
 
     def compile_(loop: Loop) -> Loop:
         njit: Any = numba.njit(cache=True, nogil=True, error_model=error_model)
         try:
             return njit(loop)
-        except RuntimeError:  # numba found no folder to keep it in
+        except RuntimeError:  # numba found no folder to write to
             config.CACHE_DIR = str(_private_folder())
             return njit(loop)
 
@@ -41,7 +42,7 @@ def compiled(error_model: Literal["python", "numpy"] = "python") -> Callable[[Lo
 
 
 def _private_folder() -> Path:
-    """A temporary folder that only this user can write to: what is in it is executed."""
+    """A temporary folder that only this user can write to, because its content is executed."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     folder = Path(tempfile.gettempdir()) / NAME.format(user)
     with suppress(FileExistsError):

@@ -1,4 +1,4 @@
-"""Compiled: Levenberg's descent on the SSD of root histograms, from kernels.py's sums."""
+"""Compiled loops for Levenberg's descent on the SSD of the square roots of histograms."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from tracking.types import LARGEST_LOG
 
 if TYPE_CHECKING:
     Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]
-    """Half sides of the template, centres (K, 2) and half axes of the kernels [px], bins a channel,
-    and the pixels above which a target is read at every second, third, ... one."""
+    """Half sides of the template [px], centres (K, 2) and half axes of the kernels [px], bins of
+    each channel, and the number of pixels above which only every second, third, ... is read."""
 
 FLOOR = 1e-3
-"""Added to every bin under the root, whose derivative has no bound at an empty one."""
+"""Added to every bin under the root, whose derivative is infinite at an empty bin."""
 TINY = np.finfo(np.float64).tiny
 FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e3
-"""Levenberg damping relative to the trace: at first, after a bad step, after a good one, and to
-give up at."""
+"""Levenberg damping relative to the trace: at first; factors after a bad and after a good step; and
+the value at which the descent ends."""
 
 
 @compiled(error_model="numpy")
 def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
-    """As of `kernel_histograms`, at x (4,)."""
+    """Sums and totals of `kernel_histograms` at x (4,)."""
     half, centres, span, levels, pixels = kernels
     area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
     stride = max(1, int(np.sqrt(area / pixels)))
@@ -40,8 +40,8 @@ def ssd_normal_equations(
     """Cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - reference_k||^2.
 
     Args:
-        sums: As of kernel_histograms (K, B, 5).
-        totals: As of kernel_histograms (K, 5).
+        sums: Sums of `kernel_histograms` (K, B, 5).
+        totals: Totals of `kernel_histograms` (K, 5).
         root_reference: Square roots of the reference histograms plus floor (K, B).
         floor: Added to every bin under the root.
     """
@@ -80,10 +80,10 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
     """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
 
     Args:
-        gradient: (4,).
-        curvature: (4, 4).
-        damping: Relative to the mean of the scaled diagonal.
-        units: How much of each coordinate counts as one (4,).
+        gradient: Gradient (4,).
+        curvature: Curvature (4, 4).
+        damping: Damping relative to the mean of the scaled diagonal.
+        units: Unit of each coordinate (4,).
     """
     H, g = np.empty((4, 4)), np.empty(4)
     trace = 0.0
@@ -117,20 +117,20 @@ def descend(
     tolerance: float,
     hopeless: float,
 ) -> tuple[Array, float, int]:
-    """Go down to the nearest minimum of the cost.
+    """Descend to the nearest minimum of the cost.
 
     Args:
         image: RGB (H, W, 3).
-        start: Where to begin (4,).
-        kernels: What is read.
-        root_reference: As for ssd_normal_equations.
-        units: How much of each coordinate counts as one (4,).
+        start: First state (4,).
+        kernels: Template and kernels.
+        root_reference: As for `ssd_normal_equations`.
+        units: Unit of each coordinate (4,).
         most: Largest number of evaluations.
-        tolerance: A step with no part above this, in these units, is the last, and is not tried.
-        hopeless: A start that costs more than this is returned as it is.
+        tolerance: A step with all parts below this, in units, is the last; it is not evaluated.
+        hopeless: A start with a higher cost is returned unchanged.
 
     Returns:
-        State (4,), the last cost that was computed for a state that counts, and the evaluations.
+        State (4,), the last accepted cost, and the number of evaluations.
     """
     x = start.copy()
     cost, gradient, curvature = linearise(image, x, kernels, root_reference)

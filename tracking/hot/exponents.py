@@ -1,4 +1,4 @@
-"""Compiled: the exponent that flattens a likelihood as much as wanted."""
+"""Compiled loop for the exponent that flattens a likelihood to an effective sample size."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from tracking.hot.compiled import compiled
 
 @compiled()
 def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -> float:
-    """The beta below `highest` with which w^beta has a target effective sample size, by bisection.
+    """The beta below `highest` for which w^beta has a given effective sample size, by bisection.
 
     Args:
         log_likelihood: ln w (N,).
         target: Effective sample size 1 / sum w^2 of the normalised weights.
         highest: Largest beta.
-        steps: Bisections.
+        steps: Number of bisections.
     """
     low, high, top = 0.0, highest, np.max(log_likelihood)
     for _ in range(steps):

@@ -1,6 +1,6 @@
-"""Compiled: whole pixels under Epanechnikov kernels, as the SSD descent needs them.
+"""Compiled loops for histograms of pixels under Epanechnikov kernels, and their derivatives.
 
-A state is (x, y, theta, ln scale); f_x takes an image point l to the template,
+A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
 """
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 @compiled(error_model="numpy")
 def _level(value: int, levels: int) -> float:
-    """Where a channel's value lies among its bins, whose centres are at (b + 0.5) * 256 / levels;
-    values beyond the last centre stay in its bin.
+    """Position of a channel's value among its bins, whose centres are at (b + 0.5) * 256 / levels;
+    values outside of the first and last centre belong to these bins.
     """
     return min(max((value + 0.5) * (levels / 256.0) - 0.5, 0.0), levels - 1.0)
 
@@ -29,12 +29,12 @@ def _level(value: int, levels: int) -> float:
 def _share_between_bins(
     image: Image, i: Any, j: Any, levels: int
 ) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
-    """The four bins that a pixel is shared between, and its shares.
+    """The four bins that share a pixel, and their shares.
 
-    The shares are tetrahedral, as in colour tables: linear like trilinear ones, and as continuous,
-    with half as many bins. From the lower corner of the cell of eight bins around the colour, one
-    goes along the channels in the order of their fractions, the largest first. Written without
-    branches, which a processor could not foretell.
+    The shares are those of tetrahedral interpolation, as in colour tables: linear and continuous
+    like trilinear ones, with half as many bins. From the lower corner of the cell of eight bins
+    around the colour, the path goes along the channels in the order of their fractions, the largest
+    first. The code has no branches, which a processor could not predict.
     """
     r = _level(image[i, j, 0], levels)
     g = _level(image[i, j, 1], levels)
@@ -56,10 +56,10 @@ def _share_between_bins(
 def _cover(
     rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
 ) -> Weight:
-    """How much of a pixel at r the template covers, and d cover / d(x, y, theta, ln scale).
+    """Share of a pixel at r that the template covers, and d cover / d(x, y, theta, ln scale).
 
-    With a hard rim the objective would have a step, and a false minimum, wherever a pixel's centre
-    crosses it.
+    With a hard edge, the objective would have a step and a false minimum wherever a pixel's centre
+    crosses the edge.
     """
     in_x, in_y = scale * (half_width - abs(rx)) + 0.5, scale * (half_height - abs(ry)) + 0.5
     if in_x <= 0.0 or in_y <= 0.0:
@@ -120,12 +120,12 @@ def kernel_histograms(
 
     Args:
         image: RGB (H, W, 3).
-        state: (4,).
-        half: Half width and height of the template; no kernel sees a pixel outside it [px].
+        state: State (4,).
+        half: Half width and height of the template [px]; pixels outside of it do not count.
         centres: Kernel centres in the template (K, 2) [px].
         span: Half axes of the kernels' elliptic support [px].
         levels: Bins per colour channel; each pixel is shared between four neighbours.
-        stride: Every stride-th pixel and line is read.
+        stride: Only every stride-th pixel and row is read.
 
     Returns:
         sums (K, B, 5): for each kernel and bin the sum of k and of dk/d(x, y, theta, ln scale).
@@ -155,7 +155,7 @@ def kernel_histograms(
                     continue
                 gx, gy = -2.0 * ax * per_x, -2.0 * ay * per_y
                 weight = _weigh(rx, ry, cover, value, gx, gy, per_scale, c, s)
-                rows = sums[np.uint64(k)]  # never counted from the end: saves asking
+                rows = sums[np.uint64(k)]  # an unsigned index needs no check for negative values
                 for corner in range(4):
                     _add(rows, bins[corner], shares[corner], weight)
                 for p in range(5):

@@ -1,4 +1,4 @@
-"""Compiled: weighted samples. Each loop is short, but a filter runs all of them in every frame."""
+"""Compiled loops over weighted samples, which particle filters run in every frame."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 @compiled()
 def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
-    """Samples (N, 4) that all moved by a change (4,) and were spread by it (4,) times draws (N, 4).
+    """Samples (N, 4) after a common change (4,) and noise: a spread (4,) times draws (N, 4).
 
-    The last coordinate, ln scale, stays within plus or minus the most.
+    The last coordinate, ln scale, is limited to -most..most.
     """
     found = np.empty_like(samples)
     for n in range(len(samples)):
@@ -29,20 +29,20 @@ def moved(samples: Array, change: Array, spread: Array, draws: Array, most: floa
 
 @compiled()
 def normalised(log_weights: Array) -> Array:
-    """Weights (N,) that sum to 1, of log-weights up to a constant."""
+    """Weights (N,) that sum to 1, from log-weights with any additive constant."""
     weights = np.exp(log_weights - np.max(log_weights))
     return weights / np.sum(weights)
 
 
 @compiled()
 def effective_size(weights: Array) -> float:
-    """How many equally weighted samples carry as much: 1 / sum w^2, between 1 and N."""
+    """Effective sample size 1 / sum w^2, between 1 and N."""
     return 1.0 / np.sum(weights * weights)
 
 
 @compiled()
 def mean(samples: Array, weights: Array) -> Array:
-    """Weighted mean (D,) of samples (N, D). Angles must be continuous, as ours are."""
+    """Weighted mean (D,) of samples (N, D). Angles must be continuous, without wrapping."""
     found = np.zeros(samples.shape[1])
     for n in range(len(samples)):
         for d in range(len(found)):
@@ -65,7 +65,7 @@ def covariance(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def cloud(samples: Array, weights: Array) -> Array:
-    """Samples (N, 4) with their scale instead of its logarithm, and weights: (N, 5)."""
+    """Samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
     found = np.empty((len(samples), 5))
     found[:, :3] = samples[:, :3]
     found[:, 3] = np.exp(samples[:, 3])
@@ -79,14 +79,14 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
     N w_i times.
 
     Args:
-        weights: Not negative (N,); they need not sum to 1.
+        weights: Weights (N,), not negative, with any sum.
         first: A uniform draw from [0, 1).
     """
     count, step = len(weights), np.sum(weights) / len(weights)
     drawn = np.empty(count, np.int64)
     i, reached = 0, weights[0]
     for n in range(count):
-        # Rounding must not leave the last position without a sample.
+        # With rounding, the last position could exceed the sum.
         while reached <= (n + first) * step and i < count - 1:
             i += 1
             reached += weights[i]

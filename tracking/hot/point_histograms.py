@@ -1,7 +1,7 @@
-"""Compiled: histograms at a fixed set of template points that every state carries along.
+"""Compiled loops for histograms at fixed points of the template, which move with the state.
 
 A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
-the image; the pixel there has the label of its bin, or a negative one if it counts as no bin.
+the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
 """
 
 from __future__ import annotations
@@ -18,26 +18,22 @@ if TYPE_CHECKING:
 
     Window = tuple[NDArray[Any], int, int]
     """Labels (h, w) of a part of the image, and its left and top [px]."""
+    Points = tuple[Array, NDArray[Any], Array]
+    """Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
+    Scratch = tuple[Array, NDArray[Any], NDArray[Any]]
+    """A flat histogram of zeros (K * bins,), and two arrays (P,) for indices of bins."""
 
 
 @compiled()
-def _read(
-    window: Window,
-    state: Array,
-    points: Array,
-    parts: NDArray[Any],
-    weights: Array,
-    bins: int,
-    histogram: Array,
-    seen: NDArray[Any],
-    used: NDArray[Any],
-) -> int:
-    """Add the points' weights to a flat histogram (K * bins,), which is zero.
+def _read(window: Window, state: Array, template: Points, bins: int, scratch: Scratch) -> int:
+    """Add the weights of the points to the histogram.
 
-    Writes the place in it that each point falls on (P,), or -1, and the places that are no longer
-    zero; returns how many of these there are.
+    Writes the index of each point's bin, or -1, to the second array of `scratch`, and indices of
+    bins that are not zero to the third; returns the number of these.
     """
     labels, left, top = window
+    points, parts, weights = template
+    histogram, seen, used = scratch
     h, w = labels.shape
     scale = np.exp(state[3])
     c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
@@ -60,6 +56,11 @@ def _read(
 
 
 @compiled()
+def _scratch(bins: int, points: int) -> Scratch:
+    return np.zeros(bins), np.empty(points, np.int64), np.empty(points, np.int64)
+
+
+@compiled()
 def histograms(
     window: Window,
     state: Array,
@@ -69,11 +70,10 @@ def histograms(
     count: int,
     bins: int,
 ) -> Array:
-    """What each part of one state (4,) shows (count, bins), not normalised."""
-    found = np.zeros(count * bins)
-    seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
-    _read(window, state, points, parts, weights, bins, found, seen, used)
-    return found.reshape((count, bins))
+    """Histograms (count, bins) of the parts of one state (4,), not normalised."""
+    scratch = _scratch(count * bins, len(points))
+    _read(window, state, (points, parts, weights), bins, scratch)
+    return scratch[0].reshape((count, bins))
 
 
 @compiled()
@@ -84,7 +84,7 @@ def coefficients(
 
     Args:
         window: Labels, left, top.
-        states: (N, 4).
+        states: States (N, 4).
         points: Template points (P, 2) [px].
         parts: Part of each point (P,), 0..K-1.
         weights: Kernel weight of each point (P,), above 0, summing to 1 over a part.
@@ -92,10 +92,10 @@ def coefficients(
     """
     rho = np.zeros((len(states), len(root_q)))
     flat_q, bins = root_q.ravel(), root_q.shape[1]
-    histogram = np.zeros(len(flat_q))
-    seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
+    scratch = _scratch(len(flat_q), len(points))
+    histogram, _, used = scratch
     for n in range(len(states)):
-        count = _read(window, states[n], points, parts, weights, bins, histogram, seen, used)
+        count = _read(window, states[n], (points, parts, weights), bins, scratch)
         for i in range(count):
             place = used[i]
             rho[n, place // bins] += flat_q[place] * np.sqrt(histogram[place])
@@ -105,7 +105,7 @@ def coefficients(
 
 @compiled()
 def squared_distances(rho: Array) -> Array:
-    """d_m^2 (N,) of coefficients (N, K)."""
+    """Squared distances d_m^2 (N,) of coefficients (N, K)."""
     found = np.empty(len(rho))
     for n in range(len(rho)):
         found[n] = max(1.0 - np.mean(rho[n]), 0.0)
@@ -114,20 +114,13 @@ def squared_distances(rho: Array) -> Array:
 
 @compiled()
 def _mean_shift_step(
-    window: Window,
-    state: Array,
-    points: Array,
-    parts: NDArray[Any],
-    weights: Array,
-    root_q: Array,
-    histogram: Array,
-    seen: NDArray[Any],
-    used: NDArray[Any],
+    window: Window, state: Array, template: Points, root_q: Array, scratch: Scratch
 ) -> tuple[float, float, float]:
     """Coefficient at a state, and the mean-shift vector in the image [px]."""
-    count = _read(window, state, points, parts, weights, 0, histogram, seen, used)
+    count = _read(window, state, template, 0, scratch)
+    points, (histogram, seen, used) = template[0], scratch
     mass, shift_x, shift_y, rho = 0.0, 0.0, 0.0, 0.0
-    for i in range(count):  # a bin's mass becomes the pull of its points
+    for i in range(count):  # the mass of a bin is replaced by the weight of its points
         root = float(np.sqrt(histogram[used[i]]))
         rho += float(root_q[used[i]] * root)
         histogram[used[i]] = root_q[used[i]] / root
@@ -157,42 +150,37 @@ def mean_shift(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, int]:
-    """Move each state (N, 4) to the nearest mode of the likeness to one reference histogram.
+    """Move each state (N, 4) to the nearest maximum of the coefficient with a reference histogram.
 
     Args:
         window: Labels, left, top.
-        states: Where to begin.
+        states: First states (N, 4).
         points: Template points under an Epanechnikov kernel (P, 2) [px].
         weights: Their kernel weights (P,), summing to 1.
         root_q: Square roots of the reference histogram (1, B).
-        most: Largest number of histograms read for a state.
+        most: Largest number of evaluated histograms for a state.
         tolerance: A shorter shift ends the search [px].
 
     Returns:
-        states (N, 4), their coefficients (N,), and how many histograms were read.
+        States (N, 4), their coefficients (N,), and the number of evaluated histograms.
     """
     found, rho, evaluations = states.copy(), np.zeros(len(states)), 0
-    parts = np.zeros(len(points), np.int64)
+    template = points, np.zeros(len(points), np.int64), weights
     flat_q = root_q.ravel()
-    histogram = np.zeros(len(flat_q))
-    seen, used = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
+    scratch = _scratch(len(flat_q), len(points))
     for n in range(len(states)):
         here = found[n]
-        rho[n], dx, dy = _mean_shift_step(
-            window, here, points, parts, weights, flat_q, histogram, seen, used
-        )
+        rho[n], dx, dy = _mean_shift_step(window, here, template, flat_q, scratch)
         evaluations += 1
         left = most - 1
         while left > 0 and dx * dx + dy * dy > tolerance * tolerance:
             there = here.copy()
             there[0] += dx
             there[1] += dy
-            better, next_x, next_y = _mean_shift_step(
-                window, there, points, parts, weights, flat_q, histogram, seen, used
-            )
+            better, next_x, next_y = _mean_shift_step(window, there, template, flat_q, scratch)
             evaluations += 1
             left -= 1
-            if better < rho[n]:  # the safeguard: half the step (Comaniciu, Ramesh, Meer 2003)
+            if better < rho[n]:  # halve the step (Comaniciu, Ramesh, Meer 2003)
                 dx, dy = dx / 2, dy / 2
                 continue
             here[0], here[1] = there[0], there[1]

@@ -1,4 +1,4 @@
-"""Rerun archetypes for our values: solids, rectangles, and the layout of the viewer."""
+"""Rerun archetypes for solids and rectangles, and the layout of the viewer."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -24,7 +24,7 @@ LINE_RADIUS = 0.6
 
 
 def solids(shapes: list[Shape], bodies: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    """Entity path and archetype of all shapes, one for each body and kind."""
+    """Entity paths and archetypes of shapes, one for each body and kind of shape."""
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for shape in shapes:
         if shape.rgba[3] > 0:
@@ -48,7 +48,7 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
         return rr.Ellipsoids3D(half_sizes=sizes, centers=centres, **style)
     if kind == "cylinder":
         return rr.Cylinders3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], centers=centres, **style)
-    # Rerun's capsules begin at their first end, MuJoCo's are centred.
+    # The origin of a capsule is its first end in Rerun, and its centre in MuJoCo.
     axes = np.stack([m.pose.rotation[:, 2] for m in members])
     begin = centres - axes * sizes[:, 1:2]
     return rr.Capsules3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], translations=begin, **style)
@@ -61,19 +61,19 @@ def _quaternion(R: Array) -> rr.Quaternion:
 
 
 def outline_strips(corners: Array) -> list[Array]:
-    """A closed rectangle with a tick to its nose, as two lines."""
+    """A closed rectangle and a tick that shows its front, as two lines."""
     front = (corners[1] + corners[2]) / 2
     nose = np.stack([(corners.mean(axis=0) + front) / 2, front])
     return [np.vstack([corners, corners[:1]]), nose]
 
 
 def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
-    """The same as an archetype."""
+    """The archetype of a rectangle with corners (4, 2) [px]."""
     return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)
 
 
 def goal_corners(step: Step) -> Array:
-    """Where the reference rectangle (4, 2) shall be [px]."""
+    """Goal of the corners (4, 2) of the reference rectangle [px]."""
     first = step.truth.size / step.true_state.scale
     x, y = step.goal.tolist()
     goal = State(x, y, step.goal_theta, step.goal_size / first)

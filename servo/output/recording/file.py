@@ -1,4 +1,4 @@
-"""A recording's file: it grows on the disk while it is written, and says when it cannot."""
+"""The file of a recording, which grows while it is written and reports a full disk."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import rerun.blueprint as rrb
 from servo.mistake import Refused
 
 PATIENCE = 10.0
-"""A disk that takes nothing for so long refuses [s]."""
+"""Longest wait for the disk, which then counts as not writable [s]."""
 FULL = 1 << 16
-"""A disk with less room than this is full [bytes]."""
+"""A disk with less free space counts as full [bytes]."""
 
 
 class RecordingFile:
-    """A recording stream that goes to one file."""
+    """A recording stream that writes to one file."""
 
     def __init__(self, app: str, path: Path, blueprint: rrb.Blueprint) -> None:
-        """Begin a recording named like its folder."""
+        """Start a recording with the name of its folder."""
         rr.set_strict_mode(True)
         self.path = path
         self.stream = rr.RecordingStream(app, recording_id=path.parent.name)
@@ -30,15 +30,15 @@ class RecordingFile:
         self.stream.set_log_tick_enabled(False)
 
     def flush(self) -> None:
-        """Wait until all that was logged is in the file.
+        """Wait until everything that was logged is in the file.
 
         Raises:
-            Refused: The disk takes no more; what was written before can be opened.
+            Refused: The disk cannot be written; the part written before can be opened.
         """
         try:
             self.stream.flush(timeout_sec=PATIENCE)
         except RuntimeError:
-            # Deleting the stream, and Rerun's own end, would wait for ever for the last bytes.
+            # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
             rr.unregister_shutdown()
             full = shutil.disk_usage(self.path.parent).free < FULL
@@ -46,11 +46,10 @@ class RecordingFile:
             raise Refused(f"{self.path}: the recording ends too early: {why}") from None
 
     def close(self) -> None:
-        """Write what is left and the footer.
+        """Write the last data and the footer.
 
         Raises:
-            Refused: As for `flush`; the file then stays as it is, because Rerun would wait for ever
-                for its last bytes.
+            Refused: As for `flush`; the file then stays as it is.
         """
         self.flush()
         self.stream.disconnect()

@@ -1,8 +1,8 @@
 """A run as a Rerun recording.
 
-| entity | what |
+| entity | content |
 |---|---|
-| world/table, world/fixed/* | table top with texture, things that never move |
+| world/table, world/fixed/* | table top with texture, parts that never move |
 | world/BODY, world/BODY/* | robot/LINK, target, board: pose; their shapes |
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
 | world/eye/image/estimate, goal, truth | green, red and white rectangles |
@@ -18,35 +18,31 @@
 | plots/ms | stage times |
 | events | occluded, lost, coasting, searching, found again, saturated |
 
-Timelines: `frame` and `sim_time`. Everything goes out in columns once a second: a log call for each
-entity and frame would cost as much as half a rendering.
+Timelines: `frame` and `sim_time`. Data is sent in columns once a second, because log calls for each
+entity and frame would take half as long as rendering.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import rerun as rr
 
 from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
-from servo.output.recording.archetypes import (
-    IMAGE,
-    LINE_RADIUS,
-    blueprint,
-    goal_corners,
-    outline_strips,
-    solids,
-)
+from servo.output.recording import archetypes
+from servo.output.recording.archetypes import IMAGE
 from servo.output.recording.file import RecordingFile
 from servo.types import DOF
+from sim.robot import Robot
 from sim.shapes import shapes_of, table_top
 from sim.types import Array
+from tracking.evaluation.drawing.contact_sheet import encoded
 
 JPEG_QUALITY = 80
 GREEN, RED, WHITE, AMBER = (60, 220, 90), (240, 60, 50), (255, 255, 255), (255, 190, 40)
@@ -54,22 +50,33 @@ GREY = (130, 130, 140)
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, AMBER, WHITE, GREY, GREEN, RED)
 FRUSTUM = 0.15
-"""How far from the camera its image plane is drawn [m]."""
+"""Distance from the camera at which its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
+MOTIONS = ("measured", "estimated", "true")
 LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
     (Event.OCCLUDED, Event.SATURATED, Event.HOLDING, Event.SEARCHING), "WARN"
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """The lines of one plot: their names and colours, and their values at a step."""
+
+    path: str
+    names: Sequence[str]
+    colours: Sequence[Any]
+    values: Callable[[Step], Sequence[float] | Array]
+
+
 class RerunLog:
-    """Writes one recording."""
+    """Writer of the recording of one run."""
 
     def __init__(self, path: Path, episode: Episode) -> None:
         self._episode, world = episode, episode.world
         self._features = episode.loop.features.names
-        self._robot, self._moving = world.robot, world.moving
+        self._moving, self._plots = world.moving, _plots(world.robot, self._features)
         self._at_once = max(1, round(episode.scenario.camera.rate))
-        self._file = RecordingFile("servobench", path, blueprint(self._features))
+        self._file = RecordingFile("servobench", path, archetypes.blueprint(self._features))
         self._rec = self._file.stream
         self._before: Step | None = None
         self._steps: list[Step] = []
@@ -78,14 +85,12 @@ class RerunLog:
         self._name_series()
 
     def add(self, step: Step) -> None:
-        """Log a step; once a second all that was logged goes to the disk.
+        """Log a step; once a second everything is written to the disk.
 
         Raises:
-            Refused: The disk takes no more.
+            Refused: The disk cannot be written.
         """
-        bgr = cv2.cvtColor(step.frame.image, cv2.COLOR_RGB2BGR)
-        _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        self._jpegs.append(jpeg.tobytes())
+        self._jpegs.append(encoded(step.frame.image, JPEG_QUALITY))
         for event in events(self._before, step):
             self._rec.set_time("frame", sequence=step.frame.index)
             self._rec.set_time("sim_time", duration=step.frame.time)
@@ -98,10 +103,10 @@ class RerunLog:
             self._file.flush()
 
     def close(self) -> None:
-        """Write what is left and the footer.
+        """Write the last steps and the footer.
 
         Raises:
-            Refused: The disk takes no more.
+            Refused: The disk cannot be written.
         """
         self._send()
         self._file.close()
@@ -116,7 +121,7 @@ class RerunLog:
         )  # fmt: skip
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._rec.log("world/table", mesh, static=True)
-        for path, archetype in solids(shapes_of(model), ("fixed", *self._moving)):
+        for path, archetype in archetypes.solids(shapes_of(model), ("fixed", *self._moving)):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy], principal_point=[camera.cx, camera.cy],
@@ -125,7 +130,7 @@ class RerunLog:
         )  # fmt: skip
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", WHITE), ("goal", RED), ("estimate", GREEN)):
-            style = rr.LineStrips2D.from_fields(colors=colour, radii=LINE_RADIUS)
+            style = rr.LineStrips2D.from_fields(colors=colour, radii=archetypes.LINE_RADIUS)
             self._rec.log(f"{IMAGE}/{name}", style, static=True)
         dots = rr.Points2D.from_fields(colors=AMBER, radii=1.0)
         self._rec.log(f"{IMAGE}/particles", dots, static=True)
@@ -149,11 +154,11 @@ class RerunLog:
         self._rec.send_columns(IMAGE, index, images)
         places = {
             "truth": [s.truth.corners for s in steps],
-            "goal": [goal_corners(s) for s in steps],
+            "goal": [archetypes.goal_corners(s) for s in steps],
             "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
-            strips = [strip for c in corners for strip in outline_strips(c)]
+            strips = [strip for c in corners for strip in archetypes.outline_strips(c)]
             columns = rr.LineStrips2D.columns(strips=strips)
             per_frame = [len(strips) // len(steps)] * len(steps)
             self._rec.send_columns(f"{IMAGE}/{name}", index, columns.partition(per_frame))
@@ -164,14 +169,14 @@ class RerunLog:
         self._rec.send_columns(f"{IMAGE}/particles", index, columns)
 
     def _send_numbers(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
-        numbers: dict[str, list[Any]] = defaultdict(list)
-        for step in steps:
-            for path, values in self._series(step).items():
-                numbers[path].append(values)
-        for path, rows in numbers.items():
-            table = np.asarray(rows, float)
+        numbers = {p.path: np.array([p.values(s) for s in steps], float) for p in self._plots}
+        motions = np.array([[s.motion_measured, s.prediction.motion, s.target_motion_true]
+                            for s in steps])  # fmt: skip
+        numbers |= {f"motion/{f}": motions[:, :, i] for i, f in enumerate(self._features)}
+        for path, table in numbers.items():
             columns = rr.Scalars.columns(scalars=table.ravel())
-            self._rec.send_columns(path, index, columns.partition([table.shape[1]] * len(table)))
+            per_frame = [table.shape[1]] * len(table)
+            self._rec.send_columns(f"plots/{path}", index, columns.partition(per_frame))
         poses = np.stack([s.bodies for s in steps])
         cameras = [s.truth.T_world_camera for s in steps]
         self._send_poses(
@@ -186,60 +191,42 @@ class RerunLog:
         )
         self._rec.send_columns(path, index, columns)
 
-    def _series(self, step: Step) -> dict[str, Array | list[float]]:
-        command, measured, seconds = step.command, step.twist_measured, step.seconds
-        found: dict[str, Array | list[float]] = {
-            "plots/error": [step.servo_error, step.tracking_error],
-            "plots/features": step.error,
-            "plots/twist/linear": np.concatenate([command.twist[:3], measured[:3]]),
-            "plots/twist/angular": np.concatenate([command.twist[3:], measured[3:]]),
-            "plots/nis": step.prediction.nis,
-            "plots/joints": step.joints,
-            "plots/tilt": [np.degrees(step.tilt)],
-            "plots/range": self._within_range(step.joints),
-            "plots/distance": [step.estimate.distance],
-            "plots/ess": [step.estimate.ess],
-            "plots/ms": [1e3 * getattr(seconds, stage) for stage in STAGES],
-        }
-        motions = (step.motion_measured, step.prediction.motion, step.target_motion_true)
-        for i, name in enumerate(self._features):
-            found[f"plots/motion/{name}"] = [m[i] for m in motions]
-        return found
-
-    def _within_range(self, joints: Array) -> Array:
-        limited = np.isfinite(self._robot.upper)
-        low, high = self._robot.lower[limited], self._robot.upper[limited]
-        return np.append(2 * (joints[limited] - low) / (high - low) - 1, [-1.0, 1.0])
-
     def _name_series(self) -> None:
-        limited = [
-            n for n, u in zip(self._robot.names, self._robot.upper, strict=True) if np.isfinite(u)
-        ]
-        colours = [PALETTE[i % len(PALETTE)] for i in range(len(self._features))]
-        twists = [*XYZ, *(tuple(c // 2 for c in colour) for colour in XYZ)]
-        names: dict[str, tuple[list[str], list[Any]]] = {
-            "error": (["servo", "tracking"], [RED, GREEN]),
-            "features": (list(self._features), colours),
-            "twist/linear": (
-                [f"{w} {d}" for w in ("commanded", "measured") for d in DOF[:3]],
-                twists,
-            ),
-            "twist/angular": (
-                [f"{w} {d}" for w in ("commanded", "measured") for d in DOF[3:]],
-                twists,
-            ),
-            "joints": (list(self._robot.names), [*XYZ, AMBER, WHITE, GREY]),
-            "range": ([*limited, "lower limit", "upper limit"], [*XYZ, AMBER, WHITE, RED, RED]),
-            "nis": (list(self._features), colours),
-            "tilt": (["tilt"], [GREEN]),
-            "distance": (["distance"], [GREEN]),
-            "ess": (["effective sample size"], [GREEN]),
-            "ms": (list(STAGES), [*XYZ, AMBER]),
-            **{
-                f"motion/{f}": (["measured", "estimated", "true"], [GREY, GREEN, WHITE])
-                for f in self._features
-            },
-        }
-        for path, (series, colours) in names.items():
-            lines = rr.SeriesLines(names=series, colors=colours[: len(series)])
+        named = [(p.path, p.names, p.colours) for p in self._plots]
+        named += [(f"motion/{f}", MOTIONS, (GREY, GREEN, WHITE)) for f in self._features]
+        for path, names, colours in named:
+            lines = rr.SeriesLines(names=list(names), colors=list(colours[: len(names)]))
             self._rec.log(f"plots/{path}", lines, static=True)
+
+
+def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
+    """All plots except those of the target's motion."""
+    limited = np.isfinite(robot.upper)
+    low, high = robot.lower[limited], robot.upper[limited]
+    ranges = [n for n, on in zip(robot.names, limited, strict=True) if on]
+    colours = [PALETTE[i % len(PALETTE)] for i in range(len(features))]
+    dark = [tuple(c // 2 for c in colour) for colour in XYZ]
+
+    def within_range(step: Step) -> Array:
+        return np.append(2 * (step.joints[limited] - low) / (high - low) - 1, [-1.0, 1.0])
+
+    def twist(path: str, part: slice) -> Lines:
+        names = [f"{which} {name}" for which in ("commanded", "measured") for name in DOF[part]]
+        return Lines(f"twist/{path}", names, [*XYZ, *dark], lambda s: np.concatenate(
+            [s.command.twist[part], s.twist_measured[part]]))  # fmt: skip
+
+    return [
+        Lines("error", ("servo", "tracking"), (RED, GREEN),
+              lambda s: [s.servo_error, s.tracking_error]),
+        Lines("features", features, colours, lambda s: s.error),
+        twist("linear", slice(3)),
+        twist("angular", slice(3, 6)),
+        Lines("joints", robot.names, (*XYZ, AMBER, WHITE, GREY), lambda s: s.joints),
+        Lines("range", [*ranges, "lower limit", "upper limit"], (*XYZ, AMBER, WHITE, RED, RED),
+              within_range),
+        Lines("nis", features, colours, lambda s: s.prediction.nis),
+        Lines("tilt", ("tilt",), (GREEN,), lambda s: [np.degrees(s.tilt)]),
+        Lines("distance", ("distance",), (GREEN,), lambda s: [s.estimate.distance]),
+        Lines("ess", ("effective sample size",), (GREEN,), lambda s: [s.estimate.ess]),
+        Lines("ms", STAGES, (*XYZ, AMBER), lambda s: [1e3 * getattr(s.seconds, n) for n in STAGES]),
+    ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The camera's pictures out of a recording, with the rectangles that were logged beside them."""
+"""The camera's pictures in a recording, with the rectangles of truth and estimate."""
 
 from __future__ import annotations
 
@@ -30,22 +30,24 @@ class RecordedFrame:
     image: Image
     """RGB (H, W, 3)."""
     truth: Array
-    """Corners (4, 2) of the target [px]; nan where there are none."""
+    """Corners (4, 2) of the target [px]; nan if there are none."""
     estimate: Array
-    """The same of the estimate."""
+    """Corners (4, 2) of the estimate [px]; nan if there are none."""
 
 
 def pictures(path: Path, count: int) -> list[RecordedFrame]:
-    """Frames at even distances, the first and the last among them.
+    """Up to `count` frames at equal distances, including the first and the last.
 
     Raises:
-        Mistake: The file is missing, no recording, or broken.
+        Mistake: The file is missing, not a recording, or damaged.
     """
     check(path)
     found: dict[str, dict[int, tuple[float, Any]]] = {BLOB: {}, "truth": {}, "estimate": {}}
     try:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "RRD file has no footer")  # what is there is read
+            warnings.filterwarnings(
+                "ignore", "RRD file has no footer"
+            )  # the frames before are read
             for name, frame, time, value in _logged(path):
                 found[name][frame] = time, value
     except (RuntimeError, ValueError, OSError):
@@ -58,7 +60,7 @@ def pictures(path: Path, count: int) -> list[RecordedFrame]:
 
 
 def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
-    """Which of the three, frame, time [s], and what was logged."""
+    """Name (BLOB, truth or estimate), frame, time [s] and logged value of each."""
     names = {f"/{IMAGE}": (BLOB, BLOB)} | {
         f"/{IMAGE}/{who}": (who, STRIPS) for who in ("truth", "estimate")
     }
@@ -79,7 +81,7 @@ def _recorded(
     raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
     image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
     if image is None:
-        raise Mistake(f"{path}: frame {frame} is no picture")
+        raise Mistake(f"{path}: frame {frame} is not a picture")
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
     return RecordedFrame(
         time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -13,6 +12,7 @@ from servo.output.recording.file import RecordingFile
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import COLOURS
+from tracking.evaluation.drawing.contact_sheet import encoded
 from tracking.evaluation.track import Shot
 from tracking.types import Region
 
@@ -21,33 +21,34 @@ WHITE, AMBER = (255, 255, 255), (255, 190, 40)
 
 
 class TrackLog:
-    """Writes one recording."""
+    """Writer of the recording of one track."""
 
     def __init__(self, path: Path, region: Region, rate: float) -> None:
-        """A recording to a path.
+        """Start a recording.
 
         Args:
             path: The file.
             region: The template.
-            rate: Pictures a second: after so many, what was logged is written to the file.
+            rate: Pictures a second; after so many, the logged data is written to the file.
         """
         self._region, self._at_once = region, max(1, round(rate))
         self._file = RecordingFile("servobench_track", path, _blueprint())
         self._rec = self._file.stream
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture and its numbers.
+        """Log a picture and its numbers.
 
         Raises:
-            Refused: The disk takes no more.
+            Refused: The disk cannot be written.
         """
         rec, estimate = self._rec, shot.estimate
         rec.set_time("frame", sequence=shot.index)
-        rec.set_time("sim_time", duration=shot.picture.time)  # as in runs, for `servobench view`
+        rec.set_time(
+            "sim_time", duration=shot.picture.time
+        )  # the timeline of runs, for `servobench view`
         if shot.picture.image is not None:
-            bgr = cv2.cvtColor(shot.picture.image, cv2.COLOR_RGB2BGR)
-            _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-            rec.log(IMAGE, rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+            data = encoded(shot.picture.image, JPEG_QUALITY)
+            rec.log(IMAGE, rr.EncodedImage(contents=data, media_type="image/jpeg"))
         corners = estimate.outline(self._region)
         rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
         if truth is not None:
@@ -65,12 +66,12 @@ class TrackLog:
         """Finish the file.
 
         Raises:
-            Refused: The disk takes no more.
+            Refused: The disk cannot be written.
         """
         self._file.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is: nothing more is logged."""
+        """Leave the file as it is; nothing more is logged."""
 
 
 def _blueprint() -> rrb.Blueprint:

@@ -1,4 +1,4 @@
-"""Looking at a recording: in Rerun's own window, in a browser, or as a picture without either."""
+"""Viewing a recording: in Rerun's window, in a browser, or drawn into a PNG file."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from servo.mistake import Mistake
 from tracking.files import atomic, reading
 
 MAGIC = (b"RRF2", b"RRIO")
-"""How Rerun's files begin."""
+"""First bytes of Rerun's files."""
 VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 LOADED_WITHIN, POLL = 30.0, 0.25
 DRAWN_AFTER = 3.0
-"""Time for a first drawing of a scene on a machine without a GPU [s]."""
+"""Time that a machine without a GPU needs to draw a scene for the first time [s]."""
 
 
 def recording_in(folder: Path) -> Path:
-    """The recording of a folder that `run` or `track` wrote."""
+    """The recording in a folder of `run` or `track`."""
     track = folder / "track.rrd"
     return track if track.exists() else folder / "run.rrd"
 
 
 def check(path: Path) -> None:
-    """Refuse what is not a recording.
+    """Refuse a file that is not a recording.
 
     Raises:
-        Mistake: There is no such file, or it is not one of Rerun's.
+        Mistake: The file is missing, or it is not one of Rerun's.
     """
     try:
         with reading.opened(path, "recording") as file:
@@ -60,16 +60,16 @@ def show(path: Path, *, web: bool) -> int:
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
-    """Draw the viewer at a simulated time into a PNG, without a window.
+    """Draw the viewer at a simulated time into a PNG file, without a window.
 
     Args:
         path: The recording.
         png: The file to write.
         at: Simulated time [s].
-        panel: The entity of one panel to draw alone, such as "world"; None: all of them.
+        panel: The entity of the only panel to draw, such as "world"; None: all panels.
 
     Raises:
-        Mistake: The viewer cannot start here, has no such panel, or never shows the recording.
+        Mistake: The viewer cannot start, has no such panel, or does not show the recording.
     """
     _check_png(path, png)
     try:
@@ -78,9 +78,8 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             end = time.monotonic() + LOADED_WITHIN
             while not viewer.get_state().views:
                 if time.monotonic() > end:
-                    raise Mistake(
-                        f"{path}: the viewer did not show this within {LOADED_WITHIN:g} s"
-                    )
+                    late = f"the viewer did not show this within {LOADED_WITHIN:g} s"
+                    raise Mistake(f"{path}: {late}")
                 time.sleep(POLL)
             viewer.set_time("sim_time", duration=at, play_state="paused")
             time.sleep(DRAWN_AFTER)
@@ -95,10 +94,10 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
 
 
 def _check_png(path: Path, png: Path) -> None:
-    """Refuse a picture that has no place.
+    """Refuse a PNG file that cannot or must not be written.
 
     Raises:
-        Mistake: Its folder is missing, something else is there, or it is the recording.
+        Mistake: Its folder is missing, it is not a file, or it is the recording.
     """
     if not png.absolute().parent.is_dir():
         raise Mistake(f"{png}: there is no such folder to write to")
@@ -109,11 +108,11 @@ def _check_png(path: Path, png: Path) -> None:
 
 
 def _quiet_viewer() -> ViewerClient:
-    """A viewer without a window, whose own log does not reach our stderr."""
+    """A viewer without a window, with its log kept away from our stderr."""
     stderr, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 2)
     try:
-        # The viewer that belongs to this rerun-sdk, whatever PATH says.
+        # The viewer of this rerun-sdk, not one on PATH.
         rerun = Path(sysconfig.get_path("scripts")) / "rerun"
         return ViewerClient.spawn(
             headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=str(rerun)

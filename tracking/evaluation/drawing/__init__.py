@@ -1,1 +1,1 @@
-"""Pictures of results: contact sheets, curves, annotated videos."""
+"""Drawings of results: contact sheets, curves, annotated videos."""

@@ -1,7 +1,7 @@
-"""An annotated video (MP4): truth white, estimate green, amber or red as the tracker is sure.
+"""An annotated video (MP4): truth white; estimate green, amber or red by the tracker's status.
 
-The file is written in fragments, each with what a player needs, so that it can be played even when
-the program is killed.
+The file is written in fragments that can be played by themselves, so that a video is playable even
+if the program is killed.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ COLOURS = {
 CODEC, FORMAT = "mpeg4", "yuv420p"
 FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
 FRAGMENT = 12
-"""Most frames in a fragment; a killed run loses no more than the last."""
+"""Most frames in a fragment; a killed program loses at most the last fragment."""
 COARSEST = 4
-"""Largest quantiser of MPEG-4, 1 to 31: thin lines and numbers stay sharp."""
+"""Largest quantiser of MPEG-4, 1 to 31; a small one keeps thin lines and numbers sharp."""
 LARGEST_DENOMINATOR = 65_535
-"""Largest number that MPEG-4 keeps of a rate."""
+"""Largest denominator of a rate in MPEG-4."""
 
 
 class AnnotatedVideo:
-    """Writes one video; pictures of another size than the first are fitted into it."""
+    """Writer of one video; all pictures are resized to the size of the first."""
 
     def __init__(self, path: Path, rate: float, region: Region) -> None:
-        """A video to a path.
+        """Open the file.
 
         Raises:
             OSError: The file cannot be written.
@@ -46,7 +46,7 @@ class AnnotatedVideo:
         self._rate = Fraction(rate).limit_denominator(LARGEST_DENOMINATOR)
         self._stream: av.VideoStream | None = None
         self._size = (0, 0)
-        # An open file, because FFmpeg takes no name that is not UTF-8.
+        # FFmpeg gets an open file, because it accepts only names in UTF-8.
         self._file = path.open("wb", buffering=0)
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
 
@@ -54,7 +54,7 @@ class AnnotatedVideo:
         """Write a picture.
 
         Raises:
-            OSError: The file cannot be written any more.
+            OSError: The file cannot be written.
         """
         status = shot.estimate.status
         if shot.picture.image is None:
@@ -76,7 +76,7 @@ class AnnotatedVideo:
             self._container.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is: it can be played up to here."""
+        """Close the file as it is; it can be played up to here."""
         self._file.close()
 
     def _write(self, image: Image) -> None:

@@ -1,4 +1,4 @@
-"""Contact sheets: some pictures of a sequence side by side, with truth and estimate drawn."""
+"""Contact sheets: pictures of a sequence in rows, with truth and estimate."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SUBPIXEL_BITS = 4
 
 
 def outline(image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1) -> None:
-    """Draw corners (4, 2) in place; drawn in two widths."""
+    """Draw a quadrilateral (4, 2) into an image, with a black border; not if a corner is nan."""
     if not np.isfinite(corners).all():
         return
     unit = 1 << SUBPIXEL_BITS
@@ -28,13 +28,13 @@ def outline(image: Image, corners: Array, colour: tuple[int, int, int], factor: 
 
 
 def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:
-    """A picture of `count` pictures at even distances, in rows of four.
+    """A contact sheet of up to `count` pictures at equal distances, in rows of four.
 
     Args:
         source: The pictures.
-        truth: Corners (n, 4, 2), drawn white.
-        found: The same of an estimate, drawn green.
-        count: How many.
+        truth: True corners (n, 4, 2) [px], drawn white.
+        found: Estimated corners (n, 4, 2) [px], drawn green.
+        count: Number of pictures.
     """
     wanted = set(np.linspace(0, len(truth) - 1, min(count, len(truth))).astype(int).tolist())
     return page(
@@ -46,8 +46,16 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
     )
 
 
+def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
+    """An RGB image as a file: a JPEG of a quality, 0 to 100, or else a PNG."""
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    if jpeg_quality is None:
+        return cv2.imencode(".png", bgr)[1].tobytes()
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
+
+
 def page(tiles: Sequence[Image]) -> Image:
-    """A picture of tiles, in rows of four."""
+    """A picture made of tiles in rows of four."""
     height, width = max(t.shape[0] for t in tiles), TILE
     columns = min(4, len(tiles))
     rows = -(-len(tiles) // columns)
@@ -59,8 +67,8 @@ def page(tiles: Sequence[Image]) -> Image:
 
 
 def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
-    """A named picture at the width TILE, with the corners (4, 2) of truth and estimate; black where
-    it could not be read.
+    """A picture with its name, resized to the width TILE, with corners (4, 2) of truth and
+    estimate; black if it could not be read.
     """
     image = np.zeros((TILE * 3 // 4, TILE, 3), np.uint8) if picture.image is None else picture.image
     factor = TILE / image.shape[1]

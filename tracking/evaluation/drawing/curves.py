@@ -1,4 +1,4 @@
-"""Success and precision plots over many runs, as the field draws them (Wu, Lim, Yang 2013)."""
+"""Success and precision plots over many runs, as usual for trackers (Wu, Lim, Yang 2013)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
-from tracking.evaluation.drawing.figures import literal, save
+from tracking.evaluation.drawing.figures import literal, panels, save
 from tracking.evaluation.track_measures import NEAR, OVERLAPS, PIXELS
 
 STYLES = ("-", "--", ":", "-.")
@@ -20,12 +18,12 @@ COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e", "#b
 def draw(
     results: Sequence[Mapping[str, Any]], order: Sequence[str], title: str, folder: Path
 ) -> list[Path]:
-    """success.png and precision.png; their paths.
+    """Write success.png and precision.png; their paths.
 
     Args:
         results: All runs.
-        order: Trackers as they shall stand in the legend.
-        title: What was benched.
+        order: Trackers in the order of the legend.
+        title: Name of the suite.
         folder: Where to write.
     """
     wanted = {
@@ -34,19 +32,15 @@ def draw(
     }
     paths: list[Path] = []
     for name, (thresholds, below, beside, mark) in wanted.items():
-        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
-        FigureCanvasAgg(figure)
-        ax = figure.subplots()
+        figure, (ax,) = panels(6.4, 4.6)
         for i, label in enumerate(order):
             curve = np.mean([r[name] for r in results if r["tracker"] == label], axis=0)
             score = curve.mean() if mark is None else curve[mark]
             dashes, colour = STYLES[i // len(COLOURS) % len(STYLES)], COLOURS[i % len(COLOURS)]
-            said = f"{literal(label)} [{score:.3f}]"
-            ax.plot(thresholds, curve, dashes, color=colour, lw=1.5, label=said)
+            name_and_score = f"{literal(label)} [{score:.3f}]"
+            ax.plot(thresholds, curve, dashes, color=colour, lw=1.5, label=name_and_score)
         ax.set(xlabel=below, ylabel=beside, title=f"{literal(title)}: {name}", ylim=(0, 1.02))
         ax.margins(x=0)
-        ax.grid(alpha=0.25)
-        ax.spines[["top", "right"]].set_visible(False)
         ax.legend(fontsize=7, ncols=1 + len(order) // 9, frameon=False)
         paths.append(save(figure, folder, f"{name}.png"))
     return paths

@@ -1,9 +1,11 @@
-"""What all drawings of matplotlib share: how they are written, and texts without formulas."""
+"""Plain axes, texts without formulas and PNG files for all figures drawn with matplotlib."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tracking.files import atomic
@@ -12,8 +14,20 @@ DOTS = 130
 """Resolution of a figure [dots per inch]."""
 
 
+def panels(
+    width: float, height: float, rows: int = 1, columns: int = 1, *, sharex: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """A figure of a size [inch] and its axes, row by row, with a light grid and an open frame."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = list(np.atleast_1d(figure.subplots(rows, columns, sharex=sharex)).ravel())
+    for ax in axes:
+        ax.grid(alpha=0.25)
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
 def literal(text: str) -> str:
-    """A text as matplotlib draws it unchanged: a dollar begins no formula."""
+    """A text with its dollar signs escaped, so that matplotlib draws it without formulas."""
     return text.replace("$", r"\$")
 
 

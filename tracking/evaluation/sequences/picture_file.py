@@ -1,4 +1,4 @@
-"""One picture file as RGB; its header is read first, so that an absurd size costs nothing."""
+"""A picture file as RGB; its header is read first, so that a huge size is refused early."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ FORMATS = "JPEG, PNG, BMP, TIFF, WebP, PPM"
 PNM = re.compile(rb"P[1-6](?:\s+|#[^\n]*\n)+(\d+)(?:\s+|#[^\n]*\n)+(\d+)\s")
 MARKER = 0xFF
 JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of the segments that carry a JPEG's size."""
+"""Markers of the segments that contain a JPEG's size."""
 TIFF_WIDTH, TIFF_HEIGHT = 256, 257
 TIFF_INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
-"""Codes of TIFF's types of whole numbers."""
+"""TIFF's codes of integer types, and their formats in `struct`."""
 
 
 def read_image(file: Path) -> Image:
-    """A picture as RGB (H, W, 3), read-only, whatever its depth and channels.
+    """A picture of any depth and number of channels as RGB (H, W, 3), read-only.
 
     Raises:
         ValueError: It cannot be read or decoded, or is too large.
@@ -52,10 +52,10 @@ def read_image(file: Path) -> Image:
 
 
 def check_size(width: int, height: int, place: str) -> None:
-    """Refuse a picture that only takes all memory.
+    """Refuse a picture that is too large for memory.
 
     Raises:
-        ValueError: A side is too long, or there is none.
+        ValueError: A side is too long, or not positive.
     """
     if not 0 < min(width, height) <= max(width, height) <= LARGEST_PICTURE:
         raise ValueError(
@@ -68,7 +68,7 @@ def size_of(data: bytes) -> tuple[int, int]:
     """Width and height [px] in a picture file's header.
 
     Raises:
-        ValueError: It is empty, or of no known format.
+        ValueError: The file is empty, or its format is not known.
         struct.error, KeyError, IndexError: The header is cut off or damaged.
     """
     match data[:4]:
@@ -93,7 +93,7 @@ def size_of(data: bytes) -> tuple[int, int]:
     netpbm = PNM.match(data[:1000])
     if netpbm:
         return int(netpbm[1]), int(netpbm[2])
-    raise ValueError(f"this is no picture; known are {FORMATS}")
+    raise ValueError(f"this is not a picture; known formats are {FORMATS}")
 
 
 def rgb(image: np.ndarray) -> Image:
@@ -112,7 +112,7 @@ def _three_bytes(data: bytes, at: int) -> int:
 
 
 def _of_jpeg(data: bytes) -> tuple[int, int]:
-    """The size in the first frame's header; segments before it are passed over."""
+    """The size in the first frame's header, after other segments."""
     at = 2
     while True:
         while data[at] == MARKER:
@@ -125,7 +125,7 @@ def _of_jpeg(data: bytes) -> tuple[int, int]:
 
 
 def _of_tiff(data: bytes) -> tuple[int, int]:
-    """The size in the first directory, of TIFF or BigTIFF."""
+    """The size in the first directory of a TIFF or BigTIFF file."""
     order = "<" if data[:1] == b"I" else ">"
     big = b"+" in data[:4]
     start = struct.unpack_from(f"{order}{'Q' if big else 'I'}", data, 8 if big else 4)[0]

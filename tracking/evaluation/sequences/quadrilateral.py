@@ -1,4 +1,4 @@
-"""A target as four corners (4, 2): from boxes, to boxes, and to a region with its state."""
+"""Four corners (4, 2) of a target: from boxes, to boxes, and to a region with its state."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from sim.types import Array
 from tracking.types import Region, State
 
 BOX, QUAD = 4, 8
-"""Numbers of a box, and of four corners."""
+"""Count of numbers of a box, and of four corners."""
 RECTANGULAR = 0.02
-"""A quadrilateral is a rectangle if its corners are this near to one, over its size."""
+"""Largest deviation of a rectangle from right angles, over its size."""
 
 
 def corners_of(numbers: Array) -> Array:
-    """Corners (4, 2) of a box (left, top, width, height), or of eight numbers as they are."""
+    """Corners (4, 2) of a box (left, top, width, height), or of eight coordinates."""
     if len(numbers) == QUAD:
         return numbers.reshape(4, 2)
     x, y, w, h = numbers
@@ -32,7 +32,7 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
 
     Args:
         corners: In order around the target, the first edge along its x axis.
-        turned: Keep the rotation of corners that form a rectangle; else the upright box.
+        turned: Keep the rotation if the corners form a rectangle; else take the upright box.
     """
     edges = np.roll(corners, -1, axis=0) - corners
     width, height = np.hypot(*edges[0]), np.hypot(*edges[1])

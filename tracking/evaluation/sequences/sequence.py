@@ -1,4 +1,4 @@
-"""A sequence: pictures, and where the target truly is in them; read from the field's layouts."""
+"""A sequence of pictures with the target's truth, also read from the layouts of OTB and VOT."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tracking.files import reading
 from tracking.types import Region, State
 
 IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
-"""Where OTB and VOT keep a sequence's pictures, beside its truth."""
+"""Names of the folders for a sequence's pictures in OTB and VOT, beside its truth."""
 TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "gt.txt", "truth.csv", "groundtruth.csv")
 CAMERA = "camera:"
 CAMERA_DIGITS = 3
@@ -30,16 +30,16 @@ class Sequence:
 
     name: str
     family: str
-    """What it is counted with, such as "clutter-a"."""
+    """Name of the sequences it is averaged with, such as "clutter-a"."""
     source: Source
     truth: Array
-    """Corners (n, 4, 2) of the target [px]; nan where it is absent."""
+    """Corners (n, 4, 2) of the target [px]; nan in frames without it."""
     region: Region
-    """The template, as it is in the first picture."""
+    """The template, with its size in the first picture."""
     start: State
-    """Where it is there."""
+    """State of the target in the first picture."""
     states: Array | None = None
-    """x, y, theta, scale (n, 4), where they are known exactly."""
+    """x, y, theta, scale (n, 4) if they are known exactly, else None."""
 
     @staticmethod
     def of_states(
@@ -52,7 +52,7 @@ class Sequence:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether there is such a folder; a name that no file can have is none."""
+    """Whether there is such a folder; false for a name that no file can have."""
     try:
         return path.is_dir()
     except OSError:
@@ -63,7 +63,7 @@ def source_of(text: str, rate: float) -> Source:
     """Pictures of a folder (also in OTB's and VOT's layouts), a video file, or "camera:0".
 
     Raises:
-        ValueError: There is no such thing, or nothing in it.
+        ValueError: There is no such source, or it is empty.
     """
     if text.startswith(CAMERA):
         number = text.removeprefix(CAMERA)
@@ -79,7 +79,7 @@ def source_of(text: str, rate: float) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """The folder itself, or the one below it where OTB or VOT keep the pictures.
+    """The folder itself if it has pictures, or the folder of pictures in it (OTB, VOT).
 
     Raises:
         ValueError: The folder cannot be read.
@@ -91,7 +91,7 @@ def pictures_in(folder: Path) -> Path:
 
 
 def truths_in(folder: Path) -> list[Path]:
-    """The truth files beside a sequence's pictures, sorted; one for each target.
+    """The truth files of a sequence, sorted; one for each target.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -105,7 +105,7 @@ def truths_in(folder: Path) -> list[Path]:
 
 
 def truth_beside(source: str) -> Path | None:
-    """The truth of what `source_of` reads; None where there is none.
+    """The truth file of a source, as given to `source_of`; None if there is none.
 
     Raises:
         ValueError: There are several.
@@ -120,11 +120,11 @@ def truth_beside(source: str) -> Path | None:
 
 
 def check_truth(truth: Array, source: Source, place: str, form: Format) -> None:
-    """Refuse a truth that does not belong to these pictures, or is read as another format.
+    """Refuse a truth that does not belong to these pictures, or that is in another format.
 
     Raises:
-        ValueError: It has not one line for each picture, so that nobody knows which belongs to
-            which; or, where its format was not given, its boxes seem to be two corners.
+        ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
+            boxes seem to be two corners.
     """
     if source.count is not None and len(truth) != source.count:
         raise ValueError(
@@ -141,7 +141,7 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
     """The sequences of one folder, one for each truth file.
 
     Raises:
-        ValueError: There are no pictures, or a truth is not readable.
+        ValueError: There are no pictures, or a truth cannot be read.
     """
     source, found = Folder.of(pictures_in(folder), rate), truths_in(folder)
     several = len(found) > 1
@@ -154,10 +154,10 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
 def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
     """The sequences of a folder, or of all folders in it.
 
-    Folders in it with neither pictures nor truth are passed over.
+    Folders in it with neither pictures nor truth are ignored.
 
     Raises:
-        ValueError: There is none, or one of the folders is half a sequence or cannot be read.
+        ValueError: There is no sequence, or a folder is incomplete or cannot be read.
     """
     if not is_folder(folder):
         raise ValueError(f"{folder}: there is no such folder of sequences")
@@ -174,10 +174,10 @@ def _is_sequence(path: Path) -> bool:
     """Whether a path is a folder with pictures and a truth.
 
     Raises:
-        ValueError: It has one without the other, is a broken link, or cannot be read.
+        ValueError: It has only one of them, is a broken link, or cannot be read.
     """
     if path.is_symlink() and not path.exists():
-        raise ValueError(f"{path}: this link leads nowhere")
+        raise ValueError(f"{path}: this link is broken")
     if not is_folder(path):
         return False
     place = pictures_in(path)

@@ -1,4 +1,4 @@
-"""Where pictures come from: a folder of images, a video file, a live camera, or a painter."""
+"""Sources of pictures: a folder of images, a video file, a live camera, a painting function."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from tracking.evaluation.sequences.picture_file import SUFFIXES, read_image, rgb
 from tracking.files import reading
 
 RATE = 30.0
-"""Pictures a second of a folder, and of a camera."""
+"""Default rate of folders and cameras [pictures a second]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture of a source, or why it cannot be read."""
+    """One picture of a source, or the reason why it cannot be read."""
 
     name: str
     """File name, or "frame 12"."""
     time: float
-    """When it was taken, from the first on [s]."""
+    """Time since the first picture [s]."""
     image: Image | None
-    """RGB (H, W, 3), read-only; None where it cannot be decoded."""
+    """RGB (H, W, 3), read-only; None if it cannot be decoded."""
     reason: str = "it cannot be decoded"
-    """Why there is no image, where there is none."""
+    """Why there is no image, if there is none."""
 
 
 class Source(Protocol):
-    """Pictures in order; can be read again from the start unless it is live."""
+    """Pictures in order; unless it is live, a source can be read again from the start."""
 
     @property
     def count(self) -> int | None:
-        """How many there are, where that is known."""
+        """Number of pictures; None if it is not known."""
         ...
 
     @property
@@ -53,7 +53,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Image files, sorted by name, the numbers in names by their value."""
+    """Image files sorted by name, with numbers in names sorted by value."""
 
     files: tuple[Path, ...]
     rate: float = RATE
@@ -94,10 +94,10 @@ class Video:
 
     @staticmethod
     def of(path: Path) -> Video:
-        """A video that can be read.
+        """A video file that can be read.
 
         Raises:
-            ValueError: It is not one video of a known format.
+            ValueError: It is not a video of a known format.
         """
         return Video(path, *video_file.describe(path))
 
@@ -108,7 +108,7 @@ class Video:
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """A camera of this machine, until it is stopped."""
+    """A camera of this machine."""
 
     number: int
     rate: float = RATE
@@ -130,7 +130,7 @@ class Live:
 
 @dataclass(frozen=True, slots=True)
 class Painted:
-    """Pictures that a function paints, each from its number alone."""
+    """Pictures that a function paints from their numbers."""
 
     paint: Callable[[int], Image]
     count: int

@@ -1,7 +1,7 @@
-"""Truth files of the field's benchmarks: OTB, VOT, TLD, CSV, as corners of the target.
+"""Truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
 
 All coordinates become continuous pixels from the image's top left corner. OTB counts pixels from 1,
-so its box 1,1,w,h begins at the corner; VOT, TLD and CSV begin at 0.
+so that its box 1,1,w,h starts at the corner; VOT, TLD and CSV count from 0.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
 BOX_NAMES = (("left", "top", "width", "height"), ("x", "y", "width", "height"),
              ("x", "y", "w", "h"))  # fmt: skip
 LONGEST = 80
-"""So much of a line is quoted in a message [characters]."""
+"""Longest quotation of a line in a message [characters]."""
 LARGEST = 20_000_000
 """Largest truth file [bytes]."""
 DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
@@ -42,9 +42,9 @@ REMEDY = (
 
 
 class Format(Enum):
-    """What the numbers of a line mean."""
+    """Meaning of the numbers of a line."""
 
-    AUTO = "decided by the file's name and header, refused where they do not decide"
+    AUTO = "decided by the file's name and header, refused if they do not decide"
     OTB = "x,y,w,h, pixels counted from 1"
     VOT = "x,y,w,h, or the x,y of four corners, pixels counted from 0"
     TLD = "x1,y1,x2,y2: top left and bottom right corner, pixels counted from 0"
@@ -65,16 +65,16 @@ class Format(Enum):
 
 
 def read(path: Path, form: Format = Format.AUTO) -> Array:
-    """Corners (n, 4, 2) of the target in each frame [px]; nan where it is absent.
+    """Corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
 
-    The target is absent where all numbers of a line are nan or missing, or where its box has width
-    and height 0.
+    The target is absent if all numbers of a line are nan or missing, or if its box has width and
+    height 0.
 
     Args:
         path: The file.
-        form: AUTO: a header makes it CSV, the name groundtruth_rect*.txt OTB, groundtruth*.txt VOT,
-            gt.txt and init.txt TLD; a file of another name is VOT's, unless four numbers a line
-            could as well be TLD's.
+        form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt,
+            VOT for groundtruth*.txt, TLD for gt.txt and init.txt; a file of another name is read as
+            VOT, unless its lines of four numbers could also be TLD.
 
     Raises:
         ValueError: It cannot be read, a line is not of this format, or AUTO cannot decide.
@@ -111,15 +111,15 @@ def _format_of(path: Path, rows: list[Array]) -> Format:
 
 
 def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
-    """Refuse boxes that leave the picture, but would fit into it as TLD's two corners.
+    """Refuse boxes that leave the picture but would fit into it if read as TLD's two corners.
 
     Args:
-        corners: Of the target in each frame (n, 4, 2), nan where it is absent.
+        corners: Corners (n, 4, 2) of the target [px], nan in frames without it.
         size: Width and height of the pictures [px].
         place: The truth's file, for messages.
 
     Raises:
-        ValueError: The numbers seem to be x1,y1,x2,y2, read as x,y,w,h.
+        ValueError: The numbers seem to be x1,y1,x2,y2 but were read as x,y,w,h.
     """
     seen = corners[np.isfinite(corners).all(axis=(1, 2))]
     given, most = boxes(seen), np.add(size, 1)
@@ -164,7 +164,7 @@ def _of_vot(row: Array, place: str) -> Array:
 
 
 def _numbers(line: str, place: str) -> Array:
-    """The 4 or 8 numbers of a line; all of them nan where the target is absent."""
+    """The 4 or 8 numbers of a line; all are nan if the target is absent."""
     parts = line.split(";") if ";" in line else line.split(",") if "," in line else line.split()
     try:
         numbers = np.array([_number(part) for part in parts])
@@ -180,7 +180,7 @@ def _numbers(line: str, place: str) -> Array:
         raise ValueError(f"{place}: '{line[:LONGEST]}' lacks some numbers; all or none may be nan")
     if np.abs(numbers).max() > FARTHEST:
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is no place in a picture; the limit is {FARTHEST:g}"
+            f"{place}: '{line[:LONGEST]}' is not a position in a picture; the limit is {FARTHEST:g}"
         )
     return numbers
 
@@ -192,7 +192,7 @@ def _number(text: str) -> float:
 
 
 def _frame(text: str) -> float:
-    """A frame's number; nan for what is none."""
+    """The number of a frame; nan for other text."""
     try:
         return _number(text)
     except ValueError:

@@ -1,8 +1,8 @@
-"""Video files: which are accepted, and their pictures, decoded by FFmpeg (PyAV).
+"""Video files: a check of their format, and their pictures, decoded by FFmpeg (PyAV).
 
-A file is accepted by its first bytes and by FFmpeg's own judgement of its format, not by its name:
-playlists and other texts could make FFmpeg open further files, logs of robots hold many things.
-FFmpeg gets an open file without its name, so it reads no addresses and no numbered series.
+A file is accepted by its first bytes and by the format that FFmpeg detects, not by its name:
+playlists and other texts could make FFmpeg open more files, and logs of robots are not videos.
+FFmpeg gets an open file without its name, so that it reads no addresses and no numbered series.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tracking.files import reading
 SLOWEST, FASTEST = 0.01, 10_000.0
 """Accepted frames a second."""
 GIVEN_UP = 100
-"""A video with this many frames in a row that cannot be decoded has ended."""
+"""Most frames in a row that cannot be decoded; after one more, the video ends."""
 FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 """FFmpeg's names of the accepted formats."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
@@ -36,7 +36,7 @@ BEGINNINGS = (
     (0, b"0&\xb2u\x8ef\xcf\x11"), (0, b"GIF8"), (0, b"YUV4MPEG2 "),
     (0, b"G"), (4, b"G"),
 )  # fmt: skip
-"""How the accepted formats begin: offset and bytes; FFmpeg judges MPEG-TS (G) by more packets."""
+"""First bytes of the accepted formats, with their offset; FFmpeg checks MPEG-TS (G) further."""
 ONE_CAMERA = "convert the pictures of one camera to a video or a folder of pictures"
 OTHERS = {
     b"\x89MCAP": f"this is an MCAP log, not a video: {ONE_CAMERA}",
@@ -50,11 +50,11 @@ OTHERS = {
 }
 COVER = Disposition.attached_pic
 HEAD = 64
-"""So many first bytes decide [bytes]."""
+"""Length of the beginning that is checked [bytes]."""
 
 
 def check_beginning(head: bytes) -> None:
-    """Refuse what does not begin as a video does.
+    """Refuse a file whose first bytes are not those of a video.
 
     Raises:
         ValueError: The file is empty, or its first bytes are not those of a video.
@@ -68,7 +68,7 @@ def check_beginning(head: bytes) -> None:
             raise ValueError(sentence)
     if all(byte >= 32 or byte in b"\t\r\n" for byte in head):
         raise ValueError("this is a text, such as a playlist, not a video: give the video itself")
-    raise ValueError(f"this is not a video; known are {KNOWN}")
+    raise ValueError(f"this is not a video; known formats are {KNOWN}")
 
 
 def describe(path: Path) -> tuple[float, int]:
@@ -103,10 +103,10 @@ def images(path: Path, count: int) -> Iterator[Image | None]:
 
     Args:
         path: A video that `describe` accepts.
-        count: How many frames it has: of a video that is cut off, the missing ones are None.
+        count: Its number of frames; the missing frames of a truncated video are None.
 
     Raises:
-        ValueError: The file cannot be read any more.
+        ValueError: The file cannot be read.
     """
     given = failures = 0
     with reading.opened(path, "video") as file, _container(file) as container:
@@ -135,7 +135,7 @@ def _decoded(container: InputContainer, stream: VideoStream) -> Iterator[Image |
 
 
 def _rgb(frame: av.VideoFrame) -> Image | None:
-    """A frame as it is to be seen: turned as its file says."""
+    """A frame with the rotation that its file states; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height, "frame")
         image = np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90))
@@ -147,7 +147,7 @@ def _rgb(frame: av.VideoFrame) -> Image | None:
 
 
 class _Nameless:
-    """An open file without its name, by which FFmpeg would judge the format."""
+    """An open file without its name, which FFmpeg would use to detect the format."""
 
     def __init__(self, file: BinaryIO) -> None:
         self.read, self.seek, self.tell = file.read, file.seek, file.tell
@@ -160,20 +160,20 @@ def _container(file: BinaryIO) -> InputContainer:
 
 
 def _stream(container: InputContainer) -> VideoStream:
-    """The one stream of pictures; covers of albums are none."""
+    """The only video stream, without album covers."""
     streams = [s for s in container.streams.video if not s.disposition & COVER]
     if len(streams) != 1:
         there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
     if not stream.width or not stream.height:
-        raise ValueError("not one frame of this video can be decoded")
+        raise ValueError("no frame of this video can be decoded")
     check_size(stream.width, stream.height, "first frame")
     return stream
 
 
 def _counted(container: InputContainer, stream: VideoStream) -> int:
-    """How many frames a file holds that does not say so."""
+    """Number of frames, counted in a file that does not state it."""
     count = 0
     try:
         for packet in container.demux(stream):

@@ -1,1 +1,1 @@
-"""Painted sequences with exact truth, one family a file."""
+"""Painted sequences with exact truth; each file is one family."""

@@ -1,4 +1,4 @@
-"""What the painted sequences share: random textures, and pasting one under a similarity."""
+"""Functions of the painted sequences: random textures, and pasting under a similarity."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def blotches(
     """A random picture (height, width, 3).
 
     Args:
-        rng: Where it is drawn from.
-        width: [px].
-        height: [px].
-        grain: Size of its blotches [px].
-        colour: Its mean (3,), or a whole picture (height, width, 3).
+        rng: Random generator.
+        width: Width [px].
+        height: Height [px].
+        grain: Size of the blotches [px].
+        colour: Mean colour (3,), or a whole picture (height, width, 3).
         spread: Standard deviation of each channel [grey levels].
     """
     noise = cv2.GaussianBlur(rng.normal(0, 1, (height, width, 3)), (0, 0), grain)
@@ -28,7 +28,7 @@ def blotches(
 
 
 def paste(image: Image, patch: Image, region: Region, state: State) -> Image:
-    """A picture with a patch that fills the region where the state puts it; edges are smooth."""
+    """A picture with a patch in the region at a state, with smooth edges."""
     height, width = patch.shape[:2]
     shape = (image.shape[1], image.shape[0])
     # warpAffine counts from pixel centres, so a patch spans -0.5 .. size - 0.5.

@@ -1,11 +1,11 @@
-"""Clutter: a disc of four colours jumps over a ground of discs like it (Naeem, Pridmore, Mills,
+"""Clutter: a disc of four colours jumps over a background of similar discs (Naeem, Pridmore, Mills,
 artificial sequences, levels a to d).
 
-320x240 px, 140 frames, white ground. The target, radius 14 px, has four sectors of different
-colours. It follows a smooth path (a sum of two sines in each axis) and is thrown off it in every
-frame by Gaussian noise of 4, 8, 12, 14 px on each axis. On the ground lie 100, 300, 500, 600 discs
-of radius 7 to 14 px; each keeps two of the target's colours and draws two at random, unless it
-shall share all four; the order is drawn anew for each. The target lies on top.
+320x240 px, 140 frames, white background. The target, radius 14 px, has four sectors of different
+colours. It follows a smooth path (a sum of two sines in each axis) plus Gaussian noise in every
+frame, of 4, 8, 12, 14 px on each axis. The background has 100, 300, 500, 600 discs of radius 7 to
+14 px; each has two of the target's colours and two random ones (or, as a setting, all four of the
+target's), in random order. The target covers them.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ SMALLEST = 7
 SECTORS = 4
 SUBPIXEL_BITS = 4
 LEAST_APART = 100.0
-"""Colours of the target differ at least by this (Euclidean, RGB)."""
+"""Least difference between colours of the target (Euclidean, RGB)."""
 CYCLES = (0.6, 1.6)
-"""Least and most oscillations of the path in a period."""
+"""Least and largest number of oscillations of the path in a period."""
 PERIOD = 139
-"""Frames: the length of the paper's sequences."""
+"""Length of the paper's sequences [frames]."""
 SWING = 0.6
-"""Share of the free room that the smooth path uses."""
+"""Share of the free space that the smooth path uses."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Level and length."""
+    """Level, length, and colours of the background."""
 
     level: Literal["a", "b", "c", "d"] = "a"
-    """How wild and how crowded."""
+    """Level of noise and clutter."""
     frames: Annotated[int, Ge(2), Le(100_000)] = 140
     """Number of pictures."""
     share_all: bool = False
-    """The discs on the ground share all four of the target's colours, in another order."""
+    """The background's discs have all four colours of the target, in another order."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """The sequence that the generator draws."""
+        """A random sequence."""
         sigma, count = LEVELS[self.level]
         colours = _apart(rng)
         ground = _ground(rng, colours, count, share_all=self.share_all)
@@ -69,7 +69,7 @@ class Config:
 
 
 def _apart(rng: np.random.Generator) -> Array:
-    """Four colours (4, 3) that are easy to distinguish, from each other and from white."""
+    """Four random colours (4, 3) that differ clearly from each other and from white."""
     while True:
         colours = rng.integers(0, 256, (SECTORS, 3)).astype(float)
         others = np.vstack([colours, [255.0] * 3])
@@ -94,7 +94,7 @@ def _ground(rng: np.random.Generator, colours: Array, count: int, *, share_all: 
 
 
 def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
-    """Centres (n, 2) of the target, wholly inside the picture."""
+    """Centres (n, 2) of the target, which stays inside the picture."""
     room = np.array([WIDTH, HEIGHT]) / 2 - RADIUS
     time = 2 * np.pi * np.arange(frames)[:, None] / PERIOD
     smooth = sum(
@@ -106,8 +106,9 @@ def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
 
 
 def _disc(image: Image, centre: Array, radius: float, colours: Array) -> None:
-    """Paint a disc of equal sectors; OpenCV's coordinates begin at a pixel's centre."""
+    """Paint a disc of equal sectors."""
     unit = 1 << SUBPIXEL_BITS
+    # In OpenCV a pixel's centre has whole coordinates.
     x, y = np.round((centre - 0.5) * unit).astype(int).tolist()
     axes = (round(radius * unit), round(radius * unit))
     step = 360 / len(colours)

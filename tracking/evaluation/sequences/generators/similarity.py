@@ -1,8 +1,8 @@
 """Similarity: a textured rectangle moves, turns, scales, blurs and is hidden, over clutter.
 
 For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly.
-The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curves; pictures are
-blurred over the exposure. In the middle its speed doubles; later a bar hides it wholly.
+The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curves, with motion
+blur. In the middle of the sequence its speed doubles; later a bar hides it completely.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ FIELDS = (3, 3)
 """Coloured fields of the target."""
 PATCHES = 60
 EXPOSURES = 5
-"""Pictures that are averaged into a blurred one."""
+"""Number of pictures that are averaged into a blurred one."""
 SHUTTER = 0.5
-"""Share of the frame's time that the shutter is open."""
+"""Share of the frame's duration in which the shutter is open."""
 FAST = (0.35, 0.6)
 """Part of the sequence in which the target is fast."""
 HIDDEN_AT = 0.75
-"""Where in the sequence the bar is over the target."""
+"""Part of the sequence before the bar covers the target."""
 BAR = (90, 90, 90)
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Length, speed, occlusion."""
+    """Length, motion, occlusion and noise."""
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 200
     """Number of pictures."""
@@ -47,12 +47,12 @@ class Config:
     zoom: Annotated[float, Ge(1), Le(3)] = 1.4
     """Largest scale; the smallest is its inverse."""
     hidden: Annotated[int, Ge(0), Le(100)] = 10
-    """Frames in which the target is fully hidden."""
+    """Number of frames in which the target is fully hidden."""
     noise: Annotated[float, Ge(0), Le(100)] = 3.0
-    """Noise of the pictures [grey levels]."""
+    """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """The sequence that the generator draws."""
+        """A random sequence."""
         ground, patch = _ground(rng), _target(rng)
         fine = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
@@ -72,11 +72,11 @@ class Config:
         return Sequence.of_states("similarity", "similarity", source, REGION, middle)
 
     def _states(self, rng: np.random.Generator) -> Array:
-        """States (frames * EXPOSURES, 4) of all exposures, from the start of each frame on."""
+        """States (frames * EXPOSURES, 4) of all exposures; each frame's first is at its start."""
         frame = np.repeat(np.arange(self.frames), EXPOSURES)
         phase = np.tile(np.arange(EXPOSURES), self.frames) * SHUTTER / EXPOSURES
         at = (frame + phase) / self.frames
-        # The fast part is twice as fast: time runs on by the share it has gained.
+        # In the fast part, time advances twice as fast.
         warped = at + np.clip(at - FAST[0], 0, FAST[1] - FAST[0])
         begin = rng.uniform(0, 2 * np.pi, 4)
         cycles = rng.uniform((1.5, 1.5, 1.0, 1.0), (2.5, 2.5, 2.0, 2.0))
@@ -89,7 +89,7 @@ class Config:
 
 
 def _ground(rng: np.random.Generator) -> Image:
-    """Blotches with rectangles of all colours, turned at random."""
+    """A background of blotches with random rectangles."""
     image = blotches(rng, WIDTH, HEIGHT, 6.0, np.full(3, 128.0), 30.0)
     for _ in range(PATCHES):
         size = rng.uniform(8, 40, 2)

@@ -1,8 +1,8 @@
-"""Texture: a textured car over a road of its own colour changes its size and its speed.
+"""Texture: a textured car on a road of the same colour changes its size and its speed.
 
-For the claim of the PFJCTH paper: colour alone hardly separates the target from the ground, its
-texture does. The car, 56 x 32 px, drives along a smooth curve, now faster, now slower, and grows
-and shrinks as if it came nearer.
+For the claim of the PFJCTH paper: the texture separates the target from the background, colour
+alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed; its size grows and
+shrinks as if its distance changed.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from tracking.types import Region, State
 WIDTH, HEIGHT = 320, 240
 REGION = Region(56.0, 32.0)
 ROAD, SHADE = 24.0, 14.0
-"""Size of the ground's blotches [px], and their spread [grey levels]: smooth."""
+"""Size of the road's blotches [px], and their spread [grey levels]: a smooth texture."""
 GRAIN, RELIEF = 1.4, 34.0
-"""The same for the car: fine and strong."""
+"""Size of the car's blotches [px], and their spread [grey levels]: a fine, strong texture."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Length, size, speed."""
+    """Length, size, speed and noise."""
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 160
     """Number of pictures."""
@@ -38,10 +38,10 @@ class Config:
     speed: Annotated[float, Ge(0), Le(50)] = 6.0
     """Largest speed [px per frame]; the car also stands still."""
     noise: Annotated[float, Ge(0), Le(100)] = 2.0
-    """Noise of the pictures [grey levels]."""
+    """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """The sequence that the generator draws."""
+        """A random sequence."""
         colour = rng.uniform(80, 170, 3)
         ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
         size = (round(REGION.width), round(REGION.height))
@@ -57,7 +57,7 @@ class Config:
         return Sequence.of_states("texture", "texture", Painted(paint, self.frames), REGION, states)
 
     def _states(self, rng: np.random.Generator) -> Array:
-        """x, y, theta, scale (n, 4): along an ellipse, at a speed that swells and ebbs."""
+        """x, y, theta, scale (n, 4) along an ellipse, with a speed that rises and falls."""
         time = np.arange(self.frames)
         pace = self.speed * np.sin(np.pi * time / self.frames * rng.uniform(3, 5)) ** 2
         radius = np.array([0.28 * WIDTH, 0.24 * HEIGHT])
