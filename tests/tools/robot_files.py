@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
+import mujoco
 import numpy as np
+
+from sim.assembly import build_model
+from sim.camera import CameraConfig
+from sim.robot import Robot
+from sim.robots import mjcf
+from sim.targets import car
 
 UR_LIKE = [  # joint, parent, axis, origin xyz of the child link
     ("pan", "base", "0 0 1", "0 0 0.09"),
@@ -102,3 +110,11 @@ def write_obj(path: Path) -> None:
     """A cube as OBJ."""
     lines = [f"v {x} {y} {z}" for x, y, z in CUBE]
     path.write_text("\n".join(lines + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES]) + "\n")
+
+
+def built(**settings: Any) -> tuple[Robot, mujoco.MjModel, mujoco.MjData]:
+    """The robot of these settings of `mjcf` in the room."""
+    rng = np.random.default_rng(0)
+    design = mjcf.Config(**settings).build(rng)
+    model = build_model(480.0, CameraConfig(), design, car.Config().build(rng))
+    return Robot(model, design), model, mujoco.MjData(model)
