@@ -21,6 +21,8 @@ from sim.camera import pinhole
 from sim.types import Array, Camera, Image, Pose
 
 VISION_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
+ALONE = 5
+"""A group of geoms that MuJoCo does not draw by itself."""
 PIXEL = 1e-5
 """Size of a pixel on the sensor of a camera that is not centred [m]; any would do."""
 
@@ -96,12 +98,12 @@ class OpenGLRenderer:
         """Where one of the geoms is seen, as large as it is rendered."""
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        groups = self._option.geomgroup.copy()
+        group, shown = self._model.geom_group.copy(), self._option.geomgroup.copy()
         if alone:
-            self._option.geomgroup[:] = 0
-            self._option.geomgroup[np.unique(self._model.geom_group[geoms.astype(bool)])] = 1
+            self._model.geom_group[geoms & shown[group].astype(bool)] = ALONE
+            self._option.geomgroup[:] = np.arange(len(shown)) == ALONE
         self._draw(data)
-        self._option.geomgroup[:] = groups
+        self._model.geom_group[:], self._option.geomgroup[:] = group, shown
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         wanted = np.zeros(self._scene.ngeom + 1, bool)
         for geom in self._scene.geoms[: self._scene.ngeom]:

@@ -18,8 +18,8 @@ from sim.types import Effect, Pose
 BOARD, LAMP = "board", "lamp"
 BOARD_NEARNESS = 0.3
 """Where the board crosses the line of sight, as a fraction of the way from target to camera."""
-BELOW = -0.2
-"""Height at which a prop waits under the table [m]."""
+BELOW = -100.0
+"""Height at which a prop waits [m]: deep enough for one of any height, and too far to be drawn."""
 
 
 class Motion(Protocol):

@@ -26,6 +26,8 @@ class Target:
     outline: Array
     """Corners (4, 3) of its reference rectangle in its frame [m]: level, in the order in which an
     image with the nose to the right shows them, from the top left clockwise."""
+    found: bool = False
+    """Whether the rectangle was found from what is seen from above, because nobody gave it."""
 
 
 def rectangle(centre: Array, length: float, width: float) -> Array:
@@ -38,6 +40,12 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
     """
     a, b = length / 2, width / 2
     return centre + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
+
+
+def dimensions(outline: Array) -> tuple[float, float, float]:
+    """Length, width and height over the table [m] of a rectangle (4, 3)."""
+    length, width = np.ptp(outline[:, :2], axis=0).tolist()
+    return length, width, float(outline[0, 2])
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:

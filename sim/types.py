@@ -11,6 +11,8 @@ from sim.distortion import Distortion
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+LARGEST_PICTURE = 16_384
+"""Longest side of a picture from a file [px]: larger ones only take all memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,7 @@ class World:
         self.robot = Robot(self.model, robot)
         self.camera = camera_of(camera, self.model, CAMERA)
         self._eye = self.model.camera(CAMERA).id
-        self.outline = target.outline
+        self.outline, self.outline_found = target.outline, target.found
         self._stage = Stage(self.model, motion, disturbances)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)

@@ -16,6 +16,7 @@ import pytest
 from approved import approved, drawn, section  # noqa: F401  (fixtures)
 from commands import scheduler_with
 from hypothesis import HealthCheck, settings
+from seen_targets import model_folder, show_target  # noqa: F401  (fixtures)
 
 # The same examples in each run: what CI finds anybody finds. The first call compiles: no deadline.
 settings.register_profile(

@@ -6,16 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sim.files import reading
+from sim.files.picture_file import check_size
 from sim.types import Frame
 from tracking.appearance.bins import Window
 from tracking.evaluation.drawing import contact_sheet
 from tracking.evaluation.sequences import quadrilateral, truth, video_file
-from tracking.evaluation.sequences.picture_file import check_size
 from tracking.evaluation.sequences.sequence import source_of
 from tracking.evaluation.sequences.sources import Painted
 from tracking.evaluation.statistics import McNemar
 from tracking.evaluation.track_measures import OVERLAPS, Comparison, frames_until_loss, lost_signal
-from tracking.files import reading
 from tracking.lock import FEW, Lock, LockConfig
 from tracking.types import LARGEST_LOG, Region, State, Status, check_region
 

@@ -47,7 +47,7 @@ REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
            "a TraX server needs a command", "cannot be started",
            "is more than 85 deg from the optical axis", "is far outside of a picture",
            "fy needs fx", "coefficients, not 0", "coefficients need a distortion",
-           "cannot read this calibration")  # fmt: skip
+           "cannot read this calibration", "this is not shipped", "a colour is")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
 

@@ -225,7 +225,7 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
 
     scenario = replace(load("still", ["run.duration=0.1"]), tracker=MyConfig(gain=2.0))
     steps, report = measured_run(scenario)
-    found = RunReport.of(scenario, steps[0].scene.features, report, [], "")
+    found = RunReport.of(scenario, steps[0].scene, report, [], "")
     assert found.settings["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert found.table["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert as_json(found.settings) == found.settings

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from sim.files import picture_file
+from sim.files.picture_file import SUFFIXES, read_image, size_of
 from sim.quiet import silent_libraries
-from tracking.evaluation.sequences import picture_file
-from tracking.evaluation.sequences.picture_file import SUFFIXES, read_image, size_of
 from tracking.evaluation.sequences.sources import Folder
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (23, 37, 3), np.uint8)

@@ -12,10 +12,10 @@ from servo.bench import suites
 from servo.cli.track_command import region_of
 from servo.mistake import Mistake
 from servo.output.recording import view
+from sim.files.picture_file import read_image
 from sim.types import Frame
 from tracking.evaluation import track_file
 from tracking.evaluation.sequences import quadrilateral, sources, truth
-from tracking.evaluation.sequences.picture_file import read_image
 from tracking.evaluation.sequences.sequence import read_all, source_of
 from tracking.evaluation.sequences.video_file import GIVEN_UP
 from tracking.types import FARTHEST, check_region

@@ -8,11 +8,12 @@ from servo.mistake import Mistake
 from servo.study.axes import axes_of
 from servo.study.run_file import _cell, _type
 from sim import gl, kinds
+from sim.files import picture_file
 from sim.geometry import inverse_if_strong
 from tracking import adapters
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
-from tracking.evaluation.sequences import picture_file, truth, video_file
+from tracking.evaluation.sequences import truth, video_file
 from tracking.evaluation.sequences.generators._painting import blotches
 
 

@@ -10,9 +10,9 @@ from servo.mistake import Mistake
 from servo.output.recording import view
 from servo.report import files
 from servo.scenario import toml
+from sim.files import reading
 from tracking.evaluation import track_file
 from tracking.evaluation.sequences import truth
-from tracking.files import reading
 
 READERS = {
     "truth": truth.read,

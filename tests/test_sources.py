@@ -6,8 +6,8 @@ import pytest
 
 from servo.bench import suites
 from servo.mistake import Mistake
+from sim.files.picture_file import rgb
 from tracking.evaluation.sequences import sources
-from tracking.evaluation.sequences.picture_file import rgb
 from tracking.evaluation.sequences.sequence import read_all, read_folder, source_of
 from tracking.evaluation.sequences.sources import Folder, Video
 from tracking.types import Region

@@ -15,7 +15,8 @@ from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
 from servo.report import study_data, study_time
 from sim import gl, quiet
-from tracking.files import atomic, reading
+from sim.files import reading
+from tracking.files import atomic
 
 DISK = OSError(errno.EIO, "Input/output error")
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.evaluation.sequences import picture_file
+from sim.files import picture_file
 from tracking.evaluation.sequences.sequence import source_of
 from tracking.evaluation.sequences.sources import Video
 from tracking.evaluation.sequences.video_file import GIVEN_UP

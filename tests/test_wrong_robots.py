@@ -1,4 +1,4 @@
-"""Robots that cannot be: a sentence that names the part; and the command that shows what is there."""
+"""Robots that cannot be are refused in a sentence; a command shows what is there."""
 
 import json
 import re

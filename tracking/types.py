@@ -10,7 +10,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from sim.types import Array, Frame
+from sim.types import LARGEST_PICTURE, Array, Frame
 
 LARGEST_LOG = 5.0
 """A target's ln scale stays within this: a hundred and fifty times larger or smaller is no size."""
@@ -135,8 +135,6 @@ SMALLEST_SIDE = 4.0
 
 LEAST_INSIDE = 0.5
 """At least this share of a region lies inside the first image."""
-LARGEST_PICTURE = 16_384
-"""Longest side of a first picture [px]: larger ones only take all memory."""
 FARTHEST = 1e6
 """Beyond this a region's numbers mean nothing, and their products would have no end."""
 

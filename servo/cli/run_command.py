@@ -22,6 +22,8 @@ from servo.output.run_folder import RunFolder, prepare
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from sim import gl
+from sim.target import dimensions
+from sim.types import Array
 from tracking.files import atomic
 
 TRACEBACK = "traceback.txt"
@@ -48,6 +50,8 @@ def run_scenario(
     except PartFailed as error:
         raise _with_traceback(error, prepare(out, name)) from None
     with episode:
+        if episode.world.outline_found:
+            console.print(_outline_line(episode.world.outline))
         folder = prepare(out, name)
         output = RunFolder(folder, episode, rerun=rerun, command=again)
         steps: list[Step] = []
@@ -93,6 +97,14 @@ def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
     scenario = scenarios.load(name, changes, seed)
     check_expect(scenario)
     return scenario
+
+
+def _outline_line(outline: Array) -> str:
+    length, width, height = dimensions(outline)
+    return (
+        f"The target's reference rectangle, as seen from above: {length:.3f} x {width:.3f} m, "
+        f"{height:.3f} m over the table; target.outline sets another one"
+    )
 
 
 def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:

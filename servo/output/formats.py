@@ -10,7 +10,8 @@ from annotated_types import Ge, Le
 from pydantic import TypeAdapter, ValidationError
 
 from servo.mistake import Mistake
-from tracking.files import atomic, reading
+from sim.files import reading
+from tracking.files import atomic
 from tracking.files.json_text import as_json, json_text
 
 LARGEST = 1_000_000_000

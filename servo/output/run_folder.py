@@ -82,7 +82,6 @@ class RunFolder:
             Refused: The disk has no space for the rows.
         """
         self.folder, self._scenario, self._command = folder, episode.scenario, command
-        self._features = episode.loop.features
         at_once = max(1, round(episode.scenario.camera.rate))
         try:
             self._table = StepsTable(folder, episode, at_once)
@@ -132,7 +131,7 @@ class RunFolder:
         Raises:
             Refused: A file cannot be written; the rows are complete.
         """
-        found = RunReport.of(self._scenario, self._features, report, list(missed), self._command)
+        found = RunReport.of(self._scenario, steps[0].scene, report, list(missed), self._command)
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
             written = found.write(self.folder)

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from servo.loop.run_measures import Report, Violation
+from servo.loop.step import Scene
 from servo.mistake import Mistake
 from servo.output.formats import Made, Number
 from servo.output.versions import versions
-from servo.parts import FeatureSet
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
+from sim.target import dimensions
 from tracking.files.json_text import as_json, number
 
 
@@ -40,7 +41,7 @@ class RunReport(Made):
     feed_forward: list[str]
     """Features for which the target's motion is drawn."""
     settings: dict[str, Any]
-    """All settings of the run, including defaults."""
+    """All settings of the run, including defaults and the target's rectangle."""
     table: dict[str, Any]
     """The scenario's TOML table, including changes."""
     rates: dict[str, Number] = field(default_factory=dict)
@@ -48,10 +49,11 @@ class RunReport(Made):
 
     @staticmethod
     def of(
-        scenario: Scenario, features: FeatureSet, report: Report, missed: list[Violation],
-        command: str,
+        scenario: Scenario, scene: Scene, report: Report, missed: list[Violation], command: str
     ) -> RunReport:  # fmt: skip
         """The report of a run, with the command line that repeats it."""
+        features, settings = scene.features, scenario.settings()
+        settings["target"] |= {"outline": dimensions(scene.outline)}
         return RunReport(
             command=command,
             versions=versions(),
@@ -64,7 +66,7 @@ class RunReport(Made):
             missed=missed,
             features=dict(zip(features.names, features.units, strict=True)),
             feed_forward=list(features.feed_forward),
-            settings=as_json(scenario.settings()),
+            settings=as_json(settings),
             table=_table(scenario),
             rates=scenario.rates_changed,
         )

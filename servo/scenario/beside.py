@@ -7,7 +7,7 @@ from typing import Any
 
 from servo.scenario.catalogue import PLUGINS
 
-FILES = ("model",)
+FILES = ("model", "file", "picture", "texture")
 """Settings that name a file."""
 
 

@@ -14,7 +14,7 @@ import yaml
 from servo.mistake import Mistake
 from servo.scenario.toml import is_number
 from sim.distortion import COEFFICIENTS, Model
-from tracking.files import reading
+from sim.files import reading
 
 Table = dict[str, Any]
 LARGEST = 20_000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import json
 from typing import Any
 
@@ -14,6 +15,7 @@ from sim import kinds
 from sim.installed import Trusted
 
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+FORMS = ("bool", "float", "int", "str")
 MESSAGES = {
     "unexpected_keyword_argument": "there is no such key",
     "missing": "a value is missing",
@@ -41,8 +43,7 @@ def fill(config: type[Any], table: Any, place: str) -> Any:
         text = json.dumps({"it": _completed(config, table)}, default=str)
         return _section(config).model_validate_json(text).it
     except ValidationError as error:
-        first = error.errors()[0]
-        raise Mistake(_sentence(first, place)) from None
+        raise Mistake(_sentence(_nearest(error.errors()), place)) from None
 
 
 def _completed(config: type[Any], table: dict[str, Any]) -> dict[str, Any]:
@@ -59,9 +60,24 @@ def _completed(config: type[Any], table: dict[str, Any]) -> dict[str, Any]:
     return complete
 
 
+def _nearest(errors: list[Any]) -> Any:
+    """The first error; of a value that may have several forms, the one that went furthest."""
+    first = errors[0]["loc"]
+    begin = tuple(itertools.takewhile(_is_place, first))
+    rivals = errors if begin != first else errors[:1]
+    return max((e for e in rivals if e["loc"][: len(begin)] == begin), key=lambda e: len(e["loc"]))
+
+
+def _is_place(part: Any) -> bool:
+    """Whether part of an error's place is a key or an index, not the name of one of several forms
+    such as "str" or "tuple[int,int]".
+    """
+    return isinstance(part, int) or (part.isidentifier() and part not in FORMS)
+
+
 def _sentence(error: Any, place: str) -> str:
     """What pydantic found, with the place of the value."""
-    where = "".join(f".{part}" for part in error["loc"][1:])
+    where = "".join(f".{part}" for part in error["loc"][1:] if _is_place(part))
     if error["type"] == "value_error":  # a `Config` refused several values together
         return f"{place}{where}: {error['ctx']['error']}"
     said = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from servo.mistake import Mistake
-from tracking.files import reading
+from sim.files import reading
 
 LARGEST = 1_000_000
 """Largest file [bytes]."""

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from servo.loop.run_measures import MEANINGS
 from servo.study.perform import Row, version_columns
 from servo.study.plan import Run, Study
-from tracking.files import reading
+from sim.files import reading
 
 FLOATS, FLAGS = pa.list_(pa.float32()), pa.list_(pa.bool_())
 MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))

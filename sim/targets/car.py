@@ -10,16 +10,14 @@ from importlib import resources
 import mujoco
 import numpy as np
 
-from sim.target import Target, outline_site
+from sim.target import Target
+from sim.targets._settings import Outlined
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
-    """Nothing to set."""
+class Config(Outlined):
+    """Only the rectangle can be set."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """The target; draws nothing."""
-        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml"))
-        outline = outline_site(spec)
-        assert outline is not None
-        return Target(spec, outline)
+        return self.target(mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml")))

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from sim.files.picture_file import rgb
 from tracking.adapters.follower import Follower, Rect
-from tracking.evaluation.sequences.picture_file import rgb
 from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 from tracking.types import Status

@@ -10,9 +10,9 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from sim.files.picture_file import read_image
 from sim.types import Array, Image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.picture_file import read_image
 from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text

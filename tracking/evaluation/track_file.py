@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.files import reading
 from tracking.evaluation.track import Shot, Track
-from tracking.files import atomic, reading
+from tracking.files import atomic
 from tracking.types import Region, Status
 
 FORMAT = 1

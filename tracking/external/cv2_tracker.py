@@ -11,10 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from sim.files import reading
 from sim.quiet import silent_libraries
 from sim.types import Image
 from tracking.external.boxes import Box
-from tracking.files import reading
 
 MODELS = {
     "Nano": ("backbone", "neckhead"),

@@ -1,1 +1,1 @@
-"""Reading and writing files: completely or not at all, of limited size, and not through links."""
+"""Writing files: completely or not at all, and not through links; and the texts in them."""

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from tracking.files.reading import KINDS
+from sim.files.reading import KINDS
 
 ASIDE = ".{}.part"
 """Name of a file while it is written."""

@@ -23,14 +23,48 @@ EYE_POSITION, EYE_TARGET = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
 LINE_RADIUS = 0.6
 
 
-def solids(shapes: list[Shape], bodies: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    """Entity paths and archetypes of shapes, one for each body and kind of shape."""
+def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """Entity paths and archetypes of shapes: one for each body and kind, and for each mesh.
+
+    Args:
+        shapes: The shapes of the scene.
+        bodies: Entity paths of the bodies by number.
+    """
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
-    for shape in shapes:
-        if shape.rgba[3] > 0:
+    for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
+        if shape.surface is not None:
+            path = rr.new_entity_path(["mesh", shape.name or f"{number}"])
+            yield bodies[shape.body] + path, _mesh(shape)
+        else:
             groups[shape.body, shape.kind].append(shape)
     for (body, kind), members in groups.items():
-        yield f"world/{bodies[body]}/{kind}", _archetype(kind, members)
+        yield f"{bodies[body]}/{kind}", _archetype(kind, members)
+
+
+def entities(names: Sequence[str]) -> list[str]:
+    """Entity paths of bodies whose poses are logged in the world, so that none lies below another.
+
+    "robot/yaw" may lie below "world/robot", which is no body; "target/door" may not lie below
+    "world/target".
+    """
+    found: list[str] = []
+    for number, name in enumerate(names):
+        group, _, rest = name.partition("/")
+        parts = [group, rest] if rest and group not in names else [name or f"body_{number}"]
+        found.append(rr.new_entity_path(["world", *parts]))
+    return found
+
+
+def _mesh(shape: Shape) -> rr.Mesh3D:
+    surface = shape.surface
+    assert surface is not None
+    return rr.Mesh3D(
+        vertex_positions=shape.pose.apply(surface.vertices),
+        vertex_normals=surface.normals @ shape.pose.rotation.T,
+        vertex_texcoords=surface.uv,
+        albedo_texture=surface.picture,
+        albedo_factor=shape.rgba,
+    )
 
 
 def _archetype(kind: str, members: list[Shape]) -> Any:

@@ -2,7 +2,7 @@
 
 | entity | content |
 |---|---|
-| world/table, world/fixed/* | table top with texture, parts that never move |
+| world/fixed/* | table with its texture, parts that never move |
 | world/BODY, world/BODY/* | robot/LINK, target, board: pose; their shapes |
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
 | world/eye/image/estimate, goal, truth | green, red and white rectangles |
@@ -40,7 +40,7 @@ from servo.output.recording.archetypes import IMAGE
 from servo.output.recording.file import RecordingFile
 from servo.types import DOF
 from sim.robot import Robot
-from sim.shapes import shapes_of, table_top
+from sim.shapes import shapes_of
 from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import encoded
 
@@ -74,7 +74,8 @@ class RerunLog:
     def __init__(self, path: Path, episode: Episode) -> None:
         self._episode, world = episode, episode.world
         self._features = episode.loop.features.names
-        self._moving, self._plots = world.moving, _plots(world.robot, self._features)
+        self._moving = archetypes.entities(world.moving)
+        self._plots = _plots(world.robot, self._features)
         self._at_once = max(1, round(episode.scenario.camera.rate))
         self._file = RecordingFile("servobench", path, archetypes.blueprint(self._features))
         self._rec = self._file.stream
@@ -113,15 +114,9 @@ class RerunLog:
 
     def _log_scene(self) -> None:
         model, camera = self._episode.world.model, self._episode.world.camera
-        corners, texture = table_top(model)
-        uv = [[0, 1], [1, 1], [1, 0], [0, 0]]
-        mesh = rr.Mesh3D(
-            vertex_positions=corners, triangle_indices=[[0, 1, 2], [0, 2, 3]], vertex_texcoords=uv,
-            vertex_normals=[[0, 0, 1]] * 4, albedo_texture=texture,
-        )  # fmt: skip
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        self._rec.log("world/table", mesh, static=True)
-        for path, archetype in archetypes.solids(shapes_of(model), ("fixed", *self._moving)):
+        bodies = ["world/fixed", *self._moving]
+        for path, archetype in archetypes.solids(shapes_of(model), bodies):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy], principal_point=[camera.cx, camera.cy],
@@ -182,8 +177,8 @@ class RerunLog:
         self._send_poses(
             "world/eye", index, [c.translation for c in cameras], [c.rotation for c in cameras]
         )
-        for i, name in enumerate(self._moving):
-            self._send_poses(f"world/{name}", index, poses[:, i, :, 3], poses[:, i, :, :3])
+        for i, path in enumerate(self._moving):
+            self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
         columns = rr.Transform3D.columns(

@@ -13,7 +13,8 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from servo.mistake import Mistake
-from tracking.files import atomic, reading
+from sim.files import reading
+from tracking.files import atomic
 
 MAGIC = (b"RRF2", b"RRIO")
 """First bytes of Rerun's files."""

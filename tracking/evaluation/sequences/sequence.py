@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.files import reading
+from sim.files.picture_file import SUFFIXES
 from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
-from tracking.evaluation.sequences.picture_file import SUFFIXES
 from tracking.evaluation.sequences.quadrilateral import placement
 from tracking.evaluation.sequences.sources import Folder, Live, Source, Video
 from tracking.evaluation.sequences.truth import Format
-from tracking.files import reading
 from tracking.types import Region, State
 
 IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")

@@ -11,11 +11,11 @@ from typing import Protocol
 
 import cv2
 
+from sim.files import reading
+from sim.files.picture_file import SUFFIXES, read_image, rgb
 from sim.quiet import silent_libraries
 from sim.types import Image
 from tracking.evaluation.sequences import video_file
-from tracking.evaluation.sequences.picture_file import SUFFIXES, read_image, rgb
-from tracking.files import reading
 
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.files import reading
 from sim.types import Array
 from tracking.evaluation.sequences.quadrilateral import (
     BOX,
@@ -21,7 +22,6 @@ from tracking.evaluation.sequences.quadrilateral import (
     corners_of,
     crosses_itself,
 )
-from tracking.files import reading
 from tracking.types import FARTHEST
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")

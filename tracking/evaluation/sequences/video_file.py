@@ -19,9 +19,9 @@ from av.error import FFmpegError
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
+from sim.files import reading
+from sim.files.picture_file import check_size
 from sim.types import Image
-from tracking.evaluation.sequences.picture_file import check_size
-from tracking.files import reading
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 """Accepted frames a second."""

@@ -9,10 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from sim.files import reading
 from sim.quiet import silent_libraries
-from sim.types import Image
-from tracking.files import reading
-from tracking.types import LARGEST_PICTURE
+from sim.types import LARGEST_PICTURE, Image
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"})
 LARGEST = 1_000_000_000

@@ -1,0 +1,1 @@
+"""Reading files that a user names: only regular ones, up to a size, never by what they claim."""

@@ -1,0 +1,36 @@
+"""A box in one colour, or with a picture on each side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.ranges import Length
+from sim.target import Target, rectangle
+from sim.targets import _paint
+from sim.targets._settings import Colour, Outlined, rgba
+
+
+@dataclass(frozen=True, slots=True)
+class Config(Outlined):
+    """Size and appearance of the box."""
+
+    size: tuple[Length, Length, Length] = (0.16, 0.1, 0.04)
+    """Length along the nose, width, height [m]."""
+    colour: Colour = "#b0305a"
+    """As "#rrggbb", or red, green and blue from 0 to 1."""
+    picture: str | None = None
+    """A picture for each side, in place of the colour: a shipped one's name, or a file."""
+
+    def build(self, rng: np.random.Generator) -> Target:
+        """The target; draws nothing.
+
+        Raises:
+            ValueError: There is no such colour or picture.
+        """
+        name = self.picture
+        picture = None if name is None else _paint.picture_named(name, "picture")
+        spec = _paint.box(self.size, rgba(self.colour), picture)
+        length, width, height = self.size
+        return self.target(spec, rectangle(np.array([0, 0, height]), length, width))

@@ -1,0 +1,118 @@
+"""A mesh of an OBJ or STL file, scaled to a size, in one colour or with a picture."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, radians, sin
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from sim.files.mesh_file import Triangles, read_mesh
+from sim.model_files import said_by_mujoco
+from sim.ranges import Degrees, Length
+from sim.target import Target
+from sim.targets import _paint
+from sim.targets._settings import Colour, Outlined, file_of, rgba
+from sim.types import Array, Image
+
+UPRIGHT = {
+    "z": np.eye(3),
+    "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+}
+"""Rotations that take an axis of the file to the vertical."""
+ACROSS = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+FLAT = 0.001
+"""What is thinner lies this far over the table, which would show through it [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config(Outlined):
+    """Which mesh, how large, and how it lies."""
+
+    file: str = "duck"
+    """A shipped mesh's name, or an .obj or .stl file."""
+    size: Length | tuple[Length, Length, Length] = 0.2
+    """Its longest horizontal side, or length along the nose, width and height [m]."""
+    up: Literal["x", "y", "z"] = "z"
+    """Axis of the file that points up."""
+    turn_deg: Degrees = 0.0
+    """Turned about the vertical by this, after its longer side was laid along the nose [deg]."""
+    colour: Colour = "#e0b020"
+    """As "#rrggbb", or red, green and blue from 0 to 1."""
+    texture: str | None = None
+    """A picture in place of the colour: a shipped one's name, or a file; the mesh says where it
+    lies."""
+
+    def build(self, rng: np.random.Generator) -> Target:
+        """The target, centred, resting on the table; draws nothing.
+
+        Raises:
+            ValueError: A file cannot be read or is broken, or there is no such colour.
+        """
+        path, name = file_of(self.file, ".obj", "file"), self.texture
+        mesh = _seen_from_outside(read_mesh(path))
+        picture = None if name is None else _paint.picture_named(name, "texture")
+        colour = rgba(self.colour)
+        try:
+            return self.target(self._spec(mesh, colour, picture))
+        except ValueError as error:
+            raise ValueError(f"{path}: {said_by_mujoco(error)}") from None
+
+    def _spec(self, mesh: Triangles, colour: list[float], picture: Image | None) -> mujoco.MjSpec:
+        spec = mujoco.MjSpec()
+        shape = spec.add_mesh(name="mesh", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        shape.uservert = self._placed(mesh.vertices).ravel()
+        shape.userface = mesh.faces.ravel()
+        look: dict[str, Any] = {"rgba": colour}
+        if picture is not None:
+            if mesh.places is None:
+                raise ValueError("it does not say where the texture lies on it (vt)")
+            look = {"material": _paint.add_picture(spec, picture)}
+            shape.usertexcoord = (mesh.places * (1, -1) + (0, 1)).ravel()
+            shape.userfacetexcoord = np.arange(mesh.faces.size)
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", **look, **_paint.PLAIN
+        )
+        return spec
+
+    def _placed(self, vertices: Array) -> Array:
+        """Vertices (n, 3) in the target's frame [m]."""
+        points = vertices @ UPRIGHT[self.up].T
+        length, width, _ = np.ptp(points, axis=0)
+        if width > length:
+            points = points @ ACROSS.T
+        c, s = cos(radians(self.turn_deg)), sin(radians(self.turn_deg))
+        points = points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        extent = np.ptp(points, axis=0)
+        if not extent[:2].max() > 0:
+            raise ValueError("it has no length and no width")
+        if isinstance(self.size, tuple):
+            scale = np.divide(self.size, extent, out=np.ones(3), where=extent > 0)
+        else:
+            scale = np.full(3, self.size / extent[:2].max())
+        points = points * scale
+        low, high = points.min(axis=0), points.max(axis=0)
+        points -= [*(low + high)[:2] / 2, low[2]]
+        return points + (0, 0, max(0.0, FLAT - float(points[:, 2].max())))
+
+
+def _seen_from_outside(mesh: Triangles) -> Triangles:
+    """A closed mesh whose faces point outwards; of an open one both sides can be seen."""
+    faces, places = mesh.faces, mesh.places
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    ahead, back = (np.sort(e @ (len(mesh.vertices), 1)) for e in (edges, edges[:, ::-1]))
+    inside_out = faces[:, ::-1], None if places is None else places[:, ::-1]
+    if np.array_equal(ahead, back) and (np.diff(ahead) > 0).all():
+        a, b, c = (mesh.vertices - mesh.vertices.mean(axis=0))[faces.T]
+        volume = float(np.einsum("ij,ij", a, np.cross(b, c)))
+        return mesh if volume >= 0 else Triangles(mesh.vertices, *inside_out)
+    return Triangles(
+        np.concatenate([mesh.vertices, mesh.vertices]),
+        np.concatenate([faces, inside_out[0] + len(mesh.vertices)]),
+        None if places is None else np.concatenate([places, places[:, ::-1]]),
+    )

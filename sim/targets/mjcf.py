@@ -1,0 +1,52 @@
+"""A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+
+import mujoco
+import numpy as np
+
+from sim.model_files import read_spec, said_by_mujoco
+from sim.target import Target
+from sim.targets._settings import Outlined, file_of
+
+MOVING = (
+    "keys", "sensors", "actuators", "tendons", "equalities", "excludes", "pairs", "joints",
+    "cameras", "lights",
+)  # fmt: skip
+"""What a target does not have, in an order in which nothing refers to what is gone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config(Outlined):
+    """Which model."""
+
+    model: str = "truck"
+    """A shipped model's name, or an .xml or .urdf file: x is its nose, z is up, and the table is at
+    z = 0. Joints, actuators, sensors, cameras, lights and the sky are left out."""
+
+    def build(self, rng: np.random.Generator) -> Target:
+        """The target; draws nothing.
+
+        Raises:
+            ValueError: The file cannot be read or is broken, has a plane, or is not seen.
+        """
+        path = file_of(self.model, ".xml", "model")
+        spec = read_spec(path, "target")
+        skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]
+        for element in [*chain.from_iterable(getattr(spec, part) for part in MOVING), *skies]:
+            spec.delete(element)
+        for body in spec.bodies:
+            body.mocap = False
+        for geom in spec.geoms:
+            geom.contype = geom.conaffinity = 0
+            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                raise ValueError(f"{path}: the geom '{geom.name}' is a plane, which cannot move")
+        try:
+            return self.target(spec)
+        except ValueError as error:
+            raise ValueError(f"{path}: {said_by_mujoco(error)}") from None

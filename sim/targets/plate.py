@@ -1,0 +1,37 @@
+"""A flat picture on the table, its right side at the nose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.ranges import Length
+from sim.target import Target, rectangle
+from sim.targets import _paint
+from sim.targets._settings import Outlined
+
+THICKNESS = 0.002
+
+
+@dataclass(frozen=True, slots=True)
+class Config(Outlined):
+    """Which picture, and how large."""
+
+    picture: str = "pebbles"
+    """A shipped picture's name, or a file; it is stretched over the plate."""
+    length: Length = 0.2
+    """Length along the nose, which is the picture's width [m]."""
+    width: Length = 0.15
+    """Width, which is the picture's height [m]."""
+
+    def build(self, rng: np.random.Generator) -> Target:
+        """The target; draws nothing.
+
+        Raises:
+            ValueError: There is no such picture.
+        """
+        picture = _paint.picture_named(self.picture, "picture")
+        spec = _paint.box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
+        top = np.array([0, 0, THICKNESS])
+        return self.target(spec, rectangle(top, self.length, self.width))
