@@ -29,6 +29,8 @@ SEARCH_STEPS, NEAR = 60, 1e-3
 """Steps of the search, and the error at which the damped iteration takes over."""
 LEAST_COST = 1e-4
 """Weight of a step's size, which keeps it small in singular poses."""
+HALF_TURN = np.pi - 1e-5
+"""Angle beyond which a rotation has no clear axis, and the damped iteration no direction [rad]."""
 COMFORT = 0.5
 """Room before a limit beyond which more does not count [rad or m]."""
 VIEW = 0.7
@@ -97,7 +99,10 @@ def _iterate(
     data.qpos[robot.qpos] = home
     for _ in range(STEPS):
         _refresh(robot, data)
-        error = log_se3(robot.eye(data).inverse() @ T_world_camera)
+        left = robot.eye(data).inverse() @ T_world_camera
+        if _angle(left.rotation) > HALF_TURN:
+            return False
+        error = log_se3(left)
         if np.linalg.norm(error) < TOLERANCE:
             q = data.qpos[robot.qpos]
             return bool(np.all((q >= robot.lower) & (q <= robot.upper)))
@@ -173,7 +178,7 @@ def comfort(robot: Jointed, data: mujoco.MjData) -> float:
 
 def _reach(robot: Jointed, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
     error = robot.eye(data).inverse() @ T_world_camera
-    angle = float(np.linalg.norm(log_se3(error)[3:]))
+    angle = _angle(error.rotation)
     q, span = data.qpos[robot.qpos], robot.upper - robot.lower
     limited = np.isfinite(span)
     room = np.full(len(q), np.inf)
@@ -182,6 +187,12 @@ def _reach(robot: Jointed, data: mujoco.MjData, T_world_camera: Pose, *, there: 
     name = robot.names[tightest] if limited.any() else ""
     distance = float(np.linalg.norm(error.translation))
     return Reach(there, distance, angle, name, float(room[tightest]))
+
+
+def _angle(R: Array) -> float:
+    """By how much a rotation turns, 0..pi [rad]."""
+    sine = np.linalg.norm(R - R.T) / np.sqrt(8)
+    return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
 
 
 def _joints(robot: Jointed) -> list[int]:

@@ -187,3 +187,24 @@ def test_a_urdf_with_unknown_inertias_is_driven_all_the_same(tmp_path):
     data.ctrl[:] = 0.1
     mujoco.mj_step(model, data, 240)
     np.testing.assert_allclose(robot.rates_measured(data), 0.1, rtol=0.05)
+
+
+def test_a_home_that_looks_straight_up_is_no_obstacle(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_arm())
+    robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE)
+    data.qpos[:] = 0.3
+    mujoco.mj_kinematics(robot.model, data)
+    above = robot.eye(data)
+    robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE, home=((0.3,) * 6,))
+    reach = robot.solve(data, Pose(above.rotation @ np.diag([1.0, -1.0, -1.0]), above.translation))
+    assert reach.there or 0.0 < reach.angle <= np.pi
+
+
+def test_the_angle_that_is_left_is_right_up_to_half_a_turn(seven):
+    robot, _, data = built(model=str(seven), base=BASE)
+    far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 9.0]))
+    reach = robot.solve(data, far)
+    error = robot.eye(data).inverse() @ far
+    assert not reach
+    assert reach.distance == pytest.approx(float(np.linalg.norm(error.translation)))
+    assert reach.angle == pytest.approx(np.arccos((np.trace(error.rotation) - 1) / 2), abs=1e-6)

@@ -110,5 +110,5 @@ def model_path(model: str) -> Path:
                 "github.com/google-deepmind/mujoco_menagerie"
             )
         return Path(folder) / model.removeprefix(MENAGERIE)
-    shipped = Path(str(resources.files("scenes"))) / model
-    return shipped if Path(model).name == model and shipped.is_file() else Path(model)
+    shipped = {f.name: f for f in resources.files("scenes").iterdir()}
+    return Path(str(shipped[model])) if model in shipped else Path(model)
