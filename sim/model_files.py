@@ -16,8 +16,9 @@ from xml.parsers import expat
 import mujoco
 import numpy as np
 
-from sim.model_assets import MESHES, PACKAGE, Assets, package_root
+from sim.model_assets import Assets, package_root
 from sim.quiet import silent_libraries
+from sim.urdf import complete_urdf
 
 MOST_TEXT, DEEPEST = 5_000_000, 200
 """Limits of a file of XML: its size [bytes], and its elements inside each other."""
@@ -28,15 +29,6 @@ NOT_TAKEN = ("size", "visual", "statistic", "option", "custom", "sensor", "conta
 """Sections that are left out: they describe a whole simulation, or collisions, which do not matter
 here.
 """
-URDF_COMPILER = {
-    "discardvisual": "false",
-    "fusestatic": "false",
-    "strippath": "false",
-    "balanceinertia": "true",
-    "boundmass": "0.001",
-    "boundinertia": "1e-6",
-}
-"""All links stay, as the camera may be at any of them; poor masses and inertias are mended."""
 NUMBERED = re.compile(r"( Element name '(?P<name>[^']*)', id \d+)|,? line \d+")
 """What MuJoCo's messages say of places: lines are of the text after includes."""
 SOLID = ("body_pos", "body_quat", "body_mass", "body_inertia", "geom_pos", "geom_size", "jnt_pos",
@@ -95,7 +87,7 @@ def read_tree(path: Path, what: str) -> Element:
                 _expand_includes(tree, assets, path.parent.resolve())
                 _check_mjcf(tree, assets, path.parent.resolve())
             case "robot":
-                _check_urdf(tree, assets, path.parent.resolve())
+                complete_urdf(tree, assets, path.parent.resolve())
             case _:
                 raise ValueError(
                     f"its root is <{tree.tag}>; it should be <mujoco> (MJCF) or <robot> (URDF)"
@@ -200,42 +192,3 @@ def _check_made(element: Element, assets: Assets) -> None:
     except ValueError:
         return  # MuJoCo says what is wrong
     assets.add_pixels(abs(width * height), element.get("name", "a texture"))
-
-
-def _check_urdf(tree: Element, assets: Assets, folder: Path) -> None:
-    """Give each link its visible shapes, or those of collisions where they cannot be read."""
-    if any(element.tag.startswith("{") for element in tree.iter()):
-        raise ValueError(
-            "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"
-        )
-    extension = tree.find("mujoco/compiler")
-    own = folder / (extension.get("meshdir", "") if extension is not None else "")
-    for child in [c for c in tree if c.tag not in ("link", "joint", "material")]:
-        tree.remove(child)
-    for material in tree.iter("material"):
-        for texture in material.findall("texture"):
-            material.remove(texture)
-    for link in tree.findall("link"):
-        _keep_visible(link)
-    for mesh in tree.iter("mesh"):
-        name = mesh.get("filename", "").removeprefix("file://")
-        rest = PACKAGE.sub("", name)
-        places = (assets.root,) if rest != name else (folder, own)
-        path = assets.find(rest, *places)
-        assets.add_mesh(path)
-        mesh.set("filename", str(path))
-    extension = ElementTree.SubElement(tree, "mujoco")
-    ElementTree.SubElement(extension, "compiler", URDF_COMPILER)
-
-
-def _keep_visible(link: Element) -> None:
-    shapes = {tag: link.findall(tag) for tag in ("visual", "collision")}
-    readable = [v for v in shapes["visual"] if _is_readable(v)]
-    for shape in [*shapes["visual"], *(shapes["collision"] if readable else [])]:
-        if shape not in readable:
-            link.remove(shape)
-
-
-def _is_readable(shape: Element) -> bool:
-    mesh = shape.find("geometry/mesh")
-    return mesh is None or mesh.get("filename", "").lower().endswith(MESHES)

@@ -17,8 +17,10 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.geometry import inverse_if_strong, log_se3
+from sim.geometry import inverse_if_strong
 from sim.render import VISION_FROM_MUJOCO
+from sim.robot_drives import wrong_drive
+from sim.start_pose import Reach, reach
 from sim.types import Array, Pose, Posture
 
 EYE = "eye"
@@ -29,7 +31,6 @@ STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
-SOLVE_STEPS, SOLVE_TOLERANCE, SOLVE_DAMPING = 200, 1e-10, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,9 @@ class Drives:
     camera per unit of joint rate] the inverse is damped."""
     damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
     """Damping in a singular pose; the camera then moves less than asked for, and another way."""
+    centring: Annotated[float, Ge(0), Le(100)] = 1.0
+    """With more than six joints: how fast those with limits move towards the middle between them
+    [1/s], as far as this does not move the camera (Liegeois 1977)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,8 @@ class Design:
     """Its model, with a camera and a site `eye`, and one velocity actuator for each joint."""
     drives: Drives
     homes: tuple[tuple[float, ...], ...]
-    """Joint positions from which all others are sought, one after another [m or rad]."""
+    """Joint positions from which all others are sought, one after another [m or rad]; where there
+    are none, from everywhere."""
     base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
     """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
 
@@ -83,18 +88,8 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
     if model.nu == 0:
         raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
     for i in range(model.nu):
-        name = own_name(model.actuator(i).name)
-        gain, bias = model.actuator_gainprm[i, 0], model.actuator_biasprm[i, :3]
-        if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT or model.actuator_gear[i, 0] != 1:
-            raise ValueError(f"{place}: the actuator '{name}' has to drive one joint, with gear 1")
-        if gain <= 0 or not np.array_equal(bias, [0.0, 0.0, -gain]):
-            raise ValueError(f"{place}: the actuator '{name}' has to be a <velocity> servo")
-        low, high = model.actuator_ctrlrange[i]
-        if model.actuator_ctrllimited[i] and not low < 0 < high:
-            raise ValueError(
-                f"{place}: the actuator '{name}' has the ctrlrange {low:g} {high:g}; it has to "
-                "allow both directions"
-            )
+        if (wrong := wrong_drive(model, i)) is not None:
+            raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
     eye, camera = model.site(CAMERA), model.camera(CAMERA)
     same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
     if eye.bodyid != camera.bodyid or not same:
@@ -111,13 +106,13 @@ class Robot:
             ValueError: The model is no robot of this kind; the message says what is wrong.
         """
         _check_drives(model, design)
-        self._model, self._design = model, design
+        self.model, self._design = model, design
         self._site = model.site(CAMERA).id
         joints = model.actuator_trnid[:, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
         slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
         self.units = tuple("m" if slide else "rad" for slide in slides)
-        self._qpos = model.jnt_qposadr[joints]
+        self.qpos = model.jnt_qposadr[joints]
         self._dof = model.jnt_dofadr[joints]
         limited = model.jnt_limited[joints].astype(bool)
         self.lower = np.where(limited, model.jnt_range[joints, 0], -np.inf)
@@ -126,6 +121,8 @@ class Robot:
         rates = np.where(bounded, model.actuator_ctrlrange, [-np.inf, np.inf])
         self.slowest, self.fastest = rates.T
         stops = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
+        self._limited, self._freedom = limited, len(joints) > 6
+        self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
         self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
         self._jacobians = np.zeros((2, 3, model.nv))
 
@@ -134,11 +131,11 @@ class Robot:
         last frame.
         """
         J = self.jacobian(data)
-        return Posture(self._eye(data), twist, self.joints(data), self.lower, self.upper, J)
+        return Posture(self.eye(data), twist, self.joints(data), self.lower, self.upper, J)
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""
-        return data.qpos[self._qpos].copy()
+        return data.qpos[self.qpos].copy()
 
     def rates_measured(self, data: mujoco.MjData) -> Array:
         """Joint velocities (n,) [m/s or rad/s]."""
@@ -149,7 +146,7 @@ class Robot:
         kinematics.
         """
         linear, angular = self._jacobians
-        mujoco.mj_jacSite(self._model, data, linear, angular, self._site)
+        mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
         return (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
 
@@ -160,35 +157,43 @@ class Robot:
         One factor slows all joints, so that a saturated camera still moves in the direction asked
         for.
         """
-        wanted = damped_inverse(self.jacobian(data), self._design.drives) @ twist
+        J = self.jacobian(data)
+        wanted = damped_inverse(J, self._design.drives) @ twist
+        if self._freedom:
+            centred = wanted + self._centring(data, J)
+            if self._slowed(data, centred) == 1.0:
+                return centred, False
+        factor = self._slowed(data, wanted)
+        return wanted * factor, factor < 1.0
+
+    def _slowed(self, data: mujoco.MjData, wanted: Array) -> float:
+        """The factor on all rates with which no joint is too fast."""
         factor = 1.0
         # A few joints: Python is faster here than arrays.
-        joints = zip(wanted.tolist(), data.qpos[self._qpos].tolist(), *self._bounds, strict=True)
+        joints = zip(wanted.tolist(), data.qpos[self.qpos].tolist(), *self._bounds, strict=True)
         for rate, q, lower, upper, slowest, fastest in joints:
             room, most = (upper - q, fastest) if rate > 0 else (q - lower, -slowest)
             most = min(most, STOP_GAIN * max(room, 0.0))
             if abs(rate) > most:
                 factor = min(factor, most / abs(rate))
-        return wanted * factor, factor < 1.0
+        return factor
 
-    def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> bool:
-        """Set the joints so that the camera takes this pose; whether the limits allow it."""
-        return any(self._solve(data, home, T_world_camera) for home in self._design.homes)
+    def _centring(self, data: mujoco.MjData, J: Array) -> Array:
+        """Rates (n,) towards the middles between the limits that do not move the camera.
 
-    def _solve(self, data: mujoco.MjData, home: tuple[float, ...], T_world_camera: Pose) -> bool:
-        data.qpos[self._qpos] = home
-        for _ in range(SOLVE_STEPS):
-            mujoco.mj_kinematics(self._model, data)
-            mujoco.mj_comPos(self._model, data)
-            error = log_se3(self._eye(data).inverse() @ T_world_camera)
-            if np.linalg.norm(error) < SOLVE_TOLERANCE:
-                q = data.qpos[self._qpos]
-                return bool(np.all((q >= self.lower) & (q <= self.upper)))
-            J = self.jacobian(data)
-            damped = J @ J.T + SOLVE_DAMPING**2 * np.eye(6)
-            data.qpos[self._qpos] += J.T @ np.linalg.solve(damped, error)
-        return False
+        After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
+        multibody mechanisms, IEEE Trans. SMC 7): the gradient of the squared distances from the
+        middles, projected into the null space of the Jacobian.
+        """
+        away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
+        free = -self._design.drives.centring * away
+        return free - np.linalg.pinv(J) @ (J @ free)
 
-    def _eye(self, data: mujoco.MjData) -> Pose:
+    def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
+        """Set the joints so that the camera takes this pose, or comes near it; how near."""
+        return reach(self, data, self._design.homes, T_world_camera)
+
+    def eye(self, data: mujoco.MjData) -> Pose:
+        """T_world_camera, as of the last kinematics."""
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())

@@ -92,7 +92,8 @@ class Posture:
     """What a robot knows of itself at one moment, from its joints."""
 
     T_base_camera: Pose
-    """Pose of the camera (x right, y down, z forward) over the robot's base, whose z is up."""
+    """Pose of the camera (x right, y down, z forward) in the frame that the robot is calibrated to:
+    the room's, whose z is up and whose table is at z = 0, wherever the robot's own base is."""
     twist: Array
     """Mean camera twist (6,) since the last frame [m/s, rad/s]."""
     joints: Array

@@ -22,6 +22,7 @@ from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.robot import CAMERA, Design, Robot
 from sim.sensor import Sensor
 from sim.stage import Disturbance, Motion, Stage
+from sim.start_pose import Reach
 from sim.target import Target
 from sim.timing import Rates, exposure_steps
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
@@ -82,10 +83,8 @@ class World:
         """Give the renderer's buffers back."""
         self._renderer.close()
 
-    def start(self, pixel: Array, theta: float, depth: float) -> bool:
-        """Put the camera where it sees the target at a pixel, an angle and a depth; whether it can
-        be there.
-        """
+    def start(self, pixel: Array, theta: float, depth: float) -> Reach:
+        """Put the camera where it sees the target at a pixel, an angle and a depth, or near it."""
         target = self._stage.target(0.0)
         heading = float(np.arctan2(target.rotation[1, 0], target.rotation[0, 0]))
         point = target.apply(self.outline.mean(axis=0))

@@ -131,7 +131,7 @@ def test_the_walk_finds_values_of_every_sort(found):
     constants, defaults = found["constants"], found["defaults"]
     assert constants["servo.features._interaction"]["ROUND"] == "1e-09"
     assert constants["servo.sight.planes"]["FACING"] == "[0, 0, 1]"
-    assert constants["sim.robot"]["SOLVE_STEPS"] == "200"
+    assert constants["sim.start_pose"]["STEPS"] == "200"
     assert defaults["servo.scenario.sections"]["RunConfig.latency"] == "1"
     assert defaults["tracking.settings"]["DiscSettings.lock"].startswith(
         "{'floor': 0.5, 'cap': 0.75,"

@@ -50,7 +50,7 @@ def test_a_pose_out_of_reach_is_not_reached():
     design = arm.Config().build(np.random.default_rng(0))
     model = build_model(480.0, CameraConfig(), design, target)
     far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([9.0, 9.0, 9.0]))
-    assert Robot(model, design).solve(mujoco.MjData(model), far) is False
+    assert Robot(model, design).solve(mujoco.MjData(model), far).there is False
 
 
 @pytest.mark.parametrize(("platform", "asked", "found"), [

@@ -40,10 +40,10 @@ def tables():
     found = {name: lambda s, name=name: {name: s} for name in SECTIONS}
     for part, (folder, _) in PLUGINS.items():
         for kind in kinds.names(folder):
-            found[kind] = lambda s, part=part, kind=kind: {part: {"kind": kind} | s}
+            found[f"{part}.{kind}"] = lambda s, part=part, kind=kind: {part: {"kind": kind} | s}
     for part, folder in LISTS.items():
         for kind in kinds.names(folder):
-            found[kind] = lambda s, part=part, kind=kind: {part: [{"kind": kind} | s]}
+            found[f"{part}.{kind}"] = lambda s, part=part, kind=kind: {part: [{"kind": kind} | s]}
     return found
 
 
@@ -55,9 +55,9 @@ def settings_of(schema, name):
     sections = schema["properties"]
     if name in SECTIONS:
         return sections[name]["properties"]
-    branches = [branch for part in (*PLUGINS, *LISTS)
-                for branch in sections[part].get("items", sections[part])["oneOf"]]  # fmt: skip
-    (found,) = [b for b in branches if b["properties"]["kind"] == {"const": name}]
+    part, _, kind = name.partition(".")
+    branches = sections[part].get("items", sections[part])["oneOf"]
+    (found,) = [b for b in branches if b["properties"]["kind"] == {"const": kind}]
     return {key: item for key, item in found["properties"].items() if key not in ("kind", "preset")}
 
 

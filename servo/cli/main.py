@@ -23,6 +23,7 @@ from servo.cli.options import (
     truth_options,
     workers_option,
 )
+from servo.cli.robot_arguments import robot
 
 
 @click.group(
@@ -236,6 +237,9 @@ def doctor(bench: bool) -> None:
     from servo.cli.doctor_command import examine
 
     sys.exit(examine(bench=bench))
+
+
+app.add_command(robot)
 
 
 def main() -> None:

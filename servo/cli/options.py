@@ -28,6 +28,25 @@ class FiniteRange(click.FloatRange):
         return number
 
 
+class Numbers(click.ParamType[list[float]]):
+    """Finite numbers with commas between them, such as 0,0.5,0.6,-90."""
+
+    name = "numbers"
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The list of numbers, or click's usage error."""
+        try:
+            numbers = [float(part) for part in str(value).split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != self._count or not all(map(math.isfinite, numbers)):
+            self.fail(f"{value!r} should be {self._count} numbers, with commas.", param, ctx)
+        return numbers
+
+
 class Named(click.Path):
     """A path, or a word in its place, that is not empty and could be a name.
 

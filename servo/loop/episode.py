@@ -94,9 +94,11 @@ class Episode:
         start, name, loop = self.scenario.start, self.scenario.name, self.loop
         pixel = loop.goal + (start.x, start.y)
         theta = loop.goal_theta + radians(start.angle_deg)
-        if not self.world.start(pixel, theta, self.scenario.goal.depth / start.scale):
+        reach = self.world.start(pixel, theta, self.scenario.goal.depth / start.scale)
+        if not reach:
             raise Mistake(
-                f"{name}: start: the robot cannot bring the camera where this picture is taken"
+                f"{name}: start: the robot cannot bring the camera where this picture is taken: "
+                f"{reach}"
             )
 
     def _begin(self) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
+from servo.scenario.beside import found_beside
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
@@ -185,7 +186,7 @@ def read(name: str) -> tuple[Table, str]:
             table["camera"]["calibration"] = str(path.parent / beside)
         case _:
             pass
-    return table, path.name
+    return (table if name in shipped() else found_beside(table, path.parent)), path.name
 
 
 def parse(table: Table, name: str, place: str) -> Scenario:

@@ -1,26 +1,26 @@
 """A six-joint arm on a pedestal behind the table, with the camera at its wrist."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import resources
+from typing import Annotated
 
-import mujoco
-import numpy as np
+from annotated_types import Ge, Le
 
-from sim.robot import Design, Drives
+from sim.ranges import Degrees, Place
+from sim.robots import mjcf
 
 ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)
 """Joints [rad] near which every start lies: the elbow above the line from shoulder to wrist."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Drives):
-    """Its drives."""
+class Config(mjcf.Config):
+    """The kind `mjcf` with this model, its own camera and its home."""
 
-    def build(self, rng: np.random.Generator) -> Design:
-        """The robot; draws nothing."""
-        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "arm.xml"))
-        return Design("arm.xml", spec, drives=self, homes=(ELBOW_UP,))
+    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    model: str = "arm.xml"
+    camera: str = "eye"
+    base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)
+    home: tuple[mjcf.Home, ...] = (ELBOW_UP,)

@@ -1,23 +1,23 @@
 """A 6-DOF gantry over the table: three slides, and a wrist whose axes meet in the camera."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import resources
+from typing import Annotated
 
-import mujoco
-import numpy as np
+from annotated_types import Ge, Le
 
-from sim.robot import Design, Drives
+from sim.ranges import Degrees, Place
+from sim.robots import mjcf
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Drives):
-    """Its drives."""
+class Config(mjcf.Config):
+    """The kind `mjcf` with this model, its own camera and its home."""
 
-    def build(self, rng: np.random.Generator) -> Design:
-        """The robot; draws nothing."""
-        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "gantry.xml"))
-        return Design("gantry.xml", spec, drives=self, homes=((0.0,) * 6,))
+    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    model: str = "gantry.xml"
+    camera: str = "eye"
+    base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)
+    home: tuple[mjcf.Home, ...] = ((0.0,) * 6,)

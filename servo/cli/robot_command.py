@@ -1,0 +1,173 @@
+"""What `servobench robot` does: print what a robot's file has, and the table that a scenario needs
+for it; draw it in the room.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+import dataclasses
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from servo.cli.terminal import plain
+from servo.mistake import Mistake, unwritable
+from servo.scenario.fill import fill
+from sim.assembly import ROBOT, build_model
+from sim.camera import CameraConfig, pinhole
+from sim.model_files import read_spec
+from sim.motions import still
+from sim.render import OpenGLRenderer
+from sim.robot import CAMERA, Robot
+from sim.robot_chain import Chain, flanges
+from sim.robot_drives import drive_of, kind_of_joint, wrong_drive
+from sim.robot_model import camera_chain
+from sim.robots import mjcf
+from sim.targets import car
+from sim.types import Array, Image
+from sim.workspace import Workspace, sample_workspace
+from sim.world import World, WorldConfig
+
+DEPTH = 1.0
+"""How far from the target a scenario begins by default [m]."""
+PICTURE = CameraConfig(width=640, height=480)
+SHOWN = 12
+"""Candidates for the flange that are printed."""
+POSITION, RATE = 1, 2
+"""Places of an actuator's feedback in its bias."""
+
+
+def examine(given: dict[str, Any], out: Path) -> int:
+    """Print joints, flanges, reach and the table of a robot, and draw it.
+
+    Args:
+        given: Settings of the kind `mjcf`, the model at least.
+        out: PNG to write.
+
+    Raises:
+        Mistake: The model cannot be used, or a setting does not fit it.
+    """
+    console, config = Console(), fill(mjcf.Config, given, "robot")
+    try:
+        spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)
+        model, chain = camera_chain(spec, config.flange, config.camera)
+        robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
+        reach = sample_workspace(robot, DEPTH)
+        if "base" not in given:
+            config = dataclasses.replace(config, base=reach.base)
+        picture, left = _drawn(config)
+    except ValueError as error:
+        raise Mistake(f"robot: {error}") from None
+    console.print(_joint_table(model, chain, robot))
+    console.print(_flange_table(model, chain))
+    plain(console, f"{_reach_text(reach)}\n{left}\n\n{_toml(config, chain)}\n")
+    encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
+    try:
+        out.write_bytes(encoded)
+    except OSError as error:
+        raise unwritable(out, error, "this picture") from None
+    plain(console, str(out))
+    return 0
+
+
+def _robot(config: mjcf.Config) -> Robot:
+    rng = np.random.default_rng(0)
+    design = config.build(rng)
+    return Robot(build_model(480.0, PICTURE, design, car.Config().build(rng)), design)
+
+
+def _drawn(config: mjcf.Config) -> tuple[Image, str]:
+    """The room and the camera's view side by side, and whether the camera is over the target."""
+    rng = np.random.default_rng(0)
+    design, target = config.build(rng), car.Config().build(rng)
+    motion = still.Config().build(rng)
+    world = World(WorldConfig(), design, target, PICTURE, motion, (), rng)
+    size = PICTURE.width, PICTURE.height
+    room, eye = (OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
+                 for name in ("room", CAMERA))  # fmt: skip
+    try:
+        reach = world.start(np.array(size) / 2, 0.0, DEPTH)
+        views = [room.render(world.data), eye.render(world.data)]
+        seen = eye.silhouette(world.data, _own(world.model), alone=False)
+    finally:
+        for item in (room, eye, world):
+            item.close()
+    text = f"From the base below the camera can be {DEPTH:g} m above the target"
+    text += "." if reach else f" only nearly: {reach}."
+    if seen.any():
+        share = 100 * seen.mean()
+        text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
+    return np.hstack(views), text
+
+
+def _own(model: mujoco.MjModel) -> Array:
+    """Which geoms (n,) are the robot's."""
+    bodies = (model.body(body).name for body in model.geom_bodyid)
+    return np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
+
+
+def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
+    table = Table("joint", "type", "limits", "largest rate", "actuator", box=None,
+                  pad_edge=False)  # fmt: skip
+    for joint in range(model.njnt):
+        low, high = model.jnt_range[joint]
+        limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
+        name, kind = model.joint(joint).name, kind_of_joint(model.jnt_type[joint])
+        if joint in chain.joints:
+            number = chain.joints.index(joint)
+            fastest, unit = robot.fastest[robot.names.index(name)], robot.units[number]
+            rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
+            limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
+            table.add_row(escape(name), kind, limits, rate, _actuator(model, joint))
+        else:
+            table.add_row(escape(name), kind, limits, "held still", "")
+    return table
+
+
+def _actuator(model: mujoco.MjModel, joint: int) -> str:
+    """What drives a joint in its file, and what it becomes."""
+    drive = drive_of(model, joint)
+    if drive is None:
+        return "none: one is added"
+    if wrong_drive(model, drive) is None:
+        return "velocity"
+    bias = model.actuator_biasprm[drive]
+    found = "position" if bias[POSITION] else "velocity" if bias[RATE] else "motor"
+    return f"{found}: replaced"
+
+
+def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
+    table = Table("candidates for the flange", "", "joints", box=None, pad_edge=False)
+    found = flanges(model)
+    for what, name, joints in found[:SHOWN]:
+        mark = " (taken)" if name == chain.flange else ""
+        table.add_row(escape(name), f"{what}{mark}", str(joints))
+    if len(found) > SHOWN:
+        table.add_row(f"and {len(found) - SHOWN} more", "", "")
+    return table
+
+
+def _reach_text(reach: Workspace) -> str:
+    text = f"The camera gets {reach.farthest:.2f} m away from the base's origin at most"
+    if not isfinite(reach.lowest):
+        return f"{text}; it never looks down: turn it with --mount."
+    return f"{text}; it looks down at heights of {reach.lowest:.2f} to {reach.highest:.2f} m."
+
+
+def _toml(config: mjcf.Config, chain: Chain) -> str:
+    table: dict[str, Any] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
+    if config.camera:
+        table["camera"] = config.camera
+    else:
+        table |= {"flange": chain.flange, "mount": list(config.mount)}
+    lines = (f"{key} = {json.dumps(value)}" for key, value in table.items())
+    return "\n".join(("[robot]", *lines))

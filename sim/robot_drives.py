@@ -1,0 +1,124 @@
+"""Velocity drives for a robot whose model has others: their gains follow from its inertia."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from sim.types import Array
+
+TIME_CONSTANT = 0.015
+"""How fast a joint takes a new rate [s]: several steps of physics, and half a frame."""
+ARMATURE = {"hinge": 0.01, "slide": 0.1}
+"""Least inertia of a geared motor, as seen by its joint [kg m^2 or kg]."""
+GEARED = 0.5
+"""Least inertia of the motor over that of all that it moves: with less the joints of a stretched
+arm drag each other along."""
+SPEEDS = {"hinge": 2.0, "slide": 0.5}
+"""Largest rate of a joint whose model has none [rad/s or m/s]."""
+FULL_SPEED_AFTER = 0.25
+"""A force limit of the model is kept where it allows full speed within this time [s]."""
+ON_JOINTS = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
+SAMPLES = 64
+"""Postures of which the largest inertia counts."""
+
+
+def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
+    """Whether each of these joints has one velocity servo, to be kept as it is."""
+    found = [drive_of(model, joint) for joint in joints]
+    return all(i is not None and wrong_drive(model, i) is None for i in found)
+
+
+def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
+    """The actuator of a joint; None where there is none, or several."""
+    on_joints = model.actuator_trntype[:, None] == [int(kind) for kind in ON_JOINTS]
+    found = np.flatnonzero(on_joints.any(axis=1) & (model.actuator_trnid[:, 0] == joint))
+    return int(found[0]) if len(found) == 1 else None
+
+
+def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
+    """Why an actuator is no velocity servo of one joint; None where it is one."""
+    gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, :3]
+    on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+    if not on_joint or model.actuator_gear[actuator, 0] != 1:
+        return "has to drive one joint, with gear 1"
+    if gain <= 0 or not np.array_equal(bias, [0.0, 0.0, -gain]):
+        return "has to be a <velocity> servo"
+    low, high = model.actuator_ctrlrange[actuator]
+    if model.actuator_ctrllimited[actuator] and not low < 0 < high:
+        return f"has the ctrlrange {low:g} {high:g}; it has to allow both directions"
+    return None
+
+
+def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces: Array) -> None:
+    """Give each joint a velocity drive, without friction and springs of its own.
+
+    Args:
+        spec: A model in which no other joints are left, and no actuators.
+        names: Its joints.
+        speeds: Their largest rates (n,) [rad/s or m/s].
+        forces: Force limits of the model (n,) [N m or N]; inf where there are none.
+    """
+    for name in names:
+        joint = spec.joint(name)
+        joint.damping, joint.stiffness, joint.frictionloss = np.zeros(3), np.zeros(3), 0.0
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    for name, moved, speed, force in zip(names, _inertia(spec), speeds, forces, strict=True):
+        joint = spec.joint(name)
+        motor = max(joint.armature, GEARED * moved, ARMATURE[kind_of_joint(joint.type)])
+        inertia = moved - joint.armature + motor
+        joint.armature = motor
+        drive = spec.add_actuator(
+            name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1, 0, 0, 0, 0, 0]
+        )
+        drive.set_to_velocity(inertia / TIME_CONSTANT)
+        drive.ctrllimited, drive.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [-speed, speed]
+        if inertia * speed / FULL_SPEED_AFTER <= force < np.inf:
+            drive.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+            drive.forcerange = [-force, force]
+
+
+def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
+    """Force limits (n,) of joints, or of their actuators, in a model [N m or N]."""
+    forces = np.full(len(joints), np.inf)
+    for k, joint in enumerate(joints):
+        if model.jnt_actfrclimited[joint]:
+            forces[k] = np.abs(model.jnt_actfrcrange[joint]).min()
+        drive = drive_of(model, joint)
+        if drive is not None and model.actuator_forcelimited[drive]:
+            geared = np.abs(model.actuator_forcerange[drive] * model.actuator_gear[drive, 0])
+            forces[k] = min(forces[k], geared.min())
+    return forces
+
+
+def kind_of_joint(joint_type: int) -> str:
+    """Whether a joint of a chain is a "hinge" or a "slide"."""
+    return "slide" if joint_type == mujoco.mjtJoint.mjJNT_SLIDE else "hinge"
+
+
+def random_joints(
+    model: mujoco.MjModel, joints: Sequence[int], rng: np.random.Generator, count: int
+) -> Array:
+    """Joint positions (count, n) inside the limits; those without limits make a turn, or 2 m."""
+    limited = model.jnt_limited[joints].astype(bool)[:, None]
+    slides = (model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE)[:, None]
+    free = np.where(slides, [-1.0, 1.0], [-np.pi, np.pi])
+    low, high = np.where(limited, model.jnt_range[joints], free).T
+    return rng.uniform(low, high, (count, len(joints)))
+
+
+def _inertia(spec: mujoco.MjSpec) -> Array:
+    """The largest inertia (n,) that each joint sees, the others held [kg m^2 or kg]."""
+    model = spec.compile()
+    data, whole = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    largest = np.zeros(model.nv)
+    for q in random_joints(model, range(model.njnt), np.random.default_rng(0), SAMPLES):
+        data.qpos[:] = q
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fullM(model, data, whole)
+        largest = np.maximum(largest, np.diag(whole))
+    return largest

@@ -1,0 +1,114 @@
+"""A robot from a file, MJCF or URDF: six joints or more, and a camera at its flange."""
+
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo's names come from compiled modules without stubs.
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from math import radians
+from pathlib import Path
+from typing import Annotated
+
+import mujoco
+import numpy as np
+from annotated_types import Ge, Le, MinLen
+
+from sim.model_files import read_spec, read_tree
+from sim.ranges import Degrees, Place
+from sim.robot import Design, Drives
+from sim.robot_chain import FEWEST
+from sim.robot_model import camera_chain, drive, make_robot, mount_pose
+from sim.types import Pose
+from sim.urdf import speeds
+
+Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
+Rate = Annotated[float, Ge(0.001), Le(100)]
+WHAT = "robot model"
+MENAGERIE, ROOT = "menagerie:", "MENAGERIE_ROOT"
+
+
+@dataclass(frozen=True, slots=True)
+class Config(Drives):
+    """The model, where it stands, and where its camera is."""
+
+    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.02
+    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.02
+    model: str = "arm7.xml"
+    """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, the
+    name of one of ours, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""
+    base: tuple[Place, Place, Place, Degrees] = (0.0, 0.5, 0.6, -90.0)
+    """Where it stands in the room: x, y, z [m], and its turn about z [deg]; by default behind the
+    table's middle, 0.6 m above it, its x towards the middle."""
+    flange: str = ""
+    """The body or site that carries the camera; by default the end of the longest chain of joints
+    (its only site, if it has one), or where that branches into fingers."""
+    mount: tuple[Place, Place, Place, Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """The camera in the flange: x, y, z [m], roll, pitch, yaw [deg] about fixed axes as in URDF;
+    with zeros it is in the flange's origin and looks along its z, with x to the right."""
+    camera: str = ""
+    """A camera of the model, in place of flange and mount."""
+    home: tuple[Home, ...] = ()
+    """Joint positions near which a start pose is sought, one after another [rad or m]; by default
+    everywhere."""
+    speed: tuple[Rate, ...] = ()
+    """Largest rate of each joint, or one for all [rad/s or m/s]; by default the model's."""
+
+    def build(self, rng: np.random.Generator) -> Design:
+        """The robot; draws nothing.
+
+        Raises:
+            ValueError: The model is wrong, or a setting does not fit it.
+        """
+        path = model_path(self.model)
+        spec = read_spec(path, WHAT)
+        try:
+            self._prepare(spec, path)
+        except ValueError as error:
+            raise ValueError(f"{path.name}: {error}") from None
+        x, y, z, yaw = self.base
+        base = Pose(Pose.planar(0.0, 0.0, radians(yaw)).rotation, np.array([x, y, z]))
+        return Design(path.name, spec, drives=self, homes=self.home, base=base)
+
+    def _prepare(self, spec: mujoco.MjSpec, path: Path) -> None:
+        """Make a model a robot."""
+        if self.camera and (self.flange or any(self.mount)):
+            raise ValueError("give either camera, or flange and mount")
+        model, chain = camera_chain(spec, self.flange, self.camera)
+        names = make_robot(spec, model, chain, self.camera, mount_pose(self.mount))
+        drive(spec, model, chain.joints, self._speeds(names, speeds(read_tree(path, WHAT))))
+        for home in self.home:
+            if len(home) != len(names):
+                raise ValueError(
+                    f"a home has {len(home)} values; it should have {len(names)}, for "
+                    f"{', '.join(names)}"
+                )
+
+    def _speeds(self, names: Sequence[str], own: dict[str, float]) -> list[float | None]:
+        if len(self.speed) > 1 and len(self.speed) != len(names):
+            raise ValueError(
+                f"speed has {len(self.speed)} values; it should have one, or {len(names)} for "
+                f"{', '.join(names)}"
+            )
+        given = self.speed * len(names) if len(self.speed) == 1 else self.speed
+        return list(given) or [own.get(name) for name in names]
+
+
+def model_path(model: str) -> Path:
+    """The file that a setting names.
+
+    Raises:
+        ValueError: It is of the Menagerie, whose place is not known.
+    """
+    if model.startswith(MENAGERIE):
+        folder = os.environ.get(ROOT)
+        if not folder:
+            raise ValueError(
+                f"{model}: set {ROOT} to the folder of a checkout of "
+                "github.com/google-deepmind/mujoco_menagerie"
+            )
+        return Path(folder) / model.removeprefix(MENAGERIE)
+    shipped = {f.name: f for f in resources.files("scenes").iterdir()}
+    return Path(str(shipped[model])) if model in shipped else Path(model)

@@ -1,0 +1,210 @@
+"""Robots of others: they follow the target as they are, or are refused with what is wrong."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from robot_files import built, mjcf_arm, urdf_arm
+
+from servo.loop.episode import measured_run
+from servo.scenario.load import load
+from sim.robot_model import mount_pose
+from sim.robots import mjcf
+from sim.types import Pose
+
+BASE = (0.0, 0.5, 0.6, -90.0)
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_arm())
+    return tmp_path / "arm.urdf"
+
+
+@pytest.fixture
+def seven(tmp_path):
+    (tmp_path / "arm.xml").write_text(mjcf_arm(tmp_path))
+    return tmp_path / "arm.xml"
+
+
+@pytest.mark.parametrize("name", ["urdf", "seven"])
+def test_an_arm_that_nobody_tuned_follows_the_line(request, name):
+    model = request.getfixturevalue(name)
+    changes = ["robot.kind=mjcf", f"robot.model={model}", "motion.x=-0.35", "run.duration=6.0",
+               "measure.after=2.0", "estimator.kind=kalman_cv"]  # fmt: skip
+    scenario = load("line", changes)
+    steps, report = measured_run(scenario)
+    assert report.outcome.name == "CONVERGED"
+    assert report.value("servo_rms_px") <= 1.0
+    assert report.value("saturated_pct") == 0.0
+    assert len(steps[0].posture.joints) == (6 if name == "urdf" else 7)
+
+
+def test_a_urdf_gives_joints_limits_and_speeds(urdf):
+    robot, model, _ = built(model=str(urdf))
+    assert robot.names == ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+    np.testing.assert_allclose(robot.fastest, 3.15)
+    np.testing.assert_allclose(robot.upper, 6.28)
+    assert model.actuator_forcerange[:3, 1].tolist() == [150.0] * 3
+    assert set(model.body_gravcomp[model.body_rootid == model.body("robot/base").id]) == {1.0}
+
+
+def test_a_force_limit_that_cannot_move_the_joint_is_left_out(tmp_path):
+    (tmp_path / "weak.urdf").write_text(urdf_arm(effort=0.0))
+    _, model, _ = built(model=str(tmp_path / "weak.urdf"))
+    assert not model.actuator_forcelimited.any()
+    assert not model.jnt_actfrclimited.any()
+
+
+def test_what_a_room_has_and_what_a_gripper_needs_is_left_out(seven):
+    robot, model, _ = built(model=str(seven))
+    assert robot.names == tuple(f"joint{i}" for i in range(1, 8))
+    assert (model.nu, model.ntendon, model.neq, model.nkey) == (7, 0, 0, 0)
+    names = [model.geom(i).name for i in range(model.ngeom)]
+    assert "robot/floor" not in names
+    own = np.array(
+        [n.startswith("robot/") for n in (model.body(b).name for b in model.geom_bodyid)]
+    )
+    assert own.sum() == 9  # seven links and two fingers, which are held still
+    assert not model.geom_contype[own].any()
+    assert not model.geom_conaffinity[own].any()
+    assert model.nlight == 2  # the room's
+    assert (model.tex_type == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)).sum() == 1
+    assert model.nmesh == 2
+
+
+def test_drives_take_a_new_rate_within_the_time_constant(seven):
+    robot, model, data = built(model=str(seven))
+    data.qpos[:] = [0, 0.3, 0, -1.5, 0, 1.8, 0]
+    data.ctrl[:] = 0.1
+    mujoco.mj_step(model, data, round(0.06 * 480))
+    np.testing.assert_allclose(robot.rates_measured(data), 0.1, rtol=0.1)
+    mujoco.mj_step(model, data, round(0.3 * 480))
+    np.testing.assert_allclose(robot.rates_measured(data), 0.1, rtol=0.03)
+
+
+def test_gravity_does_not_move_a_robot_that_is_told_to_stay(seven):
+    robot, model, data = built(model=str(seven))
+    data.qpos[:] = q = np.array([0, 0.9, 0, -1.5, 0, 1.8, 0])
+    mujoco.mj_step(model, data, 480)
+    np.testing.assert_allclose(robot.joints(data), q, atol=1e-6)
+
+
+def camera_in_flange(seven, mount):
+    robot, model, data = built(model=str(seven), base=BASE, flange="attachment", mount=mount)
+    data.qpos[:] = [0.1, 0.3, 0.2, -1.5, 0.3, 1.8, 0.4]
+    mujoco.mj_kinematics(model, data)
+    site = model.site("robot/attachment").id
+    flange = Pose(data.site_xmat[site].reshape(3, 3), data.site_xpos[site])
+    return flange.inverse() @ robot.eye(data), robot.eye(data)
+
+
+def test_the_camera_is_at_the_mount_in_the_flange(seven):
+    found, _ = camera_in_flange(seven, (0.0,) * 6)
+    np.testing.assert_allclose(found.rotation, np.eye(3), atol=1e-12)
+    found, _ = camera_in_flange(seven, (0.01, 0.02, 0.03, 90.0, 0.0, 90.0))
+    # First about the fixed x: y becomes z; then about the fixed z: x becomes y.
+    np.testing.assert_allclose(found.rotation, [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(found.translation, [0.01, 0.02, 0.03], atol=1e-12)
+
+
+def test_the_base_moves_and_turns_the_whole_robot(seven):
+    poses = []
+    for base in ((0.0, 0.0, 0.0, 0.0), (0.3, -0.2, 0.5, 90.0)):
+        robot, model, data = built(model=str(seven), base=base)
+        mujoco.mj_kinematics(model, data)
+        poses.append(robot.eye(data))
+    moved = Pose(mount_pose((0, 0, 0, 0, 0, 90.0)).rotation, np.array([0.3, -0.2, 0.5])) @ poses[0]
+    np.testing.assert_allclose(poses[1].rotation, moved.rotation, atol=1e-12)
+    np.testing.assert_allclose(poses[1].translation, moved.translation, atol=1e-12)
+
+
+def test_a_redundant_arm_moves_away_from_its_limits_without_moving_the_camera(seven):
+    robot, model, data = built(model=str(seven))
+    data.qpos[:] = [0.3, 0.6, 0.8, -2.2, 0.5, 2.0, 2.0]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    rates, limited = robot.rates(data, np.zeros(6))
+    assert not limited
+    np.testing.assert_allclose(robot.jacobian(data) @ rates, 0, atol=1e-12)
+    middles = (robot.lower + robot.upper) / 2
+    assert rates @ (middles - robot.joints(data)) > 0.01
+    twist = np.array([0.05, 0.02, 0.01, 0.1, 0.0, 0.1])
+    np.testing.assert_allclose(robot.jacobian(data) @ robot.rates(data, twist)[0], twist, atol=1e-9)
+
+
+def test_centring_gives_way_where_it_would_slow_the_camera(seven):
+    robot, model, data = built(model=str(seven), centring=100.0)
+    plain, _, _ = built(model=str(seven), centring=0.0)
+    data.qpos[:] = [0.3, 0.6, 0.8, -2.2, 0.5, 2.0, 2.0]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    twist = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.1])
+    rates, limited = robot.rates(data, twist)
+    assert not limited
+    np.testing.assert_allclose(rates, plain.rates(data, twist)[0], atol=1e-12)
+
+
+def test_a_start_pose_is_inside_the_limits_and_exact(seven):
+    robot, _, data = built(model=str(seven), base=BASE)
+    wanted = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.1, 0.05, 1.0]))
+    assert robot.solve(data, wanted)
+    q = robot.joints(data)
+    assert np.all((q > robot.lower) & (q < robot.upper))
+    np.testing.assert_allclose(robot.eye(data).translation, wanted.translation, atol=1e-9)
+    np.testing.assert_allclose(robot.eye(data).rotation, wanted.rotation, atol=1e-9)
+
+
+def test_a_home_decides_between_solutions(urdf):
+    wanted = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 1.0]))
+    robot, _, data = built(model=str(urdf), base=BASE)
+    assert robot.solve(data, wanted)
+    q = robot.joints(data) + 0.1
+    other = np.where(np.arange(6) == 5, q - 2 * np.pi * np.sign(q), q)
+    for home in (q, other):
+        robot, _, data = built(model=str(urdf), base=BASE, home=(tuple(home),))
+        assert robot.solve(data, wanted)
+        assert np.abs(robot.joints(data) - home).max() < 0.5
+
+
+def test_a_model_is_found_beside_its_scenario_and_in_the_menagerie(tmp_path, urdf, monkeypatch):
+    (tmp_path / "mine.toml").write_text('[robot]\nkind = "mjcf"\nmodel = "arm.urdf"\n')
+    assert load(str(tmp_path / "mine.toml")).robot.model == str(urdf)
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    with pytest.raises(ValueError, match="set MENAGERIE_ROOT to the folder of a checkout"):
+        mjcf.model_path("menagerie:arm.urdf")
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
+    assert mjcf.model_path("menagerie:arm.urdf") == urdf
+    assert mjcf.model_path("arm7.xml").name == "arm7.xml"
+    assert mjcf.model_path("arm7.xml").is_absolute()
+
+
+def test_a_urdf_with_unknown_inertias_is_driven_all_the_same(tmp_path):
+    text = re.sub(r'ixx="0.02" iyy="0.02" izz="0.01"', 'ixx="0" iyy="0" izz="0"', urdf_arm())
+    (tmp_path / "zero.urdf").write_text(text)
+    robot, model, data = built(model=str(tmp_path / "zero.urdf"))
+    data.ctrl[:] = 0.1
+    mujoco.mj_step(model, data, 240)
+    np.testing.assert_allclose(robot.rates_measured(data), 0.1, rtol=0.05)
+
+
+def test_a_home_that_looks_straight_up_is_no_obstacle(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_arm())
+    robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE)
+    data.qpos[:] = 0.3
+    mujoco.mj_kinematics(robot.model, data)
+    above = robot.eye(data)
+    robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE, home=((0.3,) * 6,))
+    reach = robot.solve(data, Pose(above.rotation @ np.diag([1.0, -1.0, -1.0]), above.translation))
+    assert reach.there or 0.0 < reach.angle <= np.pi
+
+
+def test_the_angle_that_is_left_is_right_up_to_half_a_turn(seven):
+    robot, _, data = built(model=str(seven), base=BASE)
+    far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 9.0]))
+    reach = robot.solve(data, far)
+    error = robot.eye(data).inverse() @ far
+    assert not reach
+    assert reach.distance == pytest.approx(float(np.linalg.norm(error.translation)))
+    assert reach.angle == pytest.approx(np.arccos((np.trace(error.rotation) - 1) / 2), abs=1e-6)

@@ -1,0 +1,149 @@
+"""Robots that cannot be are refused in a sentence; a command shows what is there."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from robot_files import mjcf_arm, urdf_arm
+
+from servo.cli.main import app
+from servo.loop.episode import Episode
+from servo.mistake import Mistake
+from servo.scenario.load import load
+from sim.robots import mjcf
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_arm())
+    return tmp_path / "arm.urdf"
+
+
+@pytest.fixture
+def seven(tmp_path):
+    (tmp_path / "arm.xml").write_text(mjcf_arm(tmp_path))
+    return tmp_path / "arm.xml"
+
+
+@pytest.mark.parametrize(
+    ("base", "sentence"),
+    [
+        ("[0, 3, 0.6, -90]", r"\d\.\d\d m and \d+ deg are left, and joint 'joint\d' is at its "
+         "limit"),
+        ("[0, 0.5, -2, -90]", r"\d\.\d\d m and \d+ deg are left, and (joint 'joint\d' is at its "
+         r"limit|no joint is at a limit; 'joint\d' is nearest to one)"),
+    ],
+)  # fmt: skip
+def test_a_base_that_is_too_far_away_is_a_sentence(seven, base, sentence):
+    changes = ["robot.kind=mjcf", f"robot.model={seven}", f"robot.base={base}"]
+    with pytest.raises(Mistake) as refused:
+        Episode(load("still", changes))
+    start = "still: start: the robot cannot bring the camera where this picture is taken: "
+    assert re.fullmatch(re.escape(start) + sentence, str(refused.value))
+
+
+WRONG = {
+    'flange = "wrist_9_link"': (
+        "there is no body or site 'wrist_9_link' for the flange; did you mean 'wrist_3_link'?"
+    ),
+    'flange = "zz"': "there is no body or site 'zz' for the flange; there is wrist_3_link, tool",
+    'flange = "elbow_link"': (
+        "there are 3 joints between the base and the flange 'elbow_link'; a camera needs 6 or more"
+    ),
+    'camera = "eye"': "there is no camera 'eye' in the model; it has none",
+    'camera = "eye"\nflange = "tool"': "give either camera, or flange and mount",
+    "home = [[0, 0, 0, 0, 0, 0, 0]]": (
+        "a home has 7 values; it should have 6, for pan, lift, elbow, wrist_1, wrist_2, wrist_3"
+    ),
+    "speed = [1.0, 2.0]": (
+        "speed has 2 values; it should have one, or 6 for pan, lift, elbow, wrist_1, wrist_2, "
+        "wrist_3"
+    ),
+}
+
+
+@pytest.mark.parametrize("lines", WRONG)
+def test_a_setting_that_does_not_fit_the_model_is_a_sentence(tmp_path, urdf, lines):
+    (tmp_path / "mine.toml").write_text(f'[robot]\nkind = "mjcf"\nmodel = "arm.urdf"\n{lines}\n')
+    with pytest.raises(Mistake) as refused:
+        Episode(load(str(tmp_path / "mine.toml")))
+    assert str(refused.value) == f"mine: robot: arm.urdf: {WRONG[lines]}"
+
+
+UNFIT = {
+    "<freejoint/>": "the body 'link1' is free to move; a robot is fixed to its base",
+    '<joint name="ball" type="ball"/>': (
+        "the joint 'ball' is a ball joint; between base and flange there may be hinges and slides "
+        "only"
+    ),
+}
+
+
+@pytest.mark.parametrize("joint", UNFIT)
+def test_a_robot_that_is_no_chain_of_hinges_and_slides_is_a_sentence(seven, joint):
+    seven.write_text(re.sub('<joint name="joint1"[^>]*>', joint, seven.read_text()).replace(
+        '<position name="a1" joint="joint1" kp="2000" kv="200" forcerange="-87 87"/>', "").replace(
+        "<key ", "<!-- ").replace(".04 .04\"/>", "-->"))  # fmt: skip
+    with pytest.raises(ValueError, match=re.escape(f"arm.xml: {UNFIT[joint]}")):
+        mjcf.Config(model=str(seven)).build(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("constraint", "name"),
+    [
+        ('<connect name="bar" body1="link2" body2="link4" anchor="0 0 0"/>', "bar"),
+        ('<weld body1="link7" anchor="0 0 0"/>', "1"),
+        ('<joint name="coupled" joint1="joint3" joint2="joint5"/>', "coupled"),
+    ],
+)
+def test_a_closed_loop_is_a_sentence(seven, constraint, name):
+    seven.write_text(seven.read_text().replace("</equality>", f"{constraint}</equality>"))
+    with pytest.raises(ValueError, match=re.escape(f"arm.xml: the constraint '{name}' closes a")):
+        mjcf.Config(model=str(seven)).build(np.random.default_rng(0))
+
+
+def test_a_model_without_joints_or_with_few_is_a_sentence(tmp_path):
+    (tmp_path / "box.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    with pytest.raises(ValueError, match=re.escape("box.xml: the model has no joints")):
+        mjcf.Config(model=str(tmp_path / "box.xml")).build(np.random.default_rng(0))
+
+
+def test_the_command_prints_a_table_that_runs(tmp_path, seven):
+    out = tmp_path / "robot.png"
+    done = CliRunner().invoke(app, ["robot", str(seven), "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert re.search(r"joint1 +hinge +-2.9 .. 2.9 rad +2 rad/s +position: replaced", done.output)
+    assert re.search(r"left +slide +0 .. 0.04 +held still", done.output)
+    assert re.search(r"attachment +site \(taken\) +7", done.output)
+    assert "From the base below the camera can be 1 m above the target." in done.output
+    assert out.read_bytes().startswith(b"\x89PNG")
+    table = done.output[done.output.index("[robot]") : done.output.index(str(out))]
+    assert json.dumps(str(seven)) in table
+    (tmp_path / "mine.toml").write_text(f"{table}\n[run]\nduration = 0.1\n")
+    with Episode(load(str(tmp_path / "mine.toml"))) as episode:
+        assert len(list(episode)) == 3
+
+
+def test_the_command_refuses_what_cannot_be_a_robot(urdf):
+    done = CliRunner().invoke(app, ["robot", str(urdf), "--base", "1,2,x,4"])
+    assert "should be 4 numbers, with commas" in done.output
+    done = CliRunner().invoke(app, ["robot", str(urdf), "--flange", "elbow_link"])
+    assert str(done.exception).startswith(
+        "robot: there are 3 joints between the base and the flange"
+    )
+
+
+def test_the_command_reports_a_camera_behind_the_robot(tmp_path, seven):
+    behind = ["--flange", "link7", "--mount", "0,0,-0.1,0,0,0"]
+    done = CliRunner().invoke(app, ["robot", str(seven), *behind, "--out", str(tmp_path / "a.png")])
+    assert re.search(
+        r"The robot itself fills \d+ % of the picture: move it with --mount", done.output
+    )
+
+
+@pytest.mark.parametrize("model", ["", "n" * 300, "a\0b", "no/such.xml", "."])
+def test_a_model_that_no_file_can_be_is_a_sentence(model):
+    with pytest.raises(ValueError, match="cannot read this robot model: "):
+        mjcf.Config(model=model).build(np.random.default_rng(0))
