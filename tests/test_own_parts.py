@@ -1,16 +1,20 @@
 """README's examples of a user's own robot, target and camera, each run as it stands."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
-from robot_files import urdf_arm, write_obj
+from robot_files import urdf_arm
 
 from servo.cli import run_command
 from servo.loop.run_measures import Outcome
 
-README = Path(__file__).parents[1] / "README.md"
-BLOCKS = re.findall(r"^```toml\n(\[(\w+)\]\n.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL)
+ROOT = Path(__file__).parents[1]
+README, DUCK = ROOT / "README.md", ROOT / "scenes" / "targets" / "duck.obj"
+BLOCKS = re.findall(
+    r"^```toml\n(\[(\w+)\]\n.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL
+)
 CALIBRATION = """
 image_width: 320
 image_height: 240
@@ -29,7 +33,7 @@ def test_there_is_an_example_of_each():
 def test_an_example_runs_as_it_stands(block, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("my_arm.urdf").write_text(urdf_arm())
-    write_obj(Path("my_part.obj"))
+    shutil.copy(DUCK, "my_part.obj")
     Path("my_camera.yaml").write_text(CALIBRATION)
     Path("mine.toml").write_text(block)
     assert run_command.run_scenario(
