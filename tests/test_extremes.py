@@ -47,6 +47,8 @@ REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
            "a TraX server needs a command", "cannot be started",
            "is more than 85 deg from the optical axis", "is far outside of a picture",
            "fy needs fx", "coefficients, not 0", "coefficients need a distortion",
+           "there is no body or site 'xn'", "there is no camera 'xn'", "give either camera",
+           "cannot read this robot model", "a home has 6 values", "speed has 2 values",
            "cannot read this calibration", "this is not shipped", "a colour is")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
@@ -56,6 +58,9 @@ def ends(hint):
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         kind, *limits = parts
+        if get_origin(kind) is tuple:
+            (length,) = [v.min_length for v in limits]
+            return [[value] * length for value in ends(get_args(kind)[0])]
         low = [v.ge if isinstance(v, Ge) else math.nextafter(v.gt, math.inf)
                for v in limits if isinstance(v, Ge | Gt)]  # fmt: skip
         high = [v.le if isinstance(v, Le) else math.nextafter(v.lt, -math.inf)
