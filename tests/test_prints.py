@@ -210,7 +210,7 @@ def test_the_viewer_is_laid_out_so(name, blueprint, approved):
     ],
 )  # fmt: skip
 def test_several_opencvs_are_a_clash(there, sentence, monkeypatch):
-    monkeypatch.setattr(found_versions, "installed", lambda name: name in there)
+    monkeypatch.setattr(found_versions, "is_installed", lambda name: name in there)
     assert found_versions.clash() == sentence
 
 
