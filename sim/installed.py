@@ -85,7 +85,7 @@ def imported(path: str) -> Any:
         found = importlib.import_module(module)
         for part in name.split("."):
             found = getattr(found, part)
-    except Exception as error:  # an import runs the user's code
+    except (Exception, SystemExit) as error:  # an import runs the user's code
         reason = str(error) or type(error).__name__
         raise BrokenPart(f"'{path}' cannot be imported: {reason}") from error
     return found

@@ -175,7 +175,7 @@ def _path_of(folder: str, kind: str) -> str:
 
 def _tree_of(module: str) -> ast.Module:
     """The parsed source of a module; empty where there is none."""
-    with suppress(ImportError, SyntaxError, ValueError):
+    with suppress(Exception, SystemExit):  # finding a module imports the package around it
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.origin is not None:
             return ast.parse(Path(spec.origin).read_text("utf-8"))

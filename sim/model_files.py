@@ -191,4 +191,7 @@ def _check_made(element: Element, assets: Assets) -> None:
         width, height = (int(element.get(key, "0")) for key in ("width", "height"))
     except ValueError:
         return  # MuJoCo says what is wrong
-    assets.add_pixels(abs(width * height), element.get("name", "a texture"))
+    pixels = abs(width * height)
+    if element.get("type", "cube") in ("cube", "skybox"):  # six sides, which MuJoCo makes square
+        pixels = 6 * max(abs(width), abs(height)) ** 2
+    assets.add_pixels(pixels, element.get("name", "a texture"))

@@ -68,6 +68,8 @@ def make_robot(
         body.gravcomp = 1.0
     if camera:
         found = model.camera(camera)
+        if model.cam_mode[found.id] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
+            raise ValueError(f"the camera '{camera}' tracks something; it has to be fixed (mode)")
         _set_eye(spec, camera, model.body(carried.body).name, found.pos, found.quat)
     else:
         _add_eye(spec, model.body(carried.body).name, carried.pose @ mount)
@@ -118,17 +120,28 @@ def _check_free(model: mujoco.MjModel) -> None:
 
 def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:
     """Refuse constraints on the joints that carry the camera; those of a gripper do not matter."""
-    moved = {int(model.jnt_bodyid[j]) for j in carried.joints}
+    moved = {int(model.body_weldid[model.jnt_bodyid[j]]) for j in carried.joints}
     for i in range(model.neq):
-        ends = {int(model.eq_obj1id[i]), int(model.eq_obj2id[i])}
-        kind = int(model.eq_type[i])
-        on_chain = ends & (moved if kind in CLOSING else set(carried.joints))
-        of_chain = kind in CLOSING or kind == int(mujoco.mjtEq.mjEQ_JOINT)
-        if of_chain and on_chain and model.eq_objtype[i] != mujoco.mjtObj.mjOBJ_SITE:
+        ends = [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
+        kind, own = int(model.eq_type[i]), set(carried.joints)
+        if kind in CLOSING:
+            sites = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
+            bodies = [int(model.site_bodyid[e]) if sites else e for e in ends]
+            ends, own = [int(model.body_weldid[b]) for b in bodies], moved
+        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
+            ends = [j for t in ends if t >= 0 for j in _joints_of_tendon(model, t)]
+        if own & set(ends):
             raise ValueError(
                 f"the constraint '{model.equality(i).name or i}' closes a loop or couples joints "
                 "between base and flange; they have to move independently"
             )
+
+
+def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
+    first = int(model.tendon_adr[tendon])
+    wraps = range(first, first + int(model.tendon_num[tendon]))
+    joint = mujoco.mjtWrap.mjWRAP_JOINT
+    return [int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == joint]
 
 
 def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:

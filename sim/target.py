@@ -49,9 +49,18 @@ def dimensions(outline: Array) -> tuple[float, float, float]:
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
-    """The rectangle (4, 3) that a model's site `outline` names; None where it has no such site."""
-    site = spec.site(OUTLINE)
-    if site is None:
+    """The rectangle (4, 3) that a model's site `outline` names; None where it has no such site.
+
+    Raises:
+        ValueError: The site is turned against the model.
+    """
+    if spec.site(OUTLINE) is None:
         return None
-    length, width, _ = 2 * np.array(site.size)
-    return rectangle(np.array(site.pos), length, width)
+    model = spec.copy().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    site = data.site(OUTLINE)
+    if not np.allclose(site.xmat, np.eye(3).ravel(), atol=1e-6):
+        raise ValueError(f"the site '{OUTLINE}' is turned; it has to lie along the model's x and y")
+    length, width, _ = 2 * model.site(OUTLINE).size
+    return rectangle(site.xpos.copy(), length, width)

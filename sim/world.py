@@ -27,6 +27,12 @@ from sim.target import Target
 from sim.timing import Rates, exposure_steps
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
+UNSTABLE = tuple(
+    int(w) for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
+                     mujoco.mjtWarning.mjWARN_BADQACC)
+)  # fmt: skip
+"""Warnings after which MuJoCo has put everything back to its start."""
+
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
@@ -39,6 +45,10 @@ class WorldConfig:
     a whole number of physics steps."""
     visibility: bool = False
     """Measure the visible fraction of the target in each frame (two more renderings a frame)."""
+
+
+class Unstable(RuntimeError):
+    """The physics diverged; the sentence says what to change."""
 
 
 class World:
@@ -108,6 +118,11 @@ class World:
                 self.data.ctrl[:], slowed = self.robot.rates(self.data, twist)
                 saturated |= slowed
             mujoco.mj_step(self.model, self.data, until - k)
+        if any(self.data.warning[w].number for w in UNSTABLE):
+            raise Unstable(
+                "its simulation became unstable: drives or masses are too extreme "
+                "for world.physics_rate"
+            )
         self._frames += 1
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)

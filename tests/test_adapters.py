@@ -155,7 +155,7 @@ def test_got10ks_experiments_call_track(tmp_path):
 
 def test_a_picture_that_is_none_is_named_in_a_track(tmp_path):
     (tmp_path / "a.jpg").write_bytes(b"no picture")
-    with pytest.raises(ValueError, match=r"a\.jpg: this is no picture"):
+    with pytest.raises(ValueError, match=r"a\.jpg: this is not a picture"):
         Got10kTracker("mk_ssd").track([str(tmp_path / "a.jpg")], (41, 31, 30, 20))
 
 

@@ -186,7 +186,7 @@ WRONG = {
     "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: line 7 is wrong"),
     "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: line 3 is wrong"),
     "tables merged without end": ("camera_name: head", "a: &a {x: 1}\nb: {<<: [*a, *a]}",
-                                  f"{NO_YAML}: line 4 is wrong"),
+                                  NO_YAML),
     "a date that is none": ("head", "2024-13-45", NO_YAML),
     "a matrix too wide for this picture": (
         "image_width: 640", "image_width: 3000",

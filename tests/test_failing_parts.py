@@ -70,11 +70,11 @@ FAILURES = {
     "tracker 'odd': the network gave nothing": tracker(
         update=raises(ValueError("the network gave nothing"))),
     "tracker 'odd': update returned NoneType instead of an Estimate": tracker(lambda e: None),
-    "tracker 'odd': update returned x = nan, y = 1, theta = 0, scale = 1, distance = 0; all must "
-    "be finite, and the scale above 0": tracker(
+    "tracker 'odd': update returned x = nan, y = 1.0, theta = 0.0, scale = 1.0, distance = 0.0; "
+    "all must be finite numbers, and the scale above 0": tracker(
         lambda e: dataclasses.replace(e, state=State(float("nan"), 1.0))),
-    "tracker 'odd': update returned x = 1, y = 1, theta = 0, scale = -1, distance = 0; all must "
-    "be finite, and the scale above 0": tracker(
+    "tracker 'odd': update returned x = 1.0, y = 1.0, theta = 0.0, scale = -1.0, distance = 0.0; "
+    "all must be finite numbers, and the scale above 0": tracker(
         lambda e: dataclasses.replace(e, state=State(1.0, 1.0, 0.0, -1.0))),
     "tracker 'odd': update returned the status 'LOST'": tracker(
         lambda e: dataclasses.replace(e, status="LOST")),

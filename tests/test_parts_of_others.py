@@ -8,7 +8,7 @@ from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
 from servo.study.perform import perform
-from servo.study.plan import Run
+from servo.study.plan import Base, Run
 from sim import installed, kinds
 from tracking import create
 
@@ -156,7 +156,8 @@ def test_a_class_or_an_instance_from_python(package):
 
 
 def test_a_worker_that_lacks_a_package_is_named():
-    run_ = Run(0, "still", 0, {}, {"tracker": {"kind": "calm"}}, "still.toml", pictured=False)
+    base = Base("still", {"tracker": {"kind": "calm"}}, "still.toml")
+    run_ = Run(0, base, 0, {}, {}, "mine.toml", pictured=False)
     with pytest.raises(Mistake) as failed:
         perform(run_)
     said = str(failed.value)

@@ -26,7 +26,7 @@ BROKEN = {
     "g.xml": '<mujoco><asset><mesh file="gone.obj"/></asset></mujoco>',
     "h.xml": '<mujoco><asset><mesh file="/etc/hostname"/></asset></mujoco>',
 }  # fmt: skip
-NO_PICTURE = "a.png: this is no picture; known are JPEG, PNG, BMP, TIFF, WebP, PPM"
+NO_PICTURE = "a.png: this is not a picture; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM"
 WRONG = [
     ("mesh", {"file": "gone.obj"}, "gone.obj: cannot read this mesh: No such file or directory"),
     ("mesh", {"file": "."}, "file = '.': this is not shipped; there is duck (or a path)"),

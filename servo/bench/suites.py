@@ -61,7 +61,7 @@ def contenders(text: str | None) -> list[Contender]:
     known = kinds.names(TRACKERS)
     for word in words:
         kind, *rest = word.split(":")
-        if kind not in known and rest:
+        if kind and kind not in known and rest:
             kind = f"{kind}:{rest.pop(0)}"
         chosen.append({"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {}))
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")

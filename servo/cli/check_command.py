@@ -119,8 +119,14 @@ def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[
 def _print_failures(console: Console, checks: Sequence[Check], ends: Sequence[Ended]) -> int:
     """Print why runs failed, each mistake once; the exit code."""
     failed = [(check, end) for check, end in zip(checks, ends, strict=True) if end.error]
-    for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):
-        plain(console, f"servobench: {sentence}")
+    mistakes: dict[str, list[Check]] = {}
+    for check, end in failed:
+        if end.mistake:
+            mistakes.setdefault(end.mistake, []).append(check)
+    for sentence, checks_of in mistakes.items():
+        names = ", ".join(dict.fromkeys(check.scenario.name for check in checks_of))
+        known = any(check.scenario.name in sentence for check in checks_of)
+        plain(console, f"servobench: {sentence}" + (f" ({names})" if not known else ""))
     for check, end in failed:
         if not end.mistake:
             plain(console, f"servobench: {check.scenario.name} failed: {end.reason}")

@@ -14,6 +14,9 @@ from servo.batch.workers import Workers
 from servo.cli.terminal import COMPILING, plain, progress_bar, stop
 from servo.mistake import FULL, Mistake
 from servo.output.result_folder import GOES_ON
+from tracking.files import atomic
+
+FAILURES = "failures"
 
 
 def work(
@@ -44,5 +47,7 @@ def work(
         stop(cause, f"{GOES_ON.capitalize()}.")
     failed = [d for d in done.values() if d.result is None]
     for d in failed:
-        plain(Console(stderr=True), f"servobench: {d.job.key} failed:\n{d.error}")
+        reason = d.error.strip().splitlines()[-1]
+        path = atomic.write(folder, f"{FAILURES}/{d.job.key}.txt", d.error)
+        plain(Console(stderr=True), f"servobench: {d.job.key} failed: {reason}; see {path}")
     return [done[key] for key in keys if key in done], 1 if failed else 0

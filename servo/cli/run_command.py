@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import median
@@ -16,17 +15,13 @@ from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
 from servo.loop.step import Step
-from servo.mistake import Mistake
 from servo.output.command_line import command_line
-from servo.output.run_folder import RunFolder, prepare
+from servo.output.run_folder import RunFolder, prepare, with_traceback
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from sim import gl
 from sim.target import dimensions
 from sim.types import Array
-from tracking.files import atomic
-
-TRACEBACK = "traceback.txt"
 
 
 def run_scenario(
@@ -48,24 +43,16 @@ def run_scenario(
         with console.status(WAITING):
             episode = Episode(scenario)
     except PartFailed as error:
-        raise _with_traceback(error, prepare(out, name)) from None
+        raise with_traceback(error, prepare(out, name)) from None
     with episode:
         if episode.world.outline_found:
             console.print(_outline_line(episode.world.outline))
         folder = prepare(out, name)
         output = RunFolder(folder, episode, rerun=rerun, command=again)
-        steps: list[Step] = []
-        writing: list[float] = []
         try:
-            for step in _with_progress(episode, scenario.name, console):
-                steps.append(step.light())
-                began = time.perf_counter()
-                output.add(step)
-                writing.append(time.perf_counter() - began)
+            steps, writing = _written(episode, output, console)
         except PartFailed as error:
-            raise _with_traceback(error, folder) from None
-        finally:
-            output.close()
+            raise with_traceback(error, folder) from None
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     missed = violations(report, scenario.expect)
     paths = output.finish(steps, report, missed)
@@ -79,13 +66,22 @@ def run_scenario(
     return 1 if missed else 0
 
 
-def _with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """The same sentence, where the traceback of its cause is kept in the folder."""
-    if error.__cause__ is None:
-        return error
-    text = "".join(traceback.format_exception(error.__cause__))
-    path = atomic.write(folder, TRACEBACK, text.encode(errors="replace"))
-    return Mistake(f"{error}; its traceback is in {path}")
+def _written(
+    episode: Episode, output: RunFolder, console: Console
+) -> tuple[list[Step], list[float]]:
+    """The steps without pictures, and how long each took to write [s]."""
+    steps: list[Step] = []
+    writing: list[float] = []
+    with episode.naming_parts():
+        try:
+            for step in _with_progress(episode, episode.scenario.name, console):
+                steps.append(step.light())
+                began = time.perf_counter()
+                output.add(step)
+                writing.append(time.perf_counter() - began)
+        finally:
+            output.close()
+    return steps, writing
 
 
 def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:

@@ -14,9 +14,10 @@ from rich.markup import escape
 
 from servo.cli.signals import exit_code
 from servo.cli.terminal import COMPILING, STOPPED, columns, plain, progress_bar
+from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
 from servo.output.command_line import command_line
-from servo.output.run_folder import prepare
+from servo.output.run_folder import prepare, with_traceback
 from servo.output.track_folder import TrackFolder
 from servo.output.track_report import TrackReport
 from servo.output.versions import versions
@@ -78,15 +79,25 @@ def run(request: TrackRequest) -> int:
     except ValueError as error:
         raise Mistake(str(error)) from None
     tracker = config.build(np.random.default_rng(request.seed))
-    shots = _told(itertools.islice(follow(tracker, source, region, start), request.frames))
-    first = next(shots, None)
-    if first is None:
-        raise Mistake(f"{request.source}: there are no pictures in it")
+    part = {"tracker": (config, tracker)}
+    shots = naming_parts(
+        itertools.islice(follow(tracker, source, region, start), request.frames), part
+    )
     kind = settings["kind"]
     name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
-    folder = prepare(request.out, f"{name}-{kind}-{request.seed}")
-    files, seen, code = _write(request, folder, region, truth, itertools.chain([first], shots),
-                               source)  # fmt: skip
+    name = f"{name}-{kind.replace(':', '-')}-{request.seed}"
+    try:
+        first = next(shots, None)
+    except PartFailed as error:
+        raise with_traceback(error, prepare(request.out, name)) from None
+    if first is None:
+        raise Mistake(f"{request.source}: there are no pictures in it")
+    folder = prepare(request.out, name)
+    try:
+        files, seen, code = _write(request, folder, region, truth,
+                                   itertools.chain([first], shots), source)  # fmt: skip
+    except PartFailed as error:
+        raise with_traceback(error, folder) from None
     console, comparison = Console(quiet=request.quiet), None
     if truth is not None and seen:
         comparison = Comparison.of(Track.of(seen, region), truth)
@@ -98,14 +109,6 @@ def run(request: TrackRequest) -> int:
     if files.refused is not None:
         raise files.refused
     return code
-
-
-def _told(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Shots, with what a tracker refuses at any of them as a sentence."""
-    try:
-        yield from shots
-    except ValueError as error:
-        raise Mistake(str(error)) from None
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from servo.loop.loop import Loop, stream
-from servo.loop.part_failed import PartFailed, part_failed
+from servo.loop.part_failed import PartFailed, check_built, part_failed
 from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
@@ -37,7 +37,7 @@ class Episode:
         self.scenario, self.frames = scenario, scenario.frames
         self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
         self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
-        with ExitStack() as unless_ready, self._naming_parts():
+        with ExitStack() as unless_ready, self.naming_parts():
             unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world(renderer)
             self.loop = Loop(scenario, self.world.camera, self.world.outline)
@@ -57,11 +57,11 @@ class Episode:
     __exit__ = close
 
     @contextmanager
-    def _naming_parts(self) -> Generator[None]:
+    def naming_parts(self) -> Generator[None]:
         """Turn an exception of a part's code into a sentence that names the part."""
         try:
             yield
-        except Exception as error:
+        except BaseException as error:
             failed = part_failed(error, self._parts)
             if failed is None:
                 raise
@@ -87,7 +87,7 @@ class Episode:
             built = config.build(stream(self.scenario.run.seed, draws or part))
         except ValueError as error:
             raise Mistake(f"{self.scenario.name}: {part}: {error}") from error
-        self._parts[part] = config, built
+        self._parts[part] = config, check_built(part, config, built)
         return built
 
     def _place_camera(self) -> None:
@@ -128,7 +128,7 @@ class Episode:
         return truth
 
     def __iter__(self) -> Iterator[Step]:
-        with self._naming_parts():
+        with self.naming_parts():
             yield from self._steps()
 
     def _steps(self) -> Iterator[Step]:

@@ -16,7 +16,12 @@ from typing import Any
 import numpy as np
 
 from servo.estimators.difference import Difference
-from servo.loop.part_failed import check_command, check_estimate, part_failed
+from servo.loop.part_failed import (
+    check_built,
+    check_command,
+    check_estimate,
+    part_failed,
+)
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
@@ -57,10 +62,15 @@ class Loop:
         self._scenario, self._camera, self._outline = scenario, camera, outline
         self._period = 1.0 / scenario.camera.rate
         seed, goal = scenario.run.seed, scenario.goal
-        self.tracker: Tracker = scenario.tracker.build(stream(seed, "tracker"))
-        self.features: FeatureSet = scenario.features.build(outline)
-        self.controller: Controller = scenario.controller.build(stream(seed, "controller"))
-        self._estimator: Estimator = scenario.estimator.build(stream(seed, "estimator"))
+
+        def built(part: str, given: Any) -> Any:
+            config = getattr(scenario, part)
+            return check_built(part, config, config.build(given))
+
+        self.tracker: Tracker = built("tracker", stream(seed, "tracker"))
+        self.features: FeatureSet = built("features", outline)
+        self.controller: Controller = built("controller", stream(seed, "controller"))
+        self._estimator: Estimator = built("estimator", stream(seed, "estimator"))
         self.parts: dict[str, tuple[Any, ...]] = {
             "tracker": (scenario.tracker, self.tracker),
             "features": (scenario.features, self.features),
@@ -123,7 +133,7 @@ class Loop:
         """
         try:
             return self._step(frame, posture)
-        except Exception as error:
+        except BaseException as error:
             failed = part_failed(error, self.parts)
             if failed is None:
                 raise

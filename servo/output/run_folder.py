@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
 from servo.loop.episode import Episode
+from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, unwritable
@@ -14,7 +16,7 @@ from servo.output.run_report import RunReport
 from servo.output.steps_table import STREAM, TABLE, StepsTable
 from tracking.files import atomic
 
-RECORDING = "run.rrd"
+RECORDING, TRACEBACK = "run.rrd", "traceback.txt"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
@@ -34,6 +36,15 @@ def prepare(asked: Path | None, name: str) -> Path:
     except OSError as error:
         raise unwritable(asked or Path("runs") / name, error) from None
     return asked
+
+
+def with_traceback(error: PartFailed, folder: Path) -> Mistake:
+    """The same sentence, where the traceback of its cause is kept in the folder."""
+    if error.__cause__ is None:
+        return error
+    text = "".join(traceback.format_exception(error.__cause__))
+    path = atomic.write(folder, TRACEBACK, text.encode(errors="replace"))
+    return Mistake(f"{error}; its traceback is in {path}")
 
 
 def _check_name(folder: Path) -> None:

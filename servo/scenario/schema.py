@@ -44,10 +44,19 @@ def table(properties: Schema, description: str = "") -> Schema:
 
 def _plugin(folder: str, default: str | None) -> Schema:
     """A table with a kind: a branch for each kind; the key may be left out for the default one."""
-    names = kinds.names(folder)
+    names = [name for name in kinds.names(folder) if _is_whole(folder, name)]
     kind = {"enum": names} if default is None else {"enum": names, "default": default}
     branches = [_branch(folder, name, is_default=name == default) for name in names]
     return {"type": "object", "properties": {"kind": kind}, "oneOf": branches}
+
+
+def _is_whole(folder: str, kind: str) -> bool:
+    """Whether a kind can be imported; those of a broken package are left out."""
+    try:
+        kinds.config_of(folder, kind)
+    except kinds.UnknownKind:
+        return False
+    return True
 
 
 def _branch(folder: str, kind: str, *, is_default: bool) -> Schema:

@@ -47,6 +47,9 @@ class Config(Outlined):
             if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
                 raise ValueError(f"{path}: the geom '{geom.name}' is a plane, which cannot move")
         try:
-            return self.target(spec)
+            target = self.target(spec)
         except ValueError as error:
             raise ValueError(f"{path}: {said_by_mujoco(error)}") from None
+        for site in spec.sites:
+            spec.delete(site)  # they are drawn otherwise
+        return target

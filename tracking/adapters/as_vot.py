@@ -39,14 +39,13 @@ def run_vot(
         ValueError: A picture cannot be read or decoded, or is too large; or the region is neither a
             rectangle nor four points.
     """
-    given = handle.region()
+    given, path = handle.region(), handle.frame()
+    if not path:
+        return
     points = getattr(given, "points", None)
     box = () if points else (given.x, given.y, given.width, given.height)
     corners = corners_of(np.array(points or box, dtype=float).ravel())
     follower = Follower(kind, seed, rate, settings)
-    path = handle.frame()
-    if not path:
-        return
     scored = len(inspect.signature(handle.report).parameters) > 1
     follower.start(read_image(Path(path)), *placement(corners, turned=True))
     while path := handle.frame():
