@@ -166,7 +166,7 @@ WRONG = {
         "its picture 'ascii.stl' is no PNG"
     ),
     mjcf('<asset><texture name="t" builtin="flat" width="100000" height="100000"/></asset>'): (
-        "with 't' its pictures have 10,000,000,000 pixels; the limit is 50,000,000"
+        "with 't' its pictures have 60,000,000,000 pixels; the limit is 50,000,000"
     ),
     mjcf(bodies='<replicate count="1000000000"><geom size="1"/></replicate>'): (
         "it has a <replicate>, which is not read from models of others"

@@ -160,8 +160,9 @@ def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
         done, code = work([Job()], tmp_path, team, Console(quiet=True), "x")
     assert (code, [d.result for d in done]) == (1, [None])
     err = capfd.readouterr().err
-    assert err.startswith("servobench: wrong/0 failed:\n")
-    assert err.rstrip().endswith("ValueError: this job is wrong")
+    kept = tmp_path / "failures" / "wrong" / "0.txt"
+    assert err == f"servobench: wrong/0 failed: ValueError: this job is wrong; see {kept}\n"
+    assert kept.read_text().startswith("Traceback (most recent call last):")
 
 
 def test_too_many_runs_of_one_command_are_refused():
