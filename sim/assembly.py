@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from importlib import resources
 
 import mujoco
-import numpy as np
 
 from sim.camera import FOVY, CameraConfig
+from sim.quaternion import quaternion_of
 from sim.robot import CAMERA, Design
 from sim.target import Target
 
@@ -57,8 +57,7 @@ def build_model(
 
 def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:
     """The camera's name is then CAMERA."""
-    turned = np.empty(4)
-    mujoco.mju_mat2Quat(turned, robot.base.rotation.flatten())
-    frame = room.worldbody.add_frame(pos=robot.base.translation, quat=turned)
+    base = robot.base
+    frame = room.worldbody.add_frame(pos=base.translation, quat=quaternion_of(base.rotation))
     room.attach(robot.spec.copy(), prefix=f"{ROBOT}/", frame=frame)
     room.camera(CAMERA).fovy = camera.fovy_deg or FOVY

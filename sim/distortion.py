@@ -11,7 +11,7 @@ t = atan sqrt(q), in OpenCV's order of coefficients:
 
 D. C. Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32(3), 1966; D. Claus
 and A. W. Fitzgibbon, "A rational function lens distortion model for general cameras", CVPR 2005;
-slopes. Kannala and S. S. Brandt, "A generic camera model and calibration method for conventional,
+J. Kannala and S. S. Brandt, "A generic camera model and calibration method for conventional,
 wide-angle, and fish-eye lenses", TPAMI 28(8), 2006.
 """
 

@@ -108,7 +108,7 @@ class Robot:
         _check_drives(model, design)
         self.model, self._design = model, design
         self._site = model.site(CAMERA).id
-        joints = model.actuator_trnid[:, 0]
+        self.ids = joints = model.actuator_trnid[:, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
         slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
         self.units = tuple("m" if slide else "rad" for slide in slides)

@@ -4,14 +4,14 @@
 # MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 
 import mujoco
 import numpy as np
 
-from sim.types import Array, Pose
+from sim.quaternion import matrix_of
+from sim.types import Pose
 
 FEWEST = 6
 """Joints that a camera needs to be moved and turned in all directions."""
@@ -57,7 +57,7 @@ def chain_to(model: mujoco.MjModel, name: str) -> Chain:
     pose = Pose(np.eye(3), np.zeros(3))
     if body < 0:
         body = int(model.site_bodyid[site])
-        pose = Pose(rotation_of(model.site_quat[site]), model.site_pos[site].copy())
+        pose = Pose(matrix_of(model.site_quat[site]), model.site_pos[site].copy())
     joints = joints_to(model, body)
     for joint in joints:
         if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
@@ -89,13 +89,6 @@ def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
     sites = [("site", model.site(i).name, int(model.site_bodyid[i])) for i in range(model.nsite)]
     found = [(what, name, len(joints_to(model, b))) for what, name, b in sites + bodies if name]
     return sorted((f for f in found if f[2] >= FEWEST), key=lambda f: -f[2])
-
-
-def rotation_of(quat: Iterable[float]) -> Array:
-    """The rotation matrix (3, 3) of a quaternion (w, x, y, z)."""
-    R = np.empty(9)
-    mujoco.mju_quat2Mat(R, np.array(quat, float))
-    return R.reshape(3, 3)
 
 
 def _default(model: mujoco.MjModel) -> str:

@@ -13,6 +13,7 @@ from math import cos, radians, sin
 import mujoco
 import numpy as np
 
+from sim.quaternion import quaternion_of
 from sim.robot import EYE
 from sim.robot_chain import Chain, chain_to, name_all
 from sim.robot_drives import (
@@ -168,7 +169,7 @@ def _set_eye(spec: mujoco.MjSpec, camera: str, body: str, pos: Array, quat: Arra
 
 def _add_eye(spec: mujoco.MjSpec, body: str, pose: Pose) -> None:
     """Add the camera `eye` to a body, at a pose (x right, y down, z forward)."""
-    w, x, y, z = _quaternion(pose.rotation)
+    w, x, y, z = quaternion_of(pose.rotation).tolist()
     # MuJoCo's cameras look along -z, with y up: turned by pi about x, without rounding.
     turned = [-x, w, z, -y]
     for item in [*spec.cameras, *spec.sites]:
@@ -177,9 +178,3 @@ def _add_eye(spec: mujoco.MjSpec, body: str, pose: Pose) -> None:
     carrier = spec.body(body)
     carrier.add_camera(name=EYE, pos=pose.translation, quat=turned)
     carrier.add_site(name=EYE, pos=pose.translation, quat=turned, size=[0.005] * 3, rgba=[0] * 4)
-
-
-def _quaternion(R: Array) -> list[float]:
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, R.flatten())
-    return quat.tolist()

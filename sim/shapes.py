@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from sim.outline import SHOWN
+from sim.quaternion import matrix_of
 from sim.types import Array, Image, Pose
 
 KINDS = {
@@ -67,12 +68,10 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
         kind = KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
         if kind is None or not SHOWN[model.geom_group[g]]:
             continue
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[g])
         size = model.geom_size[g].copy()
         if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_SPHERE:
             size[:] = size[0]
-        pose = Pose(rotation.reshape(3, 3), model.geom_pos[g].copy())
+        pose = Pose(matrix_of(model.geom_quat[g]), model.geom_pos[g].copy())
         model_name, _, own = model.geom(g).name.partition("/")
         name, body = own or model_name, int(model.geom_bodyid[g])
         rgba, surface = _appearance(model, g, kind)

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from sim.assembly import SECOND, SPOT, TARGET
+from sim.quaternion import quaternion_of
 from sim.types import Effect, Pose
 
 BOARD, LAMP = "board", "lamp"
@@ -95,7 +96,7 @@ class Stage:
     def _put(self, data: mujoco.MjData, body: str, pose: Pose) -> None:
         index = self._mocap[body]
         data.mocap_pos[index] = pose.translation
-        mujoco.mju_mat2Quat(data.mocap_quat[index], pose.rotation.flatten())
+        data.mocap_quat[index] = quaternion_of(pose.rotation)
 
 
 def _below() -> Pose:

@@ -42,6 +42,7 @@ class Jointed(Protocol):
 
     model: mujoco.MjModel
     names: tuple[str, ...]
+    ids: NDArray[np.intp]
     qpos: NDArray[np.intp]
     lower: Array
     upper: Array
@@ -116,8 +117,8 @@ def _search(
     robot: Jointed, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
 ) -> Reach:
     """Take the most comfortable of several solutions, or the posture that came nearest."""
-    rng, joints = np.random.default_rng(0), _joints(robot)
-    starts = [*homes, *random_joints(robot.model, joints, rng, RESTARTS)]
+    rng = np.random.default_rng(0)
+    starts = [*homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
     found: list[tuple[float, Array]] = []
     nearest: tuple[float, Array] = np.inf, np.array(starts[0])
     for start in starts:
@@ -169,7 +170,7 @@ def comfort(robot: Jointed, data: mujoco.MjData) -> float:
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()
     weakest = np.linalg.svd(robot.jacobian(data), compute_uv=False)[-1]
-    links = data.xpos[robot.model.jnt_bodyid[_joints(robot)]]
+    links = data.xpos[robot.model.jnt_bodyid[robot.ids]]
     x, y, z = robot.eye(data).inverse().apply(links).T
     seen = (z > 0) & (np.hypot(x, y) < VIEW * z)
     hidden = seen.any() or (links[:, 2] < 0).any()
@@ -193,10 +194,6 @@ def _angle(R: Array) -> float:
     """By how much a rotation turns, 0..pi [rad]."""
     sine = np.linalg.norm(R - R.T) / np.sqrt(8)
     return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
-
-
-def _joints(robot: Jointed) -> list[int]:
-    return [robot.model.joint(f"robot/{name}").id for name in robot.names]
 
 
 def _refresh(robot: Jointed, data: mujoco.MjData) -> None:

@@ -49,10 +49,9 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
         height: Where the camera shall be over the table [m].
     """
     model, data = robot.model, mujoco.MjData(robot.model)
-    joints = [model.joint(f"robot/{name}").id for name in robot.names]
     rows: list[list[float]] = []
     far = 0.0
-    for q in random_joints(model, joints, np.random.default_rng(0), SAMPLES):
+    for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
         data.qpos[robot.qpos] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)

@@ -8,12 +8,12 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from servo.loop.step import Step
+from sim.quaternion import quaternion_of
 from sim.shapes import Shape
 from sim.types import Array
 from tracking.types import State
@@ -89,9 +89,7 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
 
 
 def _quaternion(R: Array) -> rr.Quaternion:
-    wxyz = np.empty(4)
-    mujoco.mju_mat2Quat(wxyz, R.flatten())
-    return rr.Quaternion(xyzw=np.roll(wxyz, -1))
+    return rr.Quaternion(xyzw=np.roll(quaternion_of(R), -1))
 
 
 def outline_strips(corners: Array) -> list[Array]:
