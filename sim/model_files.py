@@ -49,7 +49,16 @@ def read_spec(path: Path, what: str) -> mujoco.MjSpec:
         ValueError: It is broken, incomplete, too large, or reaches out of its folder; the sentence
             begins with the file's name.
     """
-    text = ElementTree.tostring(read_tree(path, what), encoding="unicode")
+    return spec_of(read_tree(path, what), path, what)
+
+
+def spec_of(tree: Element, path: Path, what: str) -> mujoco.MjSpec:
+    """The model of the elements that `read_tree` gave for a file.
+
+    Raises:
+        ValueError: MuJoCo cannot compile it.
+    """
+    text = ElementTree.tostring(tree, encoding="unicode")
     try:
         with silent_libraries():
             spec = mujoco.MjSpec.from_string(text)
@@ -78,6 +87,18 @@ def read_tree(path: Path, what: str) -> Element:
     Raises:
         ValueError: As for `read_spec`, but for what only MuJoCo sees.
     """
+    return _read(path, what)[0]
+
+
+def files_of(path: Path) -> set[Path]:
+    """The files that a model consists of, itself included; only itself where it cannot be read."""
+    try:
+        return _read(path, "model")[1].seen
+    except ValueError:
+        return {path}
+
+
+def _read(path: Path, what: str) -> tuple[Element, Assets]:
     try:
         root = package_root(path) if path.suffix.lower() == ".urdf" else path.parent.resolve()
         assets = Assets(root)
@@ -92,9 +113,18 @@ def read_tree(path: Path, what: str) -> Element:
                 raise ValueError(
                     f"its root is <{tree.tag}>; it should be <mujoco> (MJCF) or <robot> (URDF)"
                 )
+        _check_numbers(tree)
     except ValueError as error:
         raise ValueError(_sentence(path, what, str(error))) from None
-    return tree
+    return tree, assets
+
+
+def _check_numbers(tree: Element) -> None:
+    """Refuse what MuJoCo would take for no limit, or for a small mass."""
+    for element in tree.iter():
+        for key, value in element.attrib.items():
+            if key != "name" and "nan" in value.lower().split():
+                raise ValueError(f"its <{element.tag}> has {key} = '{value}', which is no number")
 
 
 def _sentence(path: Path, what: str, reason: str) -> str:

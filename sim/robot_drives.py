@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array
 
@@ -101,7 +102,10 @@ def kind_of_joint(joint_type: int) -> str:
 
 
 def random_joints(
-    model: mujoco.MjModel, joints: Sequence[int], rng: np.random.Generator, count: int
+    model: mujoco.MjModel,
+    joints: Sequence[int] | NDArray[np.intp],
+    rng: np.random.Generator,
+    count: int,
 ) -> Array:
     """Joint positions (count, n) inside the limits; those without limits make a turn, or 2 m."""
     limited = model.jnt_limited[joints].astype(bool)[:, None]

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from sim.model_files import read_spec, read_tree
+from sim.model_files import read_tree, spec_of
 from sim.ranges import Degrees, Place
 from sim.robot import Design, Drives
 from sim.robot_chain import FEWEST
@@ -63,22 +63,23 @@ class Config(Drives):
             ValueError: The model is wrong, or a setting does not fit it.
         """
         path = model_path(self.model)
-        spec = read_spec(path, WHAT)
+        tree = read_tree(path, WHAT)
+        spec = spec_of(tree, path, WHAT)
         try:
-            self._prepare(spec, path)
+            self._prepare(spec, speeds(tree))
         except ValueError as error:
             raise ValueError(f"{path.name}: {error}") from None
         x, y, z, yaw = self.base
         base = Pose(Pose.planar(0.0, 0.0, radians(yaw)).rotation, np.array([x, y, z]))
         return Design(path.name, spec, drives=self, homes=self.home, base=base)
 
-    def _prepare(self, spec: mujoco.MjSpec, path: Path) -> None:
+    def _prepare(self, spec: mujoco.MjSpec, own: dict[str, float]) -> None:
         """Make a model a robot."""
         if self.camera and (self.flange or any(self.mount)):
             raise ValueError("give either camera, or flange and mount")
         model, chain = camera_chain(spec, self.flange, self.camera)
         names = make_robot(spec, model, chain, self.camera, mount_pose(self.mount))
-        drive(spec, model, chain.joints, self._speeds(names, speeds(read_tree(path, WHAT))))
+        drive(spec, model, chain.joints, self._speeds(names, own))
         for home in self.home:
             if len(home) != len(names):
                 raise ValueError(
