@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from servo.scenario.named_files import digests
 from sim.kinds import kind_of
 from tracking.evaluation.sequences.sequence import Sequence, read_all
 from tracking.evaluation.sequences.sources import RATE
@@ -46,8 +47,10 @@ class Contender:
             )
 
     def describe(self) -> dict[str, Any]:
-        """Kind and settings."""
-        return {"kind": kind_of(self.config), "settings": as_json(self.config)}
+        """Kind and settings, and the digests of model files where it has some."""
+        settings = as_json(self.config)
+        found = {"kind": kind_of(self.config), "settings": settings}
+        return found | {"files": files} if (files := digests(settings)) else found
 
 
 class Entry(Protocol):

@@ -13,10 +13,10 @@ from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
-from servo.scenario.beside import found_beside
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
+from servo.scenario.named_files import found_beside
 from servo.scenario.override import override, put
 from servo.scenario.sections import (
     MOST_FRAMES,
@@ -174,18 +174,13 @@ def _is_right(table: Table, place: str) -> bool:
 def read(name: str) -> tuple[Table, str]:
     """The TOML table of a scenario, not looked at yet, and the name of its file for messages.
 
-    A calibration lies beside the file: its path is made one from the working directory.
+    Files that it names are looked for beside it first, then from the working directory.
 
     Raises:
         Mistake: There is no such file, or it is no TOML.
     """
     path = path_of(name)
     table = toml.decode(toml.read(path, "scenario"), path.name)
-    match table:
-        case {"camera": {"calibration": str(beside)}}:
-            table["camera"]["calibration"] = str(path.parent / beside)
-        case _:
-            pass
     return (table if name in shipped() else found_beside(table, path.parent)), path.name
 
 

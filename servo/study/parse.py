@@ -15,6 +15,7 @@ from servo.loop.run_measures import MEANINGS, check_expect
 from servo.mistake import Mistake, unknown
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import sentence, shipped, studies
+from servo.scenario.named_files import digests
 from servo.scenario.override import assignment
 from servo.scenario.toml import is_number
 from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
@@ -85,9 +86,10 @@ def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: st
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
+    bases = _bases(table.get("scenario"), path, place)
     study = Study(
         name=path.stem, title=sentence(path.read_text(encoding="utf-8-sig")), table=table,
-        bases=_bases(table.get("scenario"), path, place), changes=changed,
+        bases=bases, changes=changed, files=digests(table, *(base.table for base in bases)),
         axes=axes, draws=draws, seeds=_seeds(table.get("seeds", SEEDS), place),
         compare=None, expect=_expect(table.get("expect", {}), place),
     )  # fmt: skip

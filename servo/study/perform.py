@@ -13,6 +13,7 @@ from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import Scenario
+from servo.scenario.named_files import digest_of
 from servo.study.plan import Run
 from sim.kinds import UnknownKind
 from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
@@ -62,7 +63,16 @@ def perform(run: Run) -> Row:
 
 
 def _parsed(run: Run) -> Scenario:
-    """The scenario of a run; where the study began it was right, so a kind is missing here only."""
+    """The scenario of a run; where the study began it was right, so a kind is missing here only.
+
+    Raises:
+        Mistake: A package or a file differs from where the study began.
+    """
+    for path, digest in run.files.items():
+        if digest_of(path) != digest:
+            raise Mistake(
+                f"on {platform.node()}, the file {path} is not the one that the study began with"
+            )
     try:
         return run.parsed()
     except Mistake as error:

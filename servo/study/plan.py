@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import tomli_w
@@ -45,6 +45,8 @@ class Run:
     """Name of the study's file, for messages."""
     pictured: bool
     """Whether its contact sheet is kept."""
+    files: dict[str, str] = field(default_factory=dict[str, str])
+    """Digests of the files that the study names, by path."""
 
     @property
     def scenario(self) -> str:
@@ -98,6 +100,8 @@ class Study:
     """The axis whose values are compared with each other."""
     expect: dict[str, float]
     """Bounds that every cell must keep."""
+    files: dict[str, str]
+    """Digests of the files that it names, by path."""
 
     @property
     def every_axis(self) -> tuple[Axis, ...]:
@@ -141,7 +145,7 @@ class Study:
 
     def _run(self, number: int, base: Base, seed: int, settings: dict[str, Value]) -> Run:
         pictured, file = seed == self.seeds[0], f"{self.name}.toml"
-        return Run(number, base, seed, settings, self.changes, file, pictured)
+        return Run(number, base, seed, settings, self.changes, file, pictured, self.files)
 
 
 def ordered(settings: dict[str, Value]) -> dict[str, Value]:

@@ -24,7 +24,7 @@ from tracking.files.json_text import as_json
 
 RUNS, FAILURES = "runs", "failures"
 RESULTS, COMPARISONS = "results.parquet", "comparisons.csv"
-DECIDE = ("table", "axes", "draws", "seeds", "scenarios")
+DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
 """Keys of study.json that must not differ between the sessions of one study."""
 
 

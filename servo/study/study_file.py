@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from servo.output.formats import Document, Made, Number
@@ -32,6 +32,8 @@ class StudyFile(Made):
     """The study's TOML table, including the changes of the command line."""
     scenarios: dict[str, dict[str, Any]]
     """Tables of the scenarios that the study changes, by name."""
+    files: dict[str, str] = field(default_factory=dict[str, str])
+    """Digests of the files that these tables name, by path."""
 
     @staticmethod
     def of(study: Study, command: str) -> StudyFile:
@@ -49,6 +51,7 @@ class StudyFile(Made):
             runs=study.size,
             table=study.table,
             scenarios={b.name: b.table for b in study.bases},
+            files=study.files,
         )
 
 
