@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from made import config_for
 
 from servo import testing
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -22,17 +23,6 @@ EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in kinds.name
 @pytest.mark.parametrize(("part", "kind"), [e for e in EVERY if e[1] not in ("opencv", "trax")])
 def test_every_shipped_kind_keeps_its_contract(part, kind):
     CHECKS[part](kind)
-
-
-def config_for(make):
-    """A `Config` class whose build gives what a function makes of it."""
-
-    @dataclass(frozen=True)
-    class Config:
-        def build(self, rng):
-            return make(rng)
-
-    return Config
 
 
 class Good:

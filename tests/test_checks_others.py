@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made import config_for
 
 from servo.testing import BrokenContract, check_features
 from servo.testing.loop_parts import check_controller, check_estimator
@@ -16,17 +17,6 @@ from sim.robots import gantry
 from sim.target import rectangle
 from sim.targets import car
 from sim.types import Effect, Pose
-
-
-def config_for(make):
-    """A `Config` class whose build gives what a function makes."""
-
-    @dataclass(frozen=True)
-    class Config:
-        def build(self, rng):
-            return make(rng)
-
-    return Config
 
 
 class Centre:

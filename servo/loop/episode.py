@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 
 from servo.loop.loop import Loop, stream
-from servo.loop.part_failed import PartFailed, check_built, part_failed
+from servo.loop.part_checks import check_built
+from servo.loop.part_failed import PartFailed, part_failed
 from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
 from sim.render import MakeRenderer, OpenGLRenderer
-from sim.types import Truth
-from sim.world import World
+from sim.types import Array, Truth
+from sim.world import Unstable, World
 from tracking.types import Region, State
 
 
@@ -127,6 +128,12 @@ class Episode:
             raise PartFailed.by("motion", motion, f"{where}; all must be finite")
         return truth
 
+    def _move(self, twist: Array) -> bool:
+        try:
+            return self.world.step(twist)
+        except Unstable as error:
+            raise PartFailed.by("robot", self.scenario.robot, str(error)) from error
+
     def __iter__(self) -> Iterator[Step]:
         with self.naming_parts():
             yield from self._steps()
@@ -148,7 +155,7 @@ class Episode:
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()
             before, acting = world.target_before(), waiting.popleft()
             began = perf_counter()
-            limited = world.step(acting)
+            limited = self._move(acting)
             seconds = Seconds(rendering, *loop.seconds, perf_counter() - began)
             yield Step(
                 scene=self._scene, frame=frame, truth=truth, target_before=before,

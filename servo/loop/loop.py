@@ -16,12 +16,8 @@ from typing import Any
 import numpy as np
 
 from servo.estimators.difference import Difference
-from servo.loop.part_failed import (
-    check_built,
-    check_command,
-    check_estimate,
-    part_failed,
-)
+from servo.loop.part_checks import check_built, check_command, check_estimate
+from servo.loop.part_failed import part_failed
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
@@ -148,9 +144,8 @@ class Loop:
         if self._scenario.goal.depth_to is not None:
             self.controller.aim(self._goal_sight(frame.time))
         self.sight = self._to_sight.see(self.estimate, posture) if frame.fresh else None
-        command = check_command(
-            self.controller.command(self.sight, posture, self._period), self.parts
-        )
+        asked = self.controller.command(self.sight, posture, self._period)
+        command = check_command(asked, self.parts, self.sight)
         self.seconds = tracked - began, perf_counter() - tracked
         self.motion_measured = self._measured(command)
         return command

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import cv2
@@ -37,6 +38,21 @@ def require(holds: object, sentence: str) -> None:
     """
     if not holds:
         raise BrokenContract(sentence)
+
+
+def contract(check: Callable[[Any], None]) -> Callable[[Any], None]:
+    """A check in which an exception of the part itself is a sentence too."""
+
+    @functools.wraps(check)
+    def checked(part: Any) -> None:
+        try:
+            check(part)
+        except BrokenContract:
+            raise
+        except Exception as error:
+            raise BrokenContract(f"it raised {type(error).__name__}: {error}") from error
+
+    return checked
 
 
 def config_of(folder: str, part: Any) -> Any:

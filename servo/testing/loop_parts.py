@@ -15,6 +15,7 @@ from servo.testing._given import (
     OUTLINE,
     built,
     config_of,
+    contract,
     posture,
     require,
     seen_from,
@@ -33,6 +34,7 @@ DT = 0.1
 """Time between two frames [s]."""
 
 
+@contract
 def check_features(features: Any) -> None:
     """Check that a feature set keeps the contract of `servo.parts.FeatureSet`.
 
@@ -68,6 +70,8 @@ def _check_matrix(features: FeatureSet, target: Pose) -> None:
     values, matrix = features.values(sight), features.matrix(sight)
     require(np.shape(values) == (k,), f"values are {np.shape(values)}; they should be ({k},)")
     require(np.shape(matrix) == (k, 6), f"the matrix is {np.shape(matrix)}, not ({k}, 6)")
+    finite = np.isfinite(values).all() and np.isfinite(matrix).all()
+    require(finite, f"values are {values}, or the matrix has numbers that are not finite")
     zero = features.error(values, values)
     require(not np.any(zero), f"error(s, s) is {zero}; it should be zero")
     require(np.shape(features.known(sight)) == (k,), f"known is not {k} flags")
@@ -88,6 +92,7 @@ def _check_matrix(features: FeatureSet, target: Pose) -> None:
     )
 
 
+@contract
 def check_estimator(estimator: Any) -> None:
     """Check that an estimator keeps the contract of `servo.parts.Estimator`.
 
@@ -129,6 +134,7 @@ def _check_prediction(p: Any, k: int, where: str) -> None:
                 "is nan; Prediction.unmeasured makes such a value")  # fmt: skip
 
 
+@contract
 def check_controller(controller: Any) -> None:
     """Check that a controller keeps the contract of `servo.parts.Controller`.
 

@@ -9,7 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from servo.testing._given import FIRST, REGION, BrokenContract, built, config_of, film, require
+from servo.testing._given import (
+    FIRST,
+    REGION,
+    BrokenContract,
+    built,
+    config_of,
+    contract,
+    film,
+    require,
+)
 from sim.types import Frame
 from tracking.types import Estimate, Region, Status, Tracker
 
@@ -34,6 +43,7 @@ class _Subject:
             yield tracker.update(frame)
 
 
+@contract
 def check_tracker(tracker: Any) -> None:
     """Check that a tracker keeps the contract of `tracking.types.Tracker`.
 

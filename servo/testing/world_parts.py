@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from servo.testing._given import BrokenContract, built, config_of, require
+from servo.testing._given import BrokenContract, built, config_of, contract, require
 from sim.assembly import TARGET, build_model
 from sim.camera import CameraConfig
 from sim.geometry import log_se3
@@ -27,6 +27,7 @@ LARGEST, SMALLEST = 2.0, 1e-3
 """Sides of a reference rectangle [m]."""
 
 
+@contract
 def check_motion(motion: Any) -> None:
     """Check that a motion keeps the contract of `sim.stage.Motion`.
 
@@ -48,6 +49,7 @@ def check_motion(motion: Any) -> None:
         require(jump < NEAR, f"at({time:g}) jumps by {jump:.3g} m within a millisecond")
 
 
+@contract
 def check_disturbance(disturbance: Any) -> None:
     """Check that a disturbance keeps the contract of `sim.stage.Disturbance`.
 
@@ -64,6 +66,7 @@ def check_disturbance(disturbance: Any) -> None:
         require(isinstance(effect, Effect), f"at({time:g}) returned {kind}; return an Effect")
 
 
+@contract
 def check_robot(robot: Any) -> None:
     """Check that a robot keeps the contract of `sim.robot.Design`: it can be put into the room, and
     its joints move the camera as its Jacobian says.
@@ -103,6 +106,7 @@ def _check_jacobian(machine: Robot, data: Any, model: Any, home: Array) -> None:
             "camera")  # fmt: skip
 
 
+@contract
 def check_target(target: Any) -> None:
     """Check that a target keeps the contract of `sim.target.Target`: it can be put into the room,
     moves as one, and its reference rectangle is on it.
