@@ -14,7 +14,10 @@ from sim.types import Array, Camera, Posture
 
 
 class FeatureSet(Protocol):
-    """What is servoed: k named functions of the sight, and their interaction matrix."""
+    """What is servoed: k named functions of the sight, and their interaction matrix.
+
+    A set made of pixels says so by a member `uses_pictures = True`: `Sight.picture` is there then.
+    """
 
     @property
     def names(self) -> tuple[str, ...]:

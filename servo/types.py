@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 
-from sim.types import Array
+from sim.types import Array, Camera, Image, Pose
 
 DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Names of the six parts of a camera twist, in order."""
@@ -44,16 +45,72 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture and the camera that took it."""
+
+    image: Image
+    """RGB (H, W, 3)."""
+    camera: Camera
+
+
+@dataclass(frozen=True)
 class Sight:
     """The target as it is seen."""
 
     moments: Moments
     plane: Plane
-    """Where it lies, as far as is known."""
+    """Where it lies, as far as is known: the depths of interaction matrices come from it."""
     angle_known: bool = True
     """Whether the angle is measured; a tracker that does not follow it only assumes it."""
     size_known: bool = True
     """Whether the size is measured."""
+    tilt_known: bool = False
+    """Whether the tilt of its plane is measured, by a tracker that sees its four corners."""
+    corners: Array | None = None
+    """Corners (4, 2) of its reference rectangle in normalised image coordinates, in the order of
+    the outline; None where nobody needs them."""
+    measured_pose: Pose | None = None
+    """Its pose, where one was measured; else the pose is what corners and plane say."""
+    goal: Sight | None = None
+    """How it shall be seen; None in the goal itself."""
+    picture: Picture | None = None
+    """What the camera saw; None where nobody needs it."""
+
+    @property
+    def aim(self) -> Sight:
+        """How it shall be seen; of a goal, the goal itself."""
+        return self.goal or self
+
+    @cached_property
+    def pose(self) -> Pose:
+        """T_camera_object: origin in the rectangle's centre, x along the nose, z through the
+        rectangle away from the camera: no rotation where the camera faces it, its nose to the
+        right.
+        """
+        return self.measured_pose or pose_in_plane(self.points, self.plane.vector)
+
+    @cached_property
+    def points(self) -> Array:
+        """The corners (4, 3) in the camera frame, in the plane [m].
+
+        Raises:
+            ValueError: The sight has no corners.
+        """
+        if self.corners is None:
+            raise ValueError("this sight has no corners; features that need them cannot be had")
+        rays = np.column_stack([self.corners, np.ones(4)])
+        return rays / (rays @ self.plane.vector)[:, None]
+
+
+def pose_in_plane(points: Array, normal: Array) -> Pose:
+    """The pose of a rectangle whose corners (4, 3) [m] lie in a plane with this normal (3,): origin
+    in its centre, x towards the second and third corner, z along the normal.
+    """
+    z = normal / np.linalg.norm(normal)
+    ahead = points[1] + points[2] - points[0] - points[3]
+    y = np.cross(z, ahead)
+    y = y / np.linalg.norm(y)
+    return Pose(np.stack([np.cross(y, z), y, z], axis=1, dtype=np.float64), points.mean(axis=0))
 
 
 @dataclass(frozen=True, slots=True)

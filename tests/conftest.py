@@ -30,6 +30,9 @@ SEQUENCES = Path(os.environ.get("SERVOBENCH_SEQUENCES", SHARED / "sequences"))
 REFERENCE_CASES = {
     "visp_run": ("visp_closed_loops.json", "runs"),
     "moment_case": ("moment_vectors.json", "cases"),
+    "scheme_case": ("schemes_vectors.json", "cases"),
+    "luminance_case": ("schemes_vectors.json", "luminance"),
+    "scheme_loop": ("schemes_loops.json", "cases"),
 }
 """Arguments of tests marked `reference`, with the file and the list that their values are from."""
 

@@ -18,6 +18,7 @@ from typing import Annotated, Literal, final
 
 import numpy as np
 from annotated_types import Ge, Le
+from numpy.typing import NDArray
 
 from servo.controllers._inverse import Inverse
 from servo.controllers._limits import Limits
@@ -30,6 +31,10 @@ from sim.ranges import Time
 from sim.types import Array, Posture
 
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
+UNTILTED = ("vx", "vy", "vz", "wz")
+"""Degrees of freedom that leave the camera's axis as it is."""
+PRESETS = {"paper": {"gain": 1.0, "dof": list(DOF), "feed_forward": ["xn", "yn", "an", "theta"]}}
+"""The law as Teuliere, Marchand and Eck print it."""
 Weight = Annotated[float, Ge(0), Le(1e6)]
 Gain = Annotated[float, Ge(1e-6), Le(1000)]
 Limit = Annotated[float, Ge(1e-6), Le(100)]
@@ -52,8 +57,9 @@ class Config:
     """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t); 0: the
     camera starts at once.
     """
-    dof: tuple[Dof, ...] = ("vx", "vy", "vz", "wz")
-    """Parts of the camera twist that may move."""
+    dof: tuple[Dof, ...] | None = None
+    """Parts of the camera twist that may move; by default all six where there are six features or
+    more and the tilt of the target's plane is seen, else vx, vy, vz, wz."""
     weights: tuple[Weight, Weight, Weight, Weight, Weight, Weight] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     """How readily each part of the twist moves, where several could; 0.1 on wx and wy keeps a
     camera with all six almost level."""
@@ -92,7 +98,7 @@ class Config:
             if twice is not None:
                 raise ValueError(f"{name} has '{twice}' twice")
         if not any(weight for name, weight in zip(DOF, self.weights, strict=True)
-                   if name in self.dof):  # fmt: skip
+                   if name in _chosen(self.dof)):  # fmt: skip
             raise ValueError(
                 "dof and weights let no part of the twist move; for a camera that stands still "
                 'set controller.kind = "hold"'
@@ -101,6 +107,10 @@ class Config:
     def build(self, rng: np.random.Generator) -> Ibvs:
         """The controller; draws nothing."""
         return Ibvs(self)
+
+
+def _chosen(dof: tuple[Dof, ...] | None, default: tuple[str, ...] = UNTILTED) -> tuple[str, ...]:
+    return default if dof is None else dof
 
 
 def adaptive_gain(config: Config, ahead: Array) -> float:
@@ -132,7 +142,7 @@ class Ibvs:
 
     def __init__(self, config: Config) -> None:
         self._config = c = config
-        self._moves = np.array([name in c.dof for name in DOF])
+        self._tilt_seen = False
         self._weights = np.array(c.weights)
 
     def start(self, task: Task) -> None:
@@ -162,7 +172,7 @@ class Ibvs:
         none, or a search.
         """
         if seen is not None:
-            self._known = self._features.known(seen)
+            self._known, self._tilt_seen = self._features.known(seen), seen.tilt_known
             self._seen, self._matrix_seen = self._features.values(seen), self._features.matrix(seen)
         error, scales = self._features.error(self._seen, self._goal), self._scales
         relative, L = error / scales, self._matrix_seen / scales[:, None]
@@ -201,12 +211,17 @@ class Ibvs:
         """Over the known features and the degrees of freedom that may move: while the depth or the
         angle is not known, the part of the twist that it alone controls is zero.
         """
-        moves = self._moves
+        moves = self._moves()
         if not self._known.all():
-            moves = moves.copy()
             for name, dof in self._features.sole_dof.items():
                 moves[DOF.index(dof)] &= self._known[self._features.names.index(name)]
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
+
+    def _moves(self) -> NDArray[np.bool_]:
+        """The degrees of freedom (6,) that may move."""
+        six = self._tilt_seen and len(self._known) >= len(DOF)
+        chosen = _chosen(self._config.dof, DOF if six else UNTILTED)
+        return np.array([name in chosen for name in DOF])
 
     def _chosen_matrix(self) -> Array:
         match self._config.matrix:

@@ -19,8 +19,9 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
+from servo.scenario.sections import StartConfig
 from sim.render import MakeRenderer, OpenGLRenderer
-from sim.types import Array, Truth
+from sim.types import Array, Image, Truth
 from sim.world import Unstable, World
 from tracking.types import Region, State
 
@@ -43,8 +44,9 @@ class Episode:
             self.world = self._build_world(renderer)
             self.loop = Loop(scenario, self.world.camera, self.world.outline)
             self._parts |= self.loop.parts
-            self._place_camera()
-            self._begin()
+            goal = self._picture_at_goal() if self.loop.uses_pictures else None
+            self._place_camera(scenario.start)
+            self._begin(goal)
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
@@ -91,8 +93,13 @@ class Episode:
         self._parts[part] = config, check_built(part, config, built)
         return built
 
-    def _place_camera(self) -> None:
-        start, name, loop = self.scenario.start, self.scenario.name, self.loop
+    def _picture_at_goal(self) -> Image:
+        """What the camera sees where it shall be: "teaching by showing"."""
+        self._place_camera(StartConfig())
+        return self.world.look().image
+
+    def _place_camera(self, start: StartConfig) -> None:
+        name, loop = self.scenario.name, self.loop
         pixel = loop.goal + (start.x, start.y)
         theta = loop.goal_theta + radians(start.angle_deg)
         reach = self.world.start(pixel, theta, self.scenario.goal.depth / start.scale)
@@ -102,7 +109,7 @@ class Episode:
                 f"{reach}"
             )
 
-    def _begin(self) -> None:
+    def _begin(self, goal: Image | None) -> None:
         """Take the first frame and start the loop with the region that the scenario gives."""
         scenario, world = self.scenario, self.world
         first, truth = world.look(), self._truth()
@@ -112,7 +119,7 @@ class Episode:
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         try:
-            self.loop.start(first, region, given)
+            self.loop.start(first, region, given, goal)
         except ValueError as error:
             raise Mistake(f"{scenario.name}: {error}") from None
         self._first = first, truth
@@ -160,6 +167,7 @@ class Episode:
             yield Step(
                 scene=self._scene, frame=frame, truth=truth, target_before=before,
                 goal=loop.goal, goal_theta=loop.goal_theta, goal_size=loop.goal_size(frame.time),
+                goal_sight=loop.goal_sight,
                 estimate=loop.estimate, command=command, motion_measured=loop.motion_measured,
                 bodies=bodies, posture=posture, rates=rates, twist_acting=acting, limited=limited,
                 seconds=seconds,

@@ -9,6 +9,7 @@ It serves a simulated or a real camera and robot alike:
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 from time import perf_counter
 from typing import Any
@@ -21,9 +22,9 @@ from servo.loop.part_failed import part_failed
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
-from servo.types import Command, Sight
+from servo.types import Command, Picture, Sight
 from sim.placement import size_above
-from sim.types import Array, Camera, Frame, Posture
+from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
 
@@ -39,6 +40,8 @@ class Loop:
     """What the tracker reported last."""
     sight: Sight | None
     """The target as it was seen in the last frame; None where it was not."""
+    goal_sight: Sight
+    """How the target shall be seen now."""
     motion_measured: Array
     """de/dt (k,) of the target's own motion over the last frame interval: the difference of two
     errors minus what the camera caused; nan where it was not measured."""
@@ -74,6 +77,8 @@ class Loop:
             "controller": (scenario.controller, self.controller),
         }
         """Each part with a kind: its `Config`, and what that built."""
+        self.uses_pictures = bool(getattr(self.features, "uses_pictures", False))
+        """Whether the features are made of pixels: `start` then needs a picture of the goal."""
         self.goal = np.array([camera.width / 2 + goal.x, camera.height / 2 + goal.y])
         """Where the target's centre shall be (2,) [px]."""
         self.goal_theta = radians(goal.angle_deg)
@@ -90,13 +95,21 @@ class Loop:
             self._sizes = {depth: size_above(*above)}
         return self._sizes[depth]
 
-    def start(self, frame: Frame, region: Region, state: State) -> None:
+    def start(self, frame: Frame, region: Region, state: State, goal: Image | None = None) -> None:
         """Show the target to the tracker in the first picture, and begin the task.
+
+        Args:
+            frame: The first picture.
+            region: The target's rectangle in it.
+            state: Where that is.
+            goal: The picture (H, W, 3) that the camera takes at the goal, for features made of
+                pixels.
 
         Raises:
             ValueError: The region is none, or a setting does not fit the features.
         """
         scenario = self._scenario
+        self._goal_picture = None if goal is None else Picture(goal, self._camera)
         try:
             self.tracker.start(frame, region, state)
         except ValueError as error:
@@ -110,9 +123,10 @@ class Loop:
         self._is_first = True
         self._estimator.start(self.features)
         self._difference = Difference(self.features)
+        self.goal_sight = self._goal_sight(0.0)
         self.controller.start(
             Task(
-                self._goal_sight(0.0), self.features, self._estimator, self._camera, self._outline,
+                self.goal_sight, self.features, self._estimator, self._camera, self._outline,
                 scenario.run.latency,
             )
         )  # fmt: skip
@@ -142,18 +156,26 @@ class Loop:
         self._is_first = False
         tracked = perf_counter()
         if self._scenario.goal.depth_to is not None:
-            self.controller.aim(self._goal_sight(frame.time))
-        self.sight = self._to_sight.see(self.estimate, posture) if frame.fresh else None
+            self.goal_sight = self._goal_sight(frame.time)
+            self.controller.aim(self.goal_sight)
+        self.sight = self._see(frame, posture) if frame.fresh else None
         asked = self.controller.command(self.sight, posture, self._period)
         command = check_command(asked, self.parts, self.sight)
         self.seconds = tracked - began, perf_counter() - tracked
         self.motion_measured = self._measured(command)
         return command
 
+    def _see(self, frame: Frame, posture: Posture) -> Sight | None:
+        sight = self._to_sight.see(self.estimate, posture, self.goal_sight)
+        if sight is None or self._goal_picture is None:
+            return sight
+        return replace(sight, picture=Picture(frame.image, self._camera), tilt_known=True)
+
     def _goal_sight(self, time: float) -> Sight:
         length, width = np.ptp(self._outline[:, :2], axis=0) * self.goal_size(time)
         x, y = self.goal.tolist()
-        return self._to_sight.goal(State(x, y, self.goal_theta), Region(length, width))
+        sight = self._to_sight.goal(State(x, y, self.goal_theta), Region(length, width))
+        return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
 
     def _track(self, frame: Frame, posture: Posture) -> None:
         """The next estimate; the tracker does not learn of a dropped frame, its last one stays."""

@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.loop import camera_path
 from servo.loop.step import Step
 from servo.mistake import Mistake, unknown
 from servo.scenario.load import Scenario
@@ -65,6 +66,7 @@ MEANINGS = {
         "%",
         "limited joint from the middle of its range, largest; 100: limit",
     ),
+    **camera_path.MEANINGS,
     "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
@@ -137,6 +139,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
+        **camera_path.path_measures(steps),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
     }
     measures = tuple(RunMeasure(name, float(values[name]), *MEANINGS[name]) for name in MEANINGS)

@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from servo.parts import FeatureSet
-from servo.sight import shape_moments
-from servo.sight.planes import level_plane
+from servo.sight.exact import object_frame, sight_of
 from servo.types import Command, Prediction, Sight
 from sim.geometry import tilt
-from sim.placement import truth
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
@@ -47,12 +45,10 @@ class Scene:
     period: float
     """Frame interval [s]."""
 
-    def true_features(self, T_world_camera: Pose, T_world_target: Pose) -> Array:
-        """The features (k,) of the target, exact."""
-        seen = truth(self.camera, self.outline, T_world_camera, T_world_target)
-        height = T_world_target.translation[2] + self.outline[0, 2]
-        m = shape_moments.of_corners(seen.corners, self.camera)
-        return self.features.values(Sight(m, level_plane(T_world_camera, height)))
+    def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
+        """What is seen of the target, exact."""
+        T_camera_target = T_world_camera.inverse() @ T_world_target
+        return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +66,8 @@ class Step:
     """Direction in which the target's nose shall point [rad]."""
     goal_size: float
     """Size the target shall have [px/m]."""
+    goal_sight: Sight
+    """How the target shall be seen."""
     estimate: Estimate
     command: Command
     motion_measured: Array
@@ -111,13 +109,19 @@ class Step:
         return State(x, y, self.truth.theta, self.truth.size / self.scene.first_size)
 
     @property
+    def sight_true(self) -> Sight:
+        """What is seen of the target, exact."""
+        camera, target = self.truth.T_world_camera, self.truth.T_world_target
+        return self.scene.true_sight(camera, target, self.goal_sight)
+
+    @property
     def target_motion_true(self) -> Array:
         """True mean de/dt (k,) of the target's own motion over the last frame interval: both ends
         of the interval, seen by the camera of now.
         """
         scene, camera = self.scene, self.truth.T_world_camera
         now, before = (
-            scene.true_features(camera, target)
+            scene.features.values(scene.true_sight(camera, target, self.goal_sight))
             for target in (self.truth.T_world_target, self.target_before)
         )
         return scene.features.error(now, before) / scene.period

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, final
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from servo.sight import shape_moments
+from servo.sight.exact import plane_in
+from servo.sight.planar_pose import CornersToPose
 from servo.sight.plane_fit import PlaneFit
 from servo.sight.planes import FACING, level_plane, plane_of_depth, plane_of_size
 from servo.types import Moments, Plane, Sight
@@ -28,8 +30,8 @@ class SightConfig:
     """Depth of the target, for the interaction matrix: from its metric "size" and its area in the
     image, or "known" from the robot's posture and table_height."""
     depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
-    """The depth that the matrix is computed with, over the right one: the gain of translations is
-    wrong by the same factor."""
+    """The depth that the matrix of moments, points and segments is computed with, over the right
+    one: the gain of translations is wrong by the same factor."""
     table_height: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Height of the table over the robot's base [m]."""
 
@@ -51,21 +53,53 @@ class EstimateToSight:
         self._root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         self._height = config.table_height + float(outline[0, 2])
         self._fit = PlaneFit()
+        length, width = np.ptp(outline[:, :2], axis=0).tolist()
+        self._corners_to_pose = CornersToPose((length, width))
         self._plane: Plane | None = None
 
-    def see(self, estimate: Estimate, posture: Posture) -> Sight | None:
-        """The sight of an estimate; None where the tracker does not see the target."""
+    def see(self, estimate: Estimate, posture: Posture, goal: Sight | None = None) -> Sight | None:
+        """The sight of an estimate; None where the tracker does not see the target.
+
+        Args:
+            estimate: What the tracker reported.
+            posture: What the robot knows of itself.
+            goal: How the target shall be seen.
+        """
         if estimate.status is not Status.LOCKED:
             return None
+        if estimate.corners is not None:
+            return self._see_corners(estimate.corners, posture, goal)
         m = shape_moments.of_state(estimate.state, self._region, self._camera)
-        self._plane = self._plane_at(m, posture)
+        plane = self._plane_at(m, posture)
+        self._plane = self._scaled(plane)
         angle, size = estimate.follows
-        return Sight(m, self._plane, angle_known=angle, size_known=size)
+        corners = self._camera.normalise(self._region.corners(estimate.state))
+        return self._with_depth_factor(Sight(m, plane, angle, size, corners=corners, goal=goal))
 
     def goal(self, state: State, region: Region) -> Sight:
         """How the target shall be seen: from straight above, where a state places a region."""
         m = shape_moments.of_state(state, region, self._camera)
-        return Sight(m, self._scaled(plane_of_size(m, self._root_area, FACING)))
+        corners = self._camera.normalise(region.corners(state))
+        plane = plane_of_size(m, self._root_area, FACING)
+        return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
+
+    def _see_corners(self, corners: Array, posture: Posture, goal: Sight | None) -> Sight | None:
+        """What a tracker sees that reports four corners (4, 2) [px]: its pose is measured."""
+        seen = self._camera.normalise(corners)
+        pose = self._corners_to_pose.of(seen, posture.T_base_camera)
+        if pose is None:
+            return None
+        m, plane = shape_moments.of_polygon(seen), plane_in(pose)
+        self._plane = self._scaled(plane)
+        return self._with_depth_factor(
+            Sight(m, plane, tilt_known=True, corners=seen, measured_pose=pose, goal=goal)
+        )
+
+    def _with_depth_factor(self, sight: Sight) -> Sight:
+        """The sight with the depths that the interaction matrix is computed with."""
+        if self._config.depth_factor == 1.0:
+            return sight
+        return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
         """How a camera twist (6,) over a time [s] has moved a target that stood still: change (4,)
@@ -94,7 +128,7 @@ class EstimateToSight:
             plane = plane_of_size(m, self._root_area, normal)
         if c.plane == "estimated":
             self._fit.add(posture.T_base_camera, ray / float(plane.vector @ ray))
-        return self._scaled(plane)
+        return plane
 
     def _normal(self, posture: Posture) -> Array:
         match self._config.plane:

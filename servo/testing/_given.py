@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 
-from servo.sight import shape_moments
-from servo.types import Moments, Plane
+from servo.sight.exact import object_frame, plane_in, sight_of
+from servo.types import Picture, Sight
 from sim import kinds
 from sim.installed import Trusted
-from sim.types import Array, Camera, Frame, Pose, Posture
+from sim.types import Camera, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
 FIRST, REGION = State(80.0, 60.0, 0.3, 1.0), Region(40.0, 20.0)
@@ -104,10 +105,30 @@ def posture() -> Posture:
     return Posture(DOWN, np.zeros(6), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
 
 
-def seen_from(T_room_camera: Pose, T_room_target: Pose) -> tuple[Moments, Plane]:
-    """Moments and plane of the reference rectangle, exactly."""
-    T = T_room_camera.inverse() @ T_room_target
-    corners: Array = T.apply(OUTLINE)
-    normal = T.rotation[:, 2]
-    moments = shape_moments.of_polygon(corners[:, :2] / corners[:, 2:])
-    return moments, Plane(*(normal / (normal @ T.translation)).tolist())
+def seen_from(T_room_camera: Pose, T_room_target: Pose, *, pixels: bool) -> Sight:
+    """All that is seen of the reference rectangle, exactly; `DOWN` over the room's origin it is the
+    goal.
+
+    Args:
+        T_room_camera: Pose of the camera.
+        T_room_target: Pose of the rectangle.
+        pixels: Whether a picture of it is needed too.
+    """
+    goal = _seen(DOWN, Pose.planar(0.0, 0.0, 0.0), pixels)
+    return replace(_seen(T_room_camera, T_room_target, pixels), goal=goal)
+
+
+def _seen(T_room_camera: Pose, T_room_target: Pose, pixels: bool) -> Sight:
+    T_camera_object = T_room_camera.inverse() @ T_room_target @ object_frame(OUTLINE)
+    picture = Picture(_textured(T_camera_object), CAMERA) if pixels else None
+    return replace(sight_of(T_camera_object, OUTLINE), picture=picture)
+
+
+def _textured(T_camera_object: Pose) -> Image:
+    """A picture of waves on the rectangle's plane."""
+    v, u = np.indices((CAMERA.height, CAMERA.width)) + 0.5
+    rays = np.dstack([CAMERA.normalise(np.dstack([u, v])), np.ones_like(u)])
+    points = rays / (rays @ plane_in(T_camera_object).vector)[..., None]
+    x, y, _ = np.moveaxis(T_camera_object.inverse().apply(points), -1, 0)
+    grey = 128 + 60 * np.sin(30 * x + 9 * y) + 50 * np.cos(25 * y - 8 * x)
+    return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)

@@ -1,0 +1,128 @@
+"""The brightness of all pixels against that of a picture taken at the goal: no tracker at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from servo.features._points import point_rows
+from servo.types import Picture, Sight
+from sim.types import Array
+
+BORDER = 10
+"""Pixels this near to the picture's edge are left out."""
+TAPS = np.array([-112, -913, -2047, 0, 2047, 913, 112]) / 8418
+"""Derivative filter along a row or a column."""
+RANK_TOLERANCE = 1e-6
+"""Singular values below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, outline: Array) -> PhotometricFeatures:
+        """The features of any picture."""
+        return PhotometricFeatures()
+
+
+@final
+class PhotometricFeatures:
+    """s = L*+ I (6,): the pixels' brightness I, in the six directions in which the camera changes
+    it; L* is the matrix at the goal. The law with matrix "desired" is -lambda L*+ (I - I*).
+
+    Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
+    depth stands for all pixels. It needs texture, light that stays, and a start near the goal.
+    """
+
+    names = ("x", "y", "z", "rx", "ry", "rz")
+    units = (*(("m",) * 3), *(("rad",) * 3))
+    feed_forward = ()
+    sole_dof: Mapping[str, str] = {}
+    noise = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+    uses_pictures = True
+
+    def __init__(self) -> None:
+        self._goal: Sight | None = None
+        self._inverse = np.zeros((6, 0))
+
+    def values(self, sight: Sight) -> Array:
+        """s (6,)."""
+        return self._inverse_at(sight.aim) @ brightness(_picture(sight)).ravel()
+
+    def matrix(self, sight: Sight) -> Array:
+        """ds/dt = L*+ L(I) v: (6, 6), no change at the goal."""
+        return self._inverse_at(sight.aim) @ brightness_matrix(_picture(sight), _depth(sight))
+
+    def error(self, values: Array, goal: Array) -> Array:
+        """e = s - s* (6,)."""
+        return values - goal
+
+    def known(self, sight: Sight) -> NDArray[np.bool_]:
+        """All."""
+        return np.full(6, True)
+
+    def scales(self, goal: Array) -> Array:
+        """1."""
+        return np.ones(6)
+
+    def _inverse_at(self, goal: Sight) -> Array:
+        """L*+ (6, n), made once a goal."""
+        if goal is not self._goal:
+            L = brightness_matrix(_picture(goal), _depth(goal))
+            self._goal, self._inverse = goal, np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(float)
+        return self._inverse
+
+
+def brightness(picture: Picture) -> Array:
+    """Grey values (h, w) of the pixels that count."""
+    return _inside(_grey(picture))
+
+
+def brightness_matrix(picture: Picture, depth: float) -> Array:
+    """The interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the rows of
+    the pixels as points (Collewet and Marchand 2011, equation 9).
+
+    Args:
+        picture: What is seen.
+        depth: Of all pixels [m].
+    """
+    grey, camera = _grey(picture), picture.camera
+    one = np.ones(1)
+    along_u, along_v = (
+        _inside(np.asarray(cv2.sepFilter2D(grey, cv2.CV_64F, x, y), np.float64))
+        for x, y in ((TAPS, one), (one, TAPS))
+    )
+    v, u = np.indices(grey.shape) + 0.5
+    seen = camera.normalise(np.stack([u, v], axis=-1))
+    xv, yv = (_inside(np.asarray(np.gradient(seen[..., k], axis=0))) for k in (0, 1))
+    xu, yu = (_inside(np.asarray(np.gradient(seen[..., k], axis=1))) for k in (0, 1))
+    size = xu * yv - xv * yu
+    Ix = ((yv * along_u - yu * along_v) / size).ravel()
+    Iy = ((xu * along_v - xv * along_u) / size).ravel()
+    x, y = (_inside(seen[..., axis]).ravel() for axis in (0, 1))
+    Lx, Ly = point_rows(x, y, np.full_like(x, 1 / depth))
+    return -(Ix[:, None] * Lx + Iy[:, None] * Ly)
+
+
+def _grey(picture: Picture) -> Array:
+    return cv2.cvtColor(picture.image, cv2.COLOR_RGB2GRAY).astype(np.float64)
+
+
+def _inside(whole: Array) -> Array:
+    return whole[BORDER:-BORDER, BORDER:-BORDER]
+
+
+def _depth(sight: Sight) -> float:
+    return 1 / sight.plane.C
+
+
+def _picture(sight: Sight) -> Picture:
+    if sight.picture is None:
+        raise ValueError("there is no picture of the goal; give Loop.start one")
+    return sight.picture

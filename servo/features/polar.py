@@ -1,0 +1,58 @@
+"""Distance and direction of the four corners from the image's middle: perfect for pure turns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from servo.features._points import OfCorners, corner_rows, corners_of, whole_turn
+from servo.types import Sight
+from sim.types import Array
+
+NOISE = (2e-4, 1e-3)
+"""Standard deviations from frame to frame: rho at f = 600 px, theta [rad] at 0.2 from the middle.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, outline: Array) -> PolarFeatures:
+        """The features of any target."""
+        return PolarFeatures()
+
+
+@final
+class PolarFeatures(OfCorners):
+    """s = (rho0, theta0, ..., rho3, theta3) of the corners.
+
+    Iwatsuki and Okiyama 2005 (A new formulation of visual servoing based on cylindrical coordinate
+    system, IEEE Transactions on Robotics 21). Ill-conditioned where a corner is near the middle of
+    the image: never a default.
+    """
+
+    names = tuple(f"{axis}{i}" for i in range(4) for axis in ("rho", "theta"))
+    units = ("1", "rad") * 4
+    feed_forward = names
+    noise = np.array(NOISE * 4)
+
+    def values(self, sight: Sight) -> Array:
+        """s (8,)."""
+        x, y = corners_of(sight).T
+        return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()
+
+    def matrix(self, sight: Sight) -> Array:
+        """L (8, 6): that of the corners, turned into their own directions."""
+        (x, y), (Lx, Ly) = corners_of(sight).T[..., None], corner_rows(sight)
+        rho = np.hypot(x, y)
+        along, around = (x * Lx + y * Ly) / rho, (x * Ly - y * Lx) / rho**2
+        return np.stack([along, around], axis=1).reshape(8, 6)
+
+    def error(self, values: Array, goal: Array) -> Array:
+        """e = s - s* (8,), angles wrapped."""
+        e = values - goal
+        e[1::2] = whole_turn(e[1::2])
+        return e

@@ -1,0 +1,47 @@
+"""What is seen of a rectangle in a pose, exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from servo.sight import shape_moments
+from servo.types import Plane, Sight
+from sim.types import Array, Pose
+
+FACED = np.diag([1.0, -1.0, -1.0])
+"""Rotation of the object's frame, whose z points away from the viewer, in the target's, whose z
+points up."""
+
+
+def object_frame(outline: Array) -> Pose:
+    """T_target_object for a reference rectangle with these corners (4, 3) in the target's frame
+    [m].
+    """
+    return Pose(FACED, outline.mean(axis=0))
+
+
+def corners_in(T_camera_object: Pose, outline: Array) -> Array:
+    """The corners (4, 3) of the rectangle in the camera's frame [m]."""
+    return (T_camera_object @ object_frame(outline).inverse()).apply(outline)
+
+
+def plane_in(T_camera_object: Pose) -> Plane:
+    """The rectangle's plane."""
+    normal = T_camera_object.rotation[:, 2]
+    return Plane(*(normal / (normal @ T_camera_object.translation)).tolist())
+
+
+def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -> Sight:
+    """All that can be seen of the rectangle in a pose.
+
+    Args:
+        T_camera_object: The pose, of the frame that `Sight.pose` describes.
+        outline: The rectangle's corners (4, 3) in the target's frame [m].
+        goal: How it shall be seen.
+    """
+    points = corners_in(T_camera_object, outline)
+    corners = points[:, :2] / points[:, 2:]
+    return Sight(
+        shape_moments.of_polygon(corners), plane_in(T_camera_object), tilt_known=True,
+        corners=corners, measured_pose=T_camera_object, goal=goal,
+    )  # fmt: skip
