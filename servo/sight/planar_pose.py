@@ -1,0 +1,129 @@
+"""The pose of a flat rectangle from its four corners in one picture, without the flip.
+
+A small or distant plane looks nearly the same where it is tilted to the other side of the line of
+sight (Schweighofer, Pinz 2006, "Robust Pose Estimation from a Planar Target", IEEE Transactions on
+Pattern Analysis and Machine Intelligence 28(12)). Both poses come from Collins, Bartoli 2014,
+"Infinitesimal Plane-based Pose Estimation", International Journal of Computer Vision 109(3); the
+poses before decide where the corners do not.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Pose
+
+NOISE = 0.008
+"""Standard deviation of a corner, over the square root of the seen area."""
+TURN = np.radians(5.0)
+"""How far a pose is turned from the expected one by chance [rad]."""
+TILT = np.radians(30.0)
+"""How far the camera is from facing a rectangle of which nothing is expected [rad]."""
+FLATTEST = 1e-4
+"""A corner's triangle is at least this share of the quadrangle, or there is no corner."""
+UNIT = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]) / 2
+"""Corners (4, 3) of a square, in the order of a region's."""
+
+
+def planar_pose(
+    corners: Array, size: tuple[float, float], expected: Pose | None = None
+) -> Pose | None:
+    """T_camera_object of a rectangle that is seen with these corners.
+
+    Its origin is in the middle; x goes along the target's nose, y to the right of the nose as seen
+    from above, z into the table. Facing the target with its nose to image right is the identity.
+
+    Args:
+        corners: Corners (4, 2) in normalised image coordinates, in the order of a region's.
+        size: Length along x and width along y [m].
+        expected: The last T_camera_object, after the camera's own motion.
+
+    Returns:
+        The pose; None where a rectangle seen from above has no such corners.
+    """
+    found = _candidates(corners, size)
+    if not found:
+        return None
+    best = min(found, key=lambda each: each[1] + _surprise(each[0], expected))[0]
+    return _refined(best, corners, size)
+
+
+@final
+class CornersToPose:
+    """Poses of one rectangle in picture after picture.
+
+    Both poses of each picture continue the cheaper of the two paths through the pictures before it
+    (Viterbi's algorithm), so a pose that was chosen wrongly at first is corrected later.
+    """
+
+    def __init__(self, size: tuple[float, float]) -> None:
+        """Begin without a memory; size is length along x and width along y [m]."""
+        self._size = size
+        self._paths: list[tuple[Pose, float]] = []
+
+    def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
+        """T_camera_object, as `planar_pose` defines it, of a target that moves little from picture
+        to picture, whatever the camera does.
+
+        Args:
+            corners: Corners (4, 2) in normalised image coordinates, in the order of a region's.
+            T_base_camera: Pose of the camera when the picture was taken.
+        """
+        found = _candidates(corners, self._size)
+        if not found:
+            return None
+        T_camera_base = T_base_camera.inverse()
+        before = [(T_camera_base @ pose, cost) for pose, cost in self._paths] or [(None, 0.0)]
+        costs = [
+            error + min(cost + _surprise(pose, expected) for expected, cost in before)
+            for pose, error in found
+        ]
+        least = min(costs)
+        self._paths = [
+            (T_base_camera @ pose, cost - least)
+            for (pose, _), cost in zip(found, costs, strict=True)
+        ]
+        return _refined(found[costs.index(least)][0], corners, self._size)
+
+
+def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
+    """The two poses, each with its squared error over that of the noise; none for no rectangle."""
+    along = np.roll(corners, -1, axis=0) - corners
+    before = np.roll(along, 1, axis=0)
+    turns = before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0]
+    if not turns.min() > FLATTEST * turns.sum() > 0:  # nan is not
+        return []
+    model = UNIT * (*size, 0.0)
+    _, turned, moved, _ = cv2.solvePnPGeneric(
+        model, corners[:, None], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+    )
+    found: list[tuple[Pose, float]] = []
+    for vector, t in zip(turned, moved, strict=True):
+        pose = Pose(cv2.Rodrigues(vector)[0].astype(np.float64), t.ravel().astype(np.float64))
+        seen = pose.apply(model)
+        if np.isfinite(seen).all() and seen[:, 2].min() > 0:
+            miss = seen[:, :2] / seen[:, 2:] - corners
+            found.append((pose, float(np.vdot(miss, miss)) / (NOISE**2 * turns.sum() / 4)))
+    return found
+
+
+def _surprise(pose: Pose, expected: Pose | None) -> float:
+    """How unlikely a pose is before the corners are looked at, as a squared error over that of the
+    noise.
+    """
+    if expected is None:
+        return float((np.arccos(np.clip(pose.rotation[2, 2], -1, 1)) / TILT) ** 2)
+    cosine = (float(np.vdot(expected.rotation, pose.rotation)) - 1) / 2
+    return float((np.arccos(np.clip(cosine, -1, 1)) / TURN) ** 2)
+
+
+def _refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
+    """The pose near this one that fits the corners best (Levenberg, Marquardt)."""
+    vector, t = cv2.solvePnPRefineLM(
+        UNIT * (*size, 0.0), corners[:, None], np.eye(3), None,
+        cv2.Rodrigues(pose.rotation)[0], pose.translation[:, None].copy(),
+    )  # fmt: skip
+    return Pose(cv2.Rodrigues(vector)[0].astype(np.float64), t.ravel().astype(np.float64))
