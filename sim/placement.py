@@ -8,6 +8,7 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
+from sim.geometry import exp_so3
 from sim.types import Array, Camera, Pose, Truth
 
 MARKS = np.array([*np.eye(4), [0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.5, 0.0]])
@@ -78,6 +79,50 @@ def camera_above(
     R = Pose.planar(0.0, 0.0, yaw).rotation @ DOWN
     ray = np.append(camera.normalise(pixel), 1.0) * depth
     return Pose(R, point - R @ ray)
+
+
+def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> Pose:
+    """A level camera moved around a world point, which it sees where it saw it before.
+
+    Args:
+        T_world_camera: The level camera.
+        point: World point (3,) [m].
+        tilt: By how much it moves around the point; its axis is then so far from straight down
+            [rad].
+        towards: Side of its picture to which it moves, from +u towards +v [rad].
+    """
+    R = T_world_camera.rotation
+    turn = R @ exp_so3(tilt * np.array([sin(towards), -cos(towards), 0.0])) @ R.T
+    return Pose(turn @ R, point + turn @ (T_world_camera.translation - point))
+
+
+def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -> Pose:
+    """The camera in which the target has a pose.
+
+    Args:
+        outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
+        T_world_target: Pose of the target.
+        T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along the
+            nose, z away from who faces it.
+    """
+    T_target_object = Pose(DOWN, outline.mean(axis=0))
+    return T_world_target @ T_target_object @ T_camera_object.inverse()
+
+
+def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:
+    """Refuse a camera that cannot see a target's reference rectangle.
+
+    Raises:
+        ValueError: It cannot; the sentence says why.
+    """
+    T_camera_target = T_world_camera.inverse() @ T_world_target
+    height = float(T_world_camera.translation[2])
+    if height <= 0:
+        raise ValueError(f"the camera would be {-height:.2f} m below the table's top")
+    if T_camera_target.apply(outline)[:, 2].min() <= 0:
+        raise ValueError("part of the target would be behind the camera")
+    if T_camera_target.inverse().translation[2] <= outline[0, 2]:
+        raise ValueError("the camera would be on the back of the target")
 
 
 def size_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> float:

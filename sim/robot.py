@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.geometry import inverse_if_strong
+from sim.geometry import exp_se3, inverse_if_strong
 from sim.render import VISION_FROM_MUJOCO
 from sim.robot_drives import wrong_drive
-from sim.start_pose import Reach, reach
+from sim.start_pose import Reach, iterate, reach
 from sim.types import Array, Pose, Posture
 
 EYE = "eye"
@@ -45,6 +45,9 @@ class Drives:
     centring: Annotated[float, Ge(0), Le(100)] = 1.0
     """With more than six joints: how fast those with limits move towards the middle between them
     [1/s], as far as this does not move the camera (Liegeois 1977)."""
+    exact: bool = False
+    """Take the rates that bring the camera exactly to where the twist leads by the next update of
+    the drives; otherwise those that the twist needs at the beginning are held until then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +128,7 @@ class Robot:
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
         self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
         self._jacobians = np.zeros((2, 3, model.nv))
+        self._ahead = mujoco.MjData(model)
 
     def posture(self, data: mujoco.MjData, twist: Array) -> Posture:
         """What the robot knows of itself, as of the last kinematics; twist is its mean since the
@@ -150,21 +154,35 @@ class Robot:
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
         return (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
 
-    def rates(self, data: mujoco.MjData, twist: Array) -> tuple[Array, bool]:
+    def rates(self, data: mujoco.MjData, twist: Array, hold: float = 0.0) -> tuple[Array, bool]:
         """Joint rates (n,) for a camera twist (6,), and whether a limit made the whole motion
         slower.
 
         One factor slows all joints, so that a saturated camera still moves in the direction asked
         for.
+
+        Args:
+            data: Where the joints are.
+            twist: What is asked for.
+            hold: How long the rates hold [s], for drives that are exact.
         """
         J = self.jacobian(data)
-        wanted = damped_inverse(J, self._design.drives) @ twist
-        if self._freedom:
+        exact = self._exact(data, twist, hold) if self._design.drives.exact and hold else None
+        wanted = damped_inverse(J, self._design.drives) @ twist if exact is None else exact
+        if self._freedom and exact is None:
             centred = wanted + self._centring(data, J)
             if self._slowed(data, centred) == 1.0:
                 return centred, False
         factor = self._slowed(data, wanted)
         return wanted * factor, factor < 1.0
+
+    def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:
+        """The rates (n,) that make the whole motion in this time; None where no joints do."""
+        q, ahead = self.joints(data), self._ahead
+        ahead.qpos[:] = data.qpos
+        mujoco.mj_kinematics(self.model, ahead)
+        there = iterate(self, ahead, q, self.eye(ahead) @ exp_se3(twist * hold))
+        return (self.joints(ahead) - q) / hold if there else None
 
     def _slowed(self, data: mujoco.MjData, wanted: Array) -> float:
         """The factor on all rates with which no joint is too fast."""

@@ -88,13 +88,13 @@ def reach(
         homes: Joint positions to begin at, by order; the first that leads there is taken.
         T_world_camera: The pose.
     """
-    if any(_iterate(robot, data, home, T_world_camera) for home in homes):
+    if any(iterate(robot, data, home, T_world_camera) for home in homes):
         return _reach(robot, data, T_world_camera, there=True)
     return _search(robot, data, homes, T_world_camera)
 
 
-def _iterate(
-    robot: Jointed, data: mujoco.MjData, home: Sequence[float], T_world_camera: Pose
+def iterate(
+    robot: Jointed, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
 ) -> bool:
     """Newton's method, damped, from one place; whether it ends inside the limits."""
     data.qpos[robot.qpos] = home
@@ -126,7 +126,7 @@ def _search(
         q = data.qpos[robot.qpos].copy()
         if left < nearest[0]:
             nearest = left, q
-        if left < NEAR and _iterate(robot, data, q, T_world_camera):
+        if left < NEAR and iterate(robot, data, q, T_world_camera):
             found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
         if len(found) == ENOUGH:
             break

@@ -68,6 +68,7 @@ class World:
         rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
         steps, self._drive_steps = rates.steps, rates.drive_steps
         self.period = 1.0 / camera.rate
+        self._hold = self._drive_steps / rates.physics
         props = [prop for d in disturbances for prop in d.props]
         self.model = build_model(rates.physics, camera, robot, target, props)
         self.data = mujoco.MjData(self.model)
@@ -93,13 +94,34 @@ class World:
         """Give the renderer's buffers back."""
         self._renderer.close()
 
-    def start(self, pixel: Array, theta: float, depth: float) -> Reach:
-        """Put the camera where it sees the target at a pixel, an angle and a depth, or near it."""
+    def start(
+        self, pixel: Array, theta: float, depth: float, tilt: float = 0.0, towards: float = 0.0
+    ) -> Reach:
+        """Put the camera where it sees the target at a pixel, an angle and a depth, and then around
+        the target's centre by a tilt, or near that.
+
+        Raises:
+            ValueError: No camera sees the target there.
+        """
         target = self._stage.target(0.0)
         heading = float(np.arctan2(target.rotation[1, 0], target.rotation[0, 0]))
         point = target.apply(self.outline.mean(axis=0))
         pose = placement.camera_above(self.camera, point, heading, pixel, theta, depth)
-        reached = self.robot.solve(self.data, pose)
+        return self._go(placement.tilted(pose, point, tilt, towards) if tilt else pose)
+
+    def start_facing(self, T_camera_object: Pose) -> Reach:
+        """Put the camera where the target has this pose, or near it; the object's frame is that of
+        `camera_facing`.
+
+        Raises:
+            ValueError: No camera sees the target there.
+        """
+        target = self._stage.target(0.0)
+        return self._go(placement.camera_facing(self.outline, target, T_camera_object))
+
+    def _go(self, T_world_camera: Pose) -> Reach:
+        placement.check_sight(self.outline, T_world_camera, self._stage.target(0.0))
+        reached = self.robot.solve(self.data, T_world_camera)
         mujoco.mj_forward(self.model, self.data)
         self._eye_at = self._set_stage(0.0)
         return reached
@@ -115,7 +137,7 @@ class World:
                 self._set_stage(self.data.time)
                 self._pictures.append(self._renderer.render(self.data))
             if k % self._drive_steps == 0:
-                self.data.ctrl[:], slowed = self.robot.rates(self.data, twist)
+                self.data.ctrl[:], slowed = self.robot.rates(self.data, twist, self._hold)
                 saturated |= slowed
             mujoco.mj_step(self.model, self.data, until - k)
         if any(self.data.warning[w].number for w in UNSTABLE):

@@ -20,8 +20,10 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
 from servo.scenario.sections import StartConfig
+from sim.geometry import exp_so3
 from sim.render import MakeRenderer, OpenGLRenderer
-from sim.types import Array, Image, Truth
+from sim.start_pose import Reach
+from sim.types import Array, Image, Pose, Truth
 from sim.world import Unstable, World
 from tracking.types import Region, State
 
@@ -99,15 +101,27 @@ class Episode:
         return self.world.look().image
 
     def _place_camera(self, start: StartConfig) -> None:
-        name, loop = self.scenario.name, self.loop
-        pixel = loop.goal + (start.x, start.y)
-        theta = loop.goal_theta + radians(start.angle_deg)
-        reach = self.world.start(pixel, theta, self.scenario.goal.depth / start.scale)
+        name = self.scenario.name
+        try:
+            reach = self._start(start)
+        except ValueError as error:
+            raise Mistake(f"{name}: start: {error}") from None
         if not reach:
             raise Mistake(
                 f"{name}: start: the robot cannot bring the camera where this picture is taken: "
                 f"{reach}"
             )
+
+    def _start(self, start: StartConfig) -> Reach:
+        loop = self.loop
+        if start.pose is not None:
+            t, thetau = np.array(start.pose[:3]), np.radians(start.pose[3:])
+            return self.world.start_facing(Pose(exp_so3(thetau), t))
+        pixel = loop.goal + (start.x, start.y)
+        theta = loop.goal_theta + radians(start.angle_deg)
+        depth = self.scenario.goal.depth / start.scale
+        tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
+        return self.world.start(pixel, theta, depth, *tilt)
 
     def _begin(self, goal: Image | None) -> None:
         """Take the first frame and start the loop with the region that the scenario gives."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.ranges import LONGEST, Degrees, Interval, Time
+from sim.ranges import LONGEST, Degrees, Interval, Place, Time
 
 MOST_FRAMES = 360_000
 """An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
@@ -73,6 +73,22 @@ class StartConfig:
     """Target turned by this, from right towards down [deg]."""
     scale: Annotated[float, Ge(0.01), Le(100)] = 1.0
     """Target this many times as large as at the goal."""
+    tilt_deg: Annotated[float, Ge(0), Le(85)] = 0.0
+    """The camera, level so far, then moves around the target's centre by this angle and keeps it at
+    its pixel and depth; angle_deg and scale hold before [deg]."""
+    tilt_towards_deg: Degrees = 0.0
+    """Side of the picture to which it moves, from right towards down [deg]."""
+    pose: tuple[Place, Place, Depth, Degrees, Degrees, Degrees] | None = None
+    """In place of all these: the target in the camera's frame (x right, y down, z forward), its
+    centre [m] and its rotation vector [deg]. With zeros for the rotation it faces the camera, nose
+    to the right."""
+
+    def __post_init__(self) -> None:
+        if self.pose is not None and replace(self, pose=None) != StartConfig():
+            raise ValueError(
+                "pose says all of the first picture; leave x, y, angle_deg, scale, tilt_deg and "
+                "tilt_towards_deg out"
+            )
 
 
 @dataclass(frozen=True, slots=True)
