@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
@@ -53,6 +53,9 @@ class Region:
     """Along the target's own x axis [px]."""
     height: float
     """Along the target's own y axis [px]."""
+    quad: Array | None = field(default=None, compare=False)
+    """Its four corners (4, 2) in the first picture [px], where that is known: a rectangle that is
+    seen tilted has no right angles."""
 
     def corners(self, state: State) -> Array:
         """Corners (4, 2) [px]; at theta = 0 top left, top right, bottom right, bottom left."""
@@ -60,6 +63,10 @@ class Region:
         c, s = np.cos(state.theta), np.sin(state.theta)
         box = half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
+
+    def first_corners(self, state: State) -> Array:
+        """Corners (4, 2) in the first picture [px], where the target is in this state."""
+        return self.corners(state) if self.quad is None else self.quad
 
     def area(self, state: State) -> float:
         """Area [px^2]."""

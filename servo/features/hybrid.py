@@ -1,4 +1,4 @@
-"""The target's centre in the image, its depth, and its rotation: 2 1/2 D visual servoing."""
+"""Image of the centre, its depth, rotation: 2 1/2 D (Malis, Chaumette, Boudet 1999)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Centre, size and angle of the target's silhouette, normalised: xn, yn, an, theta.
+"""Centre, size and angle of the silhouette: xn, yn, an, theta (Tahri, Chaumette 2005).
 
     an = K / sqrt(a)    xn = an xg    yn = an yg    theta = atan2(2 mu11, mu20 - mu02) / 2
 

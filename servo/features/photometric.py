@@ -1,10 +1,10 @@
-"""The brightness of all pixels against that of a picture taken at the goal: no tracker at all."""
+"""Brightness of all pixels against the goal's, no tracker (Collewet, Marchand 2011)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final
 
 import cv2
 import numpy as np
@@ -24,17 +24,21 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """Where the pixels' interaction matrix is taken."""
+
+    matrix: Literal["current", "desired", "mean"] = "desired"
+    """At the picture of now, at the goal's, or the mean of both; controller.matrix says nothing
+    here."""
 
     def build(self, outline: Array) -> PhotometricFeatures:
         """The features of any picture."""
-        return PhotometricFeatures()
+        return PhotometricFeatures(self.matrix)
 
 
 @final
 class PhotometricFeatures:
-    """s = L*+ I (6,): the pixels' brightness I, in the six directions in which the camera changes
-    it; L* is the matrix at the goal. The law with matrix "desired" is -lambda L*+ (I - I*).
+    """s = L+ (I - I*) (6,): what the camera's six degrees of freedom explain of the difference of
+    the pixels' brightness I and I*. So ds/dt is the camera's twist, to first order.
 
     Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
     depth stands for all pixels. It needs texture, light that stays, and a start near the goal.
@@ -44,20 +48,32 @@ class PhotometricFeatures:
     units = (*(("m",) * 3), *(("rad",) * 3))
     feed_forward = ()
     sole_dof: Mapping[str, str] = {}
-    noise = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+    noise = np.full(6, 1e-4)
     uses_pictures = True
 
-    def __init__(self) -> None:
+    def __init__(self, matrix: str) -> None:
+        self._where = matrix
         self._goal: Sight | None = None
-        self._inverse = np.zeros((6, 0))
+        self._goal_matrix = self._goal_inverse = np.zeros((0, 6))
 
     def values(self, sight: Sight) -> Array:
         """s (6,)."""
-        return self._inverse_at(sight.aim) @ brightness(_picture(sight)).ravel()
+        goal = sight.aim
+        if goal is not self._goal:
+            L = brightness_matrix(_picture(goal), _depth(goal))
+            self._goal, self._goal_matrix = goal, L
+            self._goal_inverse = np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(np.float64)
+        e = (brightness(_picture(sight)) - brightness(_picture(goal))).ravel()
+        if self._where == "desired":
+            return self._goal_inverse @ e
+        chosen = brightness_matrix(_picture(sight), _depth(sight))
+        if self._where == "mean":
+            chosen = (chosen + self._goal_matrix) / 2
+        return np.linalg.lstsq(chosen, e, rcond=RANK_TOLERANCE)[0].astype(np.float64)
 
     def matrix(self, sight: Sight) -> Array:
-        """ds/dt = L*+ L(I) v: (6, 6), no change at the goal."""
-        return self._inverse_at(sight.aim) @ brightness_matrix(_picture(sight), _depth(sight))
+        """The identity (6, 6)."""
+        return np.eye(6)
 
     def error(self, values: Array, goal: Array) -> Array:
         """e = s - s* (6,)."""
@@ -70,13 +86,6 @@ class PhotometricFeatures:
     def scales(self, goal: Array) -> Array:
         """1."""
         return np.ones(6)
-
-    def _inverse_at(self, goal: Sight) -> Array:
-        """L*+ (6, n), made once a goal."""
-        if goal is not self._goal:
-            L = brightness_matrix(_picture(goal), _depth(goal))
-            self._goal, self._inverse = goal, np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(float)
-        return self._inverse
 
 
 def brightness(picture: Picture) -> Array:

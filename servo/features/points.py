@@ -1,4 +1,4 @@
-"""The image coordinates of the target's four corners: classic image-based servoing."""
+"""Image coordinates of the four corners: image-based servoing (Chaumette, Hutchinson 2006)."""
 
 from __future__ import annotations
 

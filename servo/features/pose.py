@@ -1,4 +1,4 @@
-"""The target's pose: position-based servoing."""
+"""Translation and rotation: position-based servoing (Chaumette, Hutchinson 2006)."""
 
 from __future__ import annotations
 

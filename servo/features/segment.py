@@ -1,4 +1,4 @@
-"""Middle, length and angle of the target's two long sides, normalised or not."""
+"""Middle, length and angle of the two long sides (Espiau, Chaumette, Rives 1992)."""
 
 from __future__ import annotations
 

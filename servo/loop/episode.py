@@ -19,7 +19,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
-from servo.scenario.sections import StartConfig
+from servo.scenario.sections import RegionConfig, StartConfig
 from sim.geometry import exp_so3
 from sim.render import MakeRenderer, OpenGLRenderer
 from sim.start_pose import Reach
@@ -129,9 +129,10 @@ class Episode:
         first, truth = world.look(), self._truth()
         length, width = np.ptp(world.outline[:, :2], axis=0)
         change = scenario.region
-        region = Region(length * truth.size * change.width, width * truth.size * change.height)
+        sides = np.array([length * change.width, width * change.height]) * truth.size
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
+        region = Region(*sides.tolist(), quad=_changed(truth, change))
         try:
             self.loop.start(first, region, given, goal)
         except ValueError as error:
@@ -186,6 +187,14 @@ class Episode:
                 bodies=bodies, posture=posture, rates=rates, twist_acting=acting, limited=limited,
                 seconds=seconds,
             )  # fmt: skip
+
+
+def _changed(truth: Truth, change: RegionConfig) -> Array:
+    """The target's corners (4, 2) as the tracker is told them [px]."""
+    own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(change.angle_deg)))
+    away = (truth.corners - truth.centre) @ [1, 1j] / own
+    sized = (away.real * change.width + 1j * away.imag * change.height) * given
+    return truth.centre + (change.x, change.y) + np.column_stack([sized.real, sized.imag])
 
 
 def run(scenario: Scenario) -> Iterator[Step]:

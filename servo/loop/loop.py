@@ -166,10 +166,10 @@ class Loop:
         return command
 
     def _see(self, frame: Frame, posture: Posture) -> Sight | None:
-        sight = self._to_sight.see(self.estimate, posture, self.goal_sight)
-        if sight is None or self._goal_picture is None:
-            return sight
-        return replace(sight, picture=Picture(frame.image, self._camera), tilt_known=True)
+        goal = self.goal_sight
+        if self._goal_picture is None:
+            return self._to_sight.see(self.estimate, posture, goal)
+        return replace(goal, picture=Picture(frame.image, self._camera), goal=goal)
 
     def _goal_sight(self, time: float) -> Sight:
         length, width = np.ptp(self._outline[:, :2], axis=0) * self.goal_size(time)

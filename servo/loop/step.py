@@ -117,8 +117,10 @@ class Step:
     @property
     def target_motion_true(self) -> Array:
         """True mean de/dt (k,) of the target's own motion over the last frame interval: both ends
-        of the interval, seen by the camera of now.
+        of the interval, seen by the camera of now; nan for features made of pixels.
         """
+        if self.goal_sight.picture is not None:
+            return self._unknown
         scene, camera = self.scene, self.truth.T_world_camera
         now, before = (
             scene.features.values(scene.true_sight(camera, target, self.goal_sight))

@@ -54,7 +54,8 @@ def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
         ax.plot(time, estimated, color=ESTIMATED, lw=1.6, label="estimated")
         ax.plot(time[1:], true[1:], color=TRUE, lw=1.0, ls="--", label="true")
         middle = np.nanpercentile(measured, MIDDLE) if np.isfinite(measured).any() else [0]
-        shown = np.concatenate([middle, estimated[np.isfinite(estimated)], true[1:]])
+        shown = np.concatenate([middle, estimated, true[1:]])
+        shown = shown[np.isfinite(shown)]
         room = 0.1 * max(float(np.ptp(shown)), 0.02)
         ax.set_ylim(shown.min() - room, shown.max() + room)
         ax.set_ylabel(f"d{name}/dt of the target [{features.units[i]}/s]")
