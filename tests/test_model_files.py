@@ -180,7 +180,9 @@ WRONG = {
     mjcf(bodies='<body name="arm"><joint/></body>'): (
         "mass and inertia of moving bodies must be larger than mjMINVAL ('arm')"
     ),
-    mjcf(bodies='<geom size="1" pos="nan 0 0"/>'): "its <geom> has pos = 'nan 0 0', which is no number",
+    mjcf(
+        bodies='<geom size="1" pos="nan 0 0"/>'
+    ): "its <geom> has pos = 'nan 0 0', which is no number",
     mjcf(bodies='<geom type="mesh" mesh="none"/>'): "mesh 'none' not found in geom 0",
     '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>': (
         "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from servoing import CAMERA, OUTLINE
 
-from servo.sight.planar_pose import CornersToPose, planar_pose
+from servo.sight.planar_pose import UNIT, CornersToPose, planar_pose
 from sim import placement
 from sim.geometry import exp_so3
 from sim.types import Pose
@@ -101,3 +101,13 @@ def test_expecting_a_pose_decides_between_two_that_fit_the_corners_as_well():
         found = planar_pose(corners, SIZE, expected)
         assert np.sign(found.rotation[2, 1]) == np.sign(expected.rotation[2, 1])
         np.testing.assert_allclose(found.rotation, expected.rotation, atol=0.1)
+
+
+def test_a_target_that_is_faced_exactly_has_a_pose_at_every_turn():
+    for turn in np.radians(np.arange(0, 360, 5)):
+        pose = Pose(exp_so3(np.array([0.0, 0.0, turn])), np.array([0.02, -0.01, 0.8]))
+        points = pose.apply(UNIT * (*SIZE, 0.0))
+        found = planar_pose(points[:, :2] / points[:, 2:], SIZE)
+        assert found is not None
+        np.testing.assert_allclose(found.rotation, pose.rotation, atol=1e-6)
+        np.testing.assert_allclose(found.translation, pose.translation, atol=1e-6)

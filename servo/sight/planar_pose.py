@@ -13,6 +13,7 @@ from typing import final
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 
 from sim.types import Array, Pose
 
@@ -97,17 +98,26 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
     if not turns.min() > FLATTEST * turns.sum() > 0:  # nan is not
         return []
     model = UNIT * (*size, 0.0)
-    _, turned, moved, _ = cv2.solvePnPGeneric(
-        model, corners[:, None], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-    )
     found: list[tuple[Pose, float]] = []
-    for vector, t in zip(turned, moved, strict=True):
+    for vector, t in _solutions(model, corners):
         pose = Pose(cv2.Rodrigues(vector)[0].astype(np.float64), t.ravel().astype(np.float64))
         seen = pose.apply(model)
         if np.isfinite(seen).all() and seen[:, 2].min() > 0:
             miss = seen[:, :2] / seen[:, 2:] - corners
             found.append((pose, float(np.vdot(miss, miss)) / (NOISE**2 * turns.sum() / 4)))
     return found
+
+
+def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
+    """Rotation vectors and translations of both poses; of the one where they are the same, which
+    IPPE divides by zero.
+    """
+    given = model, corners[:, None], np.eye(3), None
+    for method in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE):
+        _, turned, moved, _ = cv2.solvePnPGeneric(*given, flags=method)
+        if turned and np.isfinite(turned).all() and np.isfinite(moved).all():
+            return list(zip(turned, moved, strict=True))
+    return []
 
 
 def _surprise(pose: Pose, expected: Pose | None) -> float:
