@@ -10,7 +10,7 @@ from servo.scenario.load import load
 from sim.camera import CameraConfig
 from sim.geometry import exp_se3, exp_so3, log_se3, tilt
 from sim.motions import still
-from sim.placement import DOWN
+from sim.placement import DOWN, check_sight
 from sim.robots import free
 from sim.targets import plate
 from sim.types import Pose
@@ -127,6 +127,14 @@ def test_a_start_that_sees_nothing_is_one_sentence(start, sentence):
     with pytest.raises(Mistake) as found:
         Episode(load("still", plain + start), Dark)
     assert str(found.value) == sentence
+
+
+def test_the_back_of_a_target_is_not_seen():
+    target = Pose(exp_so3(np.array([1.2, 0.0, 0.0])), np.array([0.0, 0.0, 2.0]))
+    outline = 0.1 * np.array([[-1.0, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
+    check_sight(outline, target @ Pose(DOWN, np.array([0.0, 0.0, 1.0])), target)
+    with pytest.raises(ValueError, match=r"^the camera would be on the back of the target$"):
+        check_sight(outline, target @ Pose(np.eye(3), np.array([0.0, 0.0, -1.0])), target)
 
 
 def test_a_pose_leaves_the_terms_of_the_picture_out():
