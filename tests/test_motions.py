@@ -114,6 +114,8 @@ def test_six_moves_in_six_independent_ways_as_the_seed_says():
     times = np.linspace(0, 20, 200)
     twists = [log_se3(motion.at(t).inverse() @ motion.at(t + 0.01)) for t in times]
     assert np.linalg.matrix_rank(np.array(twists), tol=1e-3) == 6
+    leans = np.array([motion.at(t).rotation[2, :2] for t in np.linspace(0, 120, 2401)])
+    assert abs(np.corrcoef(leans.T)[0, 1]) < 0.5
     np.testing.assert_array_equal(motion.at(3.0).rotation, again.at(3.0).rotation)
     assert np.linalg.norm(motion.at(3.0).translation - other.at(3.0).translation) > 1e-3
 
