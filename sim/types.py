@@ -144,6 +144,13 @@ class Truth:
     visible: float | None
     """Fraction of the target's silhouette that is seen, 0..1; None where it was not asked for."""
 
+    @property
+    def depth(self) -> float:
+        """Distance of the target along the optical axis [m]; below zero it is behind the camera,
+        and all that is said of the picture means nothing.
+        """
+        return float((self.T_world_camera.inverse() @ self.T_world_target).translation[2])
+
 
 @dataclass(frozen=True, slots=True)
 class Spot:

@@ -95,7 +95,7 @@ class Step:
 
     @property
     def truth(self):
-        return SimpleNamespace(centre=np.array(self.centre))
+        return SimpleNamespace(centre=np.array(self.centre), depth=1.0)
 
     @property
     def estimate(self):

@@ -4,13 +4,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from servo.controllers import hold
 from servo.loop.episode import Episode
+from servo.loop.run_measures import summarise
 from servo.mistake import Mistake
 from servo.scenario.load import load
+from servo.types import Command
 from sim.camera import CameraConfig
 from sim.geometry import exp_se3, exp_so3, log_se3, tilt
 from sim.motions import still
-from sim.placement import DOWN
+from sim.placement import DOWN, check_sight
 from sim.robots import free
 from sim.targets import plate
 from sim.types import Pose
@@ -127,6 +130,26 @@ def test_a_start_that_sees_nothing_is_one_sentence(start, sentence):
     with pytest.raises(Mistake) as found:
         Episode(load("still", plain + start), Dark)
     assert str(found.value) == sentence
+
+
+def test_the_back_of_a_target_is_not_seen():
+    target = Pose(exp_so3(np.array([1.2, 0.0, 0.0])), np.array([0.0, 0.0, 2.0]))
+    outline = 0.1 * np.array([[-1.0, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
+    check_sight(outline, target @ Pose(DOWN, np.array([0.0, 0.0, 1.0])), target)
+    with pytest.raises(ValueError, match=r"^the camera would be on the back of the target$"):
+        check_sight(outline, target @ Pose(np.eye(3), np.array([0.0, 0.0, -1.0])), target)
+
+
+@pytest.mark.parametrize(("speed", "outcome"), [(0.2, "CONVERGED"), (0.8, "DIVERGED")])
+def test_a_camera_that_dives_through_the_target_has_not_converged(speed, outcome, monkeypatch):
+    dive = Command(np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0]))
+    monkeypatch.setattr(hold.Hold, "command", lambda *_: dive)
+    scenario = load("line", ["robot.kind=free", "motion.kind=still", "tracker.kind=frozen",
+                             "controller.kind=hold", "run.duration=2.0"])  # fmt: skip
+    with Episode(scenario, Dark) as episode:
+        steps = list(episode)
+    assert summarise(steps, scenario.measure, 30.0).outcome.name == outcome
+    assert steps[-1].truth.depth == pytest.approx(1.042 - speed * (2.0 - 2 / 30), abs=1e-3)
 
 
 def test_a_pose_leaves_the_terms_of_the_picture_out():

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from sim import kinds
-from sim.motions import circle, line, reversal, sine, spin, stop_and_go, wander
+from sim.geometry import log_se3
+from sim.motions import circle, line, reversal, sine, six, spin, stop_and_go, wander
 
 KINDS = kinds.names("sim.motions")
 
@@ -13,8 +14,8 @@ def build(kind, seed=0):
     return kinds.config_of("sim.motions", kind)().build(np.random.default_rng(seed))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_motion_stays_on_the_table_and_level(kind):
+@pytest.mark.parametrize("kind", [k for k in KINDS if k != "six"])
+def test_every_motion_but_one_stays_on_the_table_and_level(kind):
     motion = build(kind)
     for time in np.linspace(-1, 20, 50):
         pose = motion.at(time)
@@ -90,3 +91,35 @@ def test_spin_turns_on_the_spot_and_drives_along_its_nose():
     np.testing.assert_allclose(noses, [0, 45, 90, 90, 135, 180], atol=1e-9)
     places = [motion.at(t).translation[:2] for t in (1.0, 2.0, 4.0, 6.0, 8.0)]
     np.testing.assert_allclose(places, [[0, 0], [0, 0], [0, 0.2], [0, 0.2], [-0.2, 0.2]], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_six_uses_all_of_its_room_and_no_more(seed):
+    config = six.Config(height=0.5, way=0.2, rise=0.3, turn_deg=40.0, tilt_deg=30.0)
+    motion = config.build(np.random.default_rng(seed))
+    poses = [motion.at(time) for time in np.linspace(0, 120, 2401)]
+    R, t = np.array([p.rotation for p in poses]), np.array([p.translation for p in poses])
+    tilts = np.degrees(np.arccos(R[:, 2, 2]))
+    assert 25.0 < tilts.max() <= 30.0
+    for axis, middle, largest in ((0, 0.0, 0.2), (1, 0.0, 0.2), (2, 0.5, 0.3)):
+        assert 0.9 * largest < np.abs(t[:, axis] - middle).max() <= largest
+    turns = np.degrees(np.arctan2(R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]))
+    assert 35.0 < np.abs(turns).max() <= 40.0
+    np.testing.assert_allclose(poses[0].rotation, np.eye(3), atol=1e-12)
+    np.testing.assert_array_equal(poses[0].translation, [0.0, 0.0, 0.5])
+
+
+def test_six_moves_in_six_independent_ways_as_the_seed_says():
+    motion, again, other = (build("six", seed) for seed in (0, 0, 1))
+    times = np.linspace(0, 20, 200)
+    twists = [log_se3(motion.at(t).inverse() @ motion.at(t + 0.01)) for t in times]
+    assert np.linalg.matrix_rank(np.array(twists), tol=1e-3) == 6
+    leans = np.array([motion.at(t).rotation[2, :2] for t in np.linspace(0, 120, 2401)])
+    assert abs(np.corrcoef(leans.T)[0, 1]) < 0.5
+    np.testing.assert_array_equal(motion.at(3.0).rotation, again.at(3.0).rotation)
+    assert np.linalg.norm(motion.at(3.0).translation - other.at(3.0).translation) > 1e-3
+
+
+def test_six_stays_above_the_table():
+    with pytest.raises(ValueError, match=r"^rise = 0.4 m is more than height = 0.3 m: the target"):
+        six.Config(rise=0.4).build(RNG)

@@ -239,6 +239,8 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
     inside = np.all((last.truth.centre >= 0) & (last.truth.centre <= (width, height)))
     if last.estimate.status is Status.LOST:
         return Outcome.TARGET_LOST
+    if last.truth.depth <= 0:
+        return Outcome.DIVERGED
     if all(s.servo_error <= CONVERGED_PX for s in final):
         return Outcome.CONVERGED
     if all(s.limited for s in final):
