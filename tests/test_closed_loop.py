@@ -6,7 +6,7 @@ import pytest
 
 from servo.bench.loop_jobs import LoopJob
 from servo.cli import main
-from servo.papers.claim import contender
+from servo.papers.experiments import contender
 from sim import kinds
 from tracking import create
 from tracking.external import OF_THE_USER

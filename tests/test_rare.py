@@ -9,11 +9,12 @@ import pytest
 from rich.console import Console
 
 from servo.batch.ended import Ended
-from servo.cli import bench_loop_command, sweep_command
+from servo.bench.loop_jobs import LoopRun
+from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.cli.sweep_command import SweepRequest
 from servo.mistake import Mistake, unknown
-from servo.report import run_section, study_data
+from servo.report import loop_section, run_section, study_data, words
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import run_file
 from sim import gl, kinds
@@ -129,8 +130,9 @@ def test_a_column_has_the_type_of_its_values(values, kind):
 
 def test_what_is_not_there_leaves_its_place_empty(tmp_path):
     assert study_data._array(pa.chunked_array([[None]], pa.list_(pa.float32()))).tolist() == []
-    assert bench_loop_command._cell([{"measures": {"a": None}}], "a") == ""
-    assert bench_loop_command._mean([{"measures": {"a": None}}], "a") == np.inf
+    blind = LoopRun("kams", "x, y", "still", 0, "TARGET_LOST", {"servo_rms_px": None})
+    assert loop_section.mean([blind], "servo_rms_px") is None
+    assert loop_section.trackers_table([blind]).rows[0][4:] == [words.NOTHING] * 4
     assert run_section._tone(SimpleNamespace(expect={}, missed=[])).value == "plain"
     assert run_section._tone(SimpleNamespace(expect={"a": 1.0}, missed=["a"])).value == "bad"
     assert run_section._tone(SimpleNamespace(expect={"a": 1.0}, missed=[])).value == "good"
@@ -158,7 +160,7 @@ def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
 
     with Workers(1) as team:
         done, code = work([Job()], tmp_path, team, Console(quiet=True), "x")
-    assert (code, [d.result for d in done]) == (1, [None])
+    assert (code, done) == (1, [])
     err = capfd.readouterr().err
     kept = tmp_path / "failures" / "wrong" / "0.txt"
     assert err == f"servobench: wrong/0 failed: ValueError: this job is wrong; see {kept}\n"

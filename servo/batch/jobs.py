@@ -26,7 +26,7 @@ class Job(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything that decides the result, in the types of JSON."""
+        """What decides the result beside the versions, which are those of the whole folder."""
         ...
 
     def run(self, folder: Path) -> dict[str, Any]:

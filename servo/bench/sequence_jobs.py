@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -141,12 +140,11 @@ class SequenceJob:
         return f"{self.contender.label}/{self.entry.name}-{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """Tracker, sequence, seed, and the version of this package."""
+        """Tracker, sequence, and seed."""
         return {
             "tracker": self.contender.describe(),
             "sequence": self.entry.describe(),
             "seed": self.seed,
-            "version": metadata.version("servobench"),
         }
 
     def run(self, folder: Path) -> dict[str, Any]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
 from servo.batch.jobs import Done, Job, damaged
 from servo.batch.workers import Workers
-from servo.cli.terminal import COMPILING, plain, progress_bar, stop
+from servo.cli.terminal import COMPILING, complain, progress_bar, stop
 from servo.mistake import FULL, Mistake
 from servo.output.result_folder import GOES_ON
 from tracking.files import atomic
@@ -21,8 +22,8 @@ FAILURES = "failures"
 
 def work(
     jobs: Sequence[Job], folder: Path, pool: Workers, console: Console, title: str
-) -> tuple[list[Done], int]:
-    """Do jobs with a progress bar; how they ended, in order, and the exit code: 1 for failures.
+) -> tuple[list[dict[str, Any]], int]:
+    """Do jobs with a progress bar; the results in order, and the exit code: 1 for failures.
 
     Raises:
         Mistake: Two jobs have the same name.
@@ -33,7 +34,7 @@ def work(
     if double is not None:
         raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
     for reason in damaged(jobs, folder):
-        plain(Console(stderr=True), f"servobench: {reason}; it is computed again")
+        complain(f"{reason}; it is computed again")
     done: dict[str, Done] = {}
     try:
         with progress_bar(console) as bar:
@@ -49,5 +50,6 @@ def work(
     for d in failed:
         reason = d.error.strip().splitlines()[-1]
         path = atomic.write(folder, f"{FAILURES}/{d.job.key}.txt", d.error)
-        plain(Console(stderr=True), f"servobench: {d.job.key} failed: {reason}; see {path}")
-    return [done[key] for key in keys if key in done], 1 if failed else 0
+        complain(f"{d.job.key} failed: {reason}; see {path}")
+    results = [done[key].result for key in keys if key in done]
+    return [r for r in results if r is not None], 1 if failed else 0

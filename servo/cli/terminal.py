@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from servo.cli.signals import exit_code
+from servo.report import words
 
 STOPPED = "servobench: stopped; what was written is complete up to here."
 COMPILING = "(the first run on a machine compiles the hot loops)"
+ROOMY = 6
+"""Most columns with wide gaps."""
 WAITING = f"preparing {COMPILING}"
+COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "bold"}
 
 
 def progress_bar(console: Console) -> Progress:
@@ -23,20 +27,34 @@ def progress_bar(console: Console) -> Progress:
     return Progress(*columns, console=console, transient=True)
 
 
-def columns(
-    titles: Iterable[str], words: Collection[str] = (), *, no_wrap: bool = False, **style: Any
-) -> Table:
-    """A table without lines; the columns in `words` are left-aligned, the others right-aligned."""
-    table = Table(box=None, pad_edge=False, **style)
-    for title in titles:
-        justify = "left" if title in words else "right"
-        table.add_column(title, justify=justify, no_wrap=no_wrap)
-    return table
+def print_table(console: Console, shown: words.Table) -> None:
+    """Print a table and its note; long texts wrap, so that numbers keep all their digits."""
+    table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
+    for i, title in enumerate(shown.head):
+        is_text = i in shown.words
+        justify = "left" if is_text else "right"
+        table.add_column(escape(title), justify=justify, overflow="fold", no_wrap=not is_text)
+    for row in shown.rows:
+        table.add_row(*map(_marked, row))
+    console.print(table)
+    if shown.note:
+        plain(console, shown.note)
+
+
+def _marked(cell: words.Cell) -> str:
+    if isinstance(cell, str):
+        return escape(cell)
+    return f"[{COLOURS[cell.tone]}]{escape(cell.text)}[/]"
 
 
 def plain(console: Console, text: str) -> None:
     """Print a path or a command unchanged: without colours, line breaks and markup."""
     console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def complain(sentence: object) -> None:
+    """Print a sentence on stderr."""
+    plain(Console(stderr=True), f"servobench: {sentence}")
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:

@@ -1,4 +1,4 @@
-"""The section about a bench: a comparison of trackers, with curves and contact sheets."""
+"""The section about a bench: a comparison of trackers on sequences, with curves and sheets."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.mistake import Mistake
 from servo.output import formats
 from servo.report import loop_section, page
-from servo.report.page import Badge, Block, Cell, Fact, PageImage, Section, Table, Tone, again
-from servo.report.words import NOTHING, cut, shown, spread
-from tracking.evaluation.statistics import Interval
+from servo.report.page import Block, Fact, PageImage, Section, again
+from servo.report.words import Badge, Table, Tone, cut, shown, spread
 
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 MOST_SHEETS = 24
@@ -35,12 +34,12 @@ def section(folder: Path) -> Section:
         return loop_section.section(folder, bench)
     if not bench.trackers:
         raise Mistake(f"{path}: there are no trackers in it")
-    best = bench.trackers[0]
+    best, families = bench.trackers[0], families_table(bench.trackers)
     blocks = [
-        Block("Trackers", points=_compared(bench.trackers), tables=[_table(bench.trackers)],
+        Block("Trackers", points=_compared(bench.trackers), tables=[trackers_table(bench.trackers)],
               pictures=[_picture(folder / name, title, sheet=False)
                         for name, title in CURVES.items() if (folder / name).exists()]),
-        *_families(bench.trackers),
+        *([Block("Success by sequence", tables=[families])] if families else []),
         *_sheets(folder, best.tracker),
         _runs(bench.runs),
         again(bench),
@@ -68,34 +67,32 @@ def _compared(trackers: Sequence[Row]) -> list[str]:
     return [*(sentences if worse else []), *(doubt if alike else [])]
 
 
-def _table(trackers: Sequence[Row]) -> Table:
-    rows: list[list[Cell]] = []
+def trackers_table(trackers: Sequence[Row]) -> Table:
+    """The means of each tracker, and its test against the best one."""
+    rows: list[list[str]] = []
     for t in trackers:
-        cells = [
-            _cell(t.means.get(name), title == ranking.INTERVAL)
-            for title, name in ranking.SHOWN.items()
-        ]
+        means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
+        cells = {title: shown(mean and mean.value) for title, mean in means.items()}
+        cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
         test = t.against_best
         end = [shown(test.z), shown(t.p)] if test else ["", ""]
-        rows.append([t.tracker, str(t.runs), *cells, *end])
-    return Table(
-        ("tracker", "runs", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())
-    )
+        rows.append([t.tracker, str(t.runs), *cells.values(), *end])
+    head = ("tracker", "runs", *ranking.SHOWN, "z", "p")
+    return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
 
 
-def _cell(mean: Interval | None, with_interval: bool) -> str:
-    if mean is None:
-        return NOTHING
-    return spread(mean) if with_interval else shown(mean.value)
-
-
-def _families(trackers: Sequence[Row]) -> list[Block]:
+def families_table(trackers: Sequence[Row]) -> Table | None:
+    """Success by sequence, with a column for each tracker, or for each sequence if these are fewer;
+    None if there is one sequence only.
+    """
     names = list(trackers[0].families)
     if len(names) < 2:
-        return []
+        return None
+    head: list[str] = ["sequence", *(t.tracker for t in trackers)]
     rows = [[name, *(shown(t.families.get(name)) for t in trackers)] for name in names]
-    table = Table(("sequence", *(t.tracker for t in trackers)), rows, note="Mean success AUC.")
-    return [Block("Success by sequence", tables=[table])]
+    if len(names) < len(trackers):
+        head, *rows = map(list, zip(["tracker", *head[1:]], *rows, strict=True))
+    return Table(head, rows, note="Mean success AUC.")
 
 
 def _sheets(folder: Path, best: str) -> list[Block]:
@@ -104,8 +101,8 @@ def _sheets(folder: Path, best: str) -> list[Block]:
         return []
     legend = f"The first seed of each sequence: truth white, {best} green."
     text = [legend, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
-    shown_ = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
-    return [Block("Contact sheets", text, pictures=shown_)]
+    pictures = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
+    return [Block("Contact sheets", text, pictures=pictures)]
 
 
 def _picture(path: Path, title: str, *, sheet: bool) -> PageImage:

@@ -15,8 +15,8 @@ from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
 from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
-from servo.report.page import Badge, Block, Fact, Figure, PageImage, Section, Table, Tone, again
-from servo.report.words import shown
+from servo.report.page import Block, Fact, Figure, PageImage, Section, again
+from servo.report.words import Badge, Table, Tone, shown
 from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture as Shown
@@ -51,7 +51,7 @@ def section(folder: Path) -> Section:
     ]
     return Section(
         "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
-        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome, run.outcome), facts,
+        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome), facts,
         [_bounds(run), Block("Over time", figures=_figures(folder, run)), _pictures(folder),
          _scenario(path, run), again(run)], str(folder),
     )  # fmt: skip

@@ -11,9 +11,9 @@ import numpy as np
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.report import page, study_axes, study_time
-from servo.report.page import Badge, Block, Cell, Fact, Figure, PageImage, Section, Table, Tone
+from servo.report.page import Block, Fact, Figure, PageImage, Section
 from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
-from servo.report.words import NOTHING, cut, listed, shown, spread
+from servo.report.words import NOTHING, Badge, Cell, Table, Tone, cut, listed, shown, spread
 from servo.study.results import grouped, missed
 
 MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
