@@ -144,7 +144,7 @@ def finished_study(tmp_path_factory):
     from servo.study import store
     from servo.study.parse import load
     from servo.study.perform import perform
-    from servo.study.study_file import StudyFile
+    from servo.study.plan import StudyFile
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)

@@ -22,7 +22,7 @@ from commands import (
 from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
 
 MINE = """# mine
 # Short runs, of kinds that are quick to import.

@@ -10,8 +10,8 @@ from servo.scenario.load import load
 from servo.scenario.named_files import MISSING, digest_of, digests, found_beside
 from servo.study.parse import load as load_study
 from servo.study.perform import perform
+from servo.study.plan import StudyFile
 from servo.study.store import Store
-from servo.study.study_file import StudyFile
 from tracking.trackers import opencv
 
 WEDGE = """v -1 -.5 0\nv 1 -.5 0\nv 1 .5 0\nv -1 .5 0\nv -1 -.5 {height}\nv -1 .5 {height}

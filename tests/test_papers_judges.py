@@ -59,7 +59,7 @@ def results(claim, worse):
                 of |= series(rng, worse.get(job.estimator, 1.0))
             else:
                 label, entry = job.contender.label, job.entry
-                of = {"tracker": label, "sequence": entry.name, "family": entry.family}
+                of = {"tracker": label, "sequence": entry.name, "family": entry.name}
             name = of.get("estimator", of.get("tracker"))
             found.append(of | {"seed": seed, "measures": measures(rng, worse.get(name, 1.0))})
     return found

@@ -20,7 +20,7 @@ from servo.cli import (
 from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
 from servo.loop.step import Seconds
 from servo.output import versions as found_versions
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.recording import archetypes, track_log
 from servo.papers.claim import Claim, Verdict
 from servo.scenario.load import load

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo.batch.ended import Ended
+from servo.batch.workers import Ended
 from servo.bench.loop_jobs import LoopRun
 from servo.cli import sweep_command
 from servo.cli.options import Commands

@@ -17,9 +17,9 @@ from commands import BIN, PATIENCE
 from servo.batch import cluster as watched
 from servo.batch import local_cluster as processes
 from servo.batch import workers
-from servo.batch.ended import Lost
+from servo.batch.cluster import carry_out
 from servo.batch.remote_cluster import check_address, remote
-from servo.batch.tasks import carry_out
+from servo.batch.workers import Lost
 from servo.cli import job_progress, main
 from servo.mistake import Mistake, Refused
 

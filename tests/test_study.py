@@ -14,7 +14,7 @@ from servo.study import results, store
 from servo.study.axes import Draw
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
 from sim import kinds
 from tracking.external import OF_THE_USER
 

@@ -17,8 +17,8 @@ from servo.output.versions import SOURCE
 from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import perform
+from servo.study.plan import StudyFile
 from servo.study.run_file import RunFiles
-from servo.study.study_file import StudyFile
 
 
 @pytest.fixture

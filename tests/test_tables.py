@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo.batch.ended import Ended
+from servo.batch.workers import Ended
 from servo.bench import ranking
 from servo.cli import bench_command, list_command, sweep_command
 from servo.cli.main import app
@@ -21,7 +21,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study.parse import KEYS, load
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
 from sim import kinds
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS

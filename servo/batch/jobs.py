@@ -31,7 +31,6 @@ class Job(Protocol):
 
     def run(self, folder: Path) -> dict[str, Any]:
         """Do the job; its result in the types of JSON. It may also write to the folder."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +38,6 @@ class ResultFile(Document):
     """results/KEY.json: a result and everything that decides it."""
 
     KIND: ClassVar[str] = "result"
-    FORMAT: ClassVar[int] = 1
 
     job: dict[str, Any]
     result: dict[str, Any]
@@ -101,11 +99,7 @@ def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
 
 
 def _read(job: Job, folder: Path) -> dict[str, Any] | None:
-    """The stored result of a job; None if there is none, or if it belongs to another job.
-
-    Raises:
-        Mistake: The file is not a result, or has been changed.
-    """
+    """The stored result of a job; None if there is none, or if it belongs to another job."""
     path = folder / _name(job)
     if not path.exists():
         return None

@@ -15,7 +15,7 @@ from distributed.utils import LoopRunner, sync
 
 from servo.batch import cluster
 from servo.batch.cluster import TICK, Cluster, silence
-from servo.batch.ended import Lost
+from servo.batch.workers import Lost
 from servo.mistake import Mistake
 
 PLAIN, ENCRYPTED = "tcp", "tls"
@@ -96,11 +96,7 @@ class _Watch:
 
 
 def _security(address: str) -> Security:
-    """The user's TLS settings of Dask.
-
-    Raises:
-        Mistake: They cannot be used, or are not sufficient for TLS.
-    """
+    """The user's TLS settings of Dask."""
     names: list[str] = []
     try:
         security = Security()

@@ -1,16 +1,56 @@
-"""Worker processes on this machine, which do jobs and other tasks."""
+"""Worker processes on this machine, which do jobs and other tasks, and how a task ended."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from servo.batch.ended import Ended, Lost, one_by_one
 from servo.batch.jobs import Done, Job, attempt, known
 from servo.mistake import Mistake, Refused
+
+Task = TypeVar("Task")
+
+
+class Lost(RuntimeError):
+    """A cluster that has stopped working; the message names it and the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a task ended."""
+
+    value: Any
+    error: str = ""
+    """The traceback of a failure; empty if there was none."""
+    mistake: str = ""
+    """The sentence of a failure that is the user's mistake; empty otherwise."""
+
+    @property
+    def reason(self) -> str:
+        """The user's mistake, or the last line of the traceback."""
+        return self.mistake or self.error.strip().splitlines()[-1]
+
+
+def failed(error: BaseException) -> Ended:
+    """How a task ended that raised an error."""
+    mistake = str(error) if isinstance(error, Mistake) else ""
+    return Ended(None, "".join(traceback.format_exception(error)), mistake)
+
+
+def one_by_one(tasks: Iterable[Task], work: Callable[[Task], Any]) -> Iterator[tuple[Task, Ended]]:
+    """Do tasks in this process, one after the other."""
+    for task in tasks:
+        try:
+            ended = Ended(work(task))
+        except Exception as error:
+            ended = failed(error)
+        yield task, ended
+
 
 Task = TypeVar("Task")
 MOST_RUNS = 100_000
@@ -71,7 +111,7 @@ class Workers:
         if self._workers == 1 or not tasks:
             yield from one_by_one(tasks, work)
             return
-        from servo.batch.tasks import carry_out
+        from servo.batch.cluster import carry_out
 
         try:
             yield from carry_out(self._crew, tasks, work)

@@ -48,18 +48,15 @@ class LoopJob:
 
     @property
     def key(self) -> str:
-        """TRACKER/SCENARIO-SEED."""
         return f"{self.contender.label}/{self.scenario}-{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """Tracker, and the scenario's table with the seed."""
         return {
             "tracker": self.contender.describe(),
             "scenario": self._scenario().table,
         }
 
     def run(self, folder: Path) -> dict[str, Any]:
-        """Outcome and measures."""
         del folder
         scenario = dataclasses.replace(self._scenario(), tracker=self.contender.config)
         steps, report = measured_run(scenario)
@@ -101,7 +98,6 @@ class LoopBench(Made):
 
     FILE: ClassVar[str] = "bench.json"
     KIND: ClassVar[str] = "bench closed_loop"
-    FORMAT: ClassVar[int] = 1
 
     runs: list[LoopRun]
 

@@ -73,7 +73,6 @@ class SequenceBench(Made):
 
     FILE: ClassVar[str] = "bench.json"
     KIND: ClassVar[str] = "bench"
-    FORMAT: ClassVar[int] = 1
 
     measures: dict[str, dict[str, str]]
     """Unit, better direction and meaning of each measure, by name."""

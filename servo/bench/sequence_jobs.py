@@ -32,11 +32,7 @@ class Contender:
     """Its `Config`."""
 
     def __post_init__(self) -> None:
-        """Refuse a label that cannot be the name of a folder, in which results are stored.
-
-        Raises:
-            ValueError: It is empty, hidden or too long, or has a slash or a control character.
-        """
+        """Refuse a label that cannot be the name of a folder, in which results are stored."""
         label = self.label
         plain_name = label.isprintable() and not set(label) & {"/", "\\"} and label == label.strip()
         if not plain_name or not 0 < len(label) <= LONGEST_LABEL or label[0] == ".":
@@ -57,12 +53,7 @@ class Entry(Protocol):
 
     @property
     def name(self) -> str:
-        """The sequence's name."""
-        ...
-
-    @property
-    def family(self) -> str:
-        """Name of the sequences that are averaged together."""
+        """The sequence's name, by which its seeds are averaged together."""
         ...
 
     def describe(self) -> dict[str, Any]:
@@ -87,17 +78,10 @@ class Generated:
         level = getattr(self.config, "level", None)
         return self.kind if level is None else f"{self.kind}-{level}"
 
-    @property
-    def family(self) -> str:
-        """The name: all seeds are one family."""
-        return self.name
-
     def describe(self) -> dict[str, Any]:
-        """Kind and settings."""
         return {"kind": self.kind, "settings": as_json(self.config)}
 
     def build(self, seed: int) -> Sequence:
-        """The sequence of one seed."""
         return self.config.build(np.random.default_rng([seed, *self.kind.encode()]))
 
 
@@ -109,18 +93,11 @@ class Recorded:
     name: str
     truth_format: Format = Format.AUTO
 
-    @property
-    def family(self) -> str:
-        """The name: each sequence is its own family."""
-        return self.name
-
     def describe(self) -> dict[str, Any]:
-        """Folder, name, and how its truth is read."""
         form = self.truth_format.name.lower()
         return {"folder": str(self.folder.resolve()), "name": self.name, "truth_format": form}
 
     def build(self, seed: int) -> Sequence:
-        """The sequence, the same for every seed."""
         del seed
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
@@ -136,11 +113,9 @@ class SequenceJob:
 
     @property
     def key(self) -> str:
-        """TRACKER/SEQUENCE-SEED."""
         return f"{self.contender.label}/{self.entry.name}-{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """Tracker, sequence, and seed."""
         return {
             "tracker": self.contender.describe(),
             "sequence": self.entry.describe(),
@@ -165,7 +140,7 @@ class SequenceJob:
         return {
             "tracker": self.contender.label,
             "sequence": sequence.name,
-            "family": self.entry.family,
+            "family": self.entry.name,
             "seed": self.seed,
             "frames": len(shots),
             "measures": {k: number(v) for k, v in measure_all(comparison).items()},

@@ -13,7 +13,7 @@ from servo.bench.loop_jobs import LoopJob, LoopRun
 from servo.bench.sequence_jobs import SequenceJob, track_path
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain, print_table
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
 from servo.report import bench_section, loop_section
 from sim import gl

@@ -9,19 +9,18 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.markup import escape
 
-from servo.batch.ended import Ended
-from servo.batch.workers import Workers, check_number
+from servo.batch.workers import Ended, Workers, check_number
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table, progress_bar
 from servo.loop.episode import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.scenario.override import assignment
+from servo.scenario.toml import assignment
 from sim import gl
 
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
@@ -48,8 +47,7 @@ class Checked:
 
 
 def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, *,
-    quiet: bool,
+    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, quiet: bool
 ) -> int:  # fmt: skip
     """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep.
 
@@ -78,11 +76,7 @@ def check_scenarios(
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change of the seed, which --seed and --seeds set.
-
-    Raises:
-        Mistake: A change sets the seed.
-    """
+    """Refuse a change of the seed, which --seed and --seeds set."""
     for item in changes:
         key, value = assignment(item)
         if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):

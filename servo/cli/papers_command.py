@@ -12,7 +12,7 @@ from servo.batch.workers import Workers
 from servo.cli.job_progress import work
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, unknown
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
 from servo.output.versions import versions
 from servo.papers import estimator_study, servo_paper
@@ -23,9 +23,7 @@ from sim import gl
 from tracking.files import atomic
 
 
-def run(
-    names: Sequence[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool
-) -> int:
+def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, quiet: bool) -> int:
     """Test claims; the exit code: 1 if one does not hold or a run failed.
 
     The numbers of a quick run do not change its exit code: one seed is too few.

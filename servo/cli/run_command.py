@@ -15,7 +15,7 @@ from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
 from servo.loop.step import Step
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, prepare, with_traceback
 from servo.report.words import Table
 from servo.scenario import load as scenarios

@@ -11,21 +11,20 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from servo.batch.ended import Lost
+from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import check_workers, local
 from servo.batch.remote_cluster import check_settings, remote
-from servo.batch.tasks import carry_out
+from servo.batch.workers import Lost
 from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
 from servo.mistake import Mistake, Refused
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.report.words import Table, shown, spread
 from servo.study.parse import load
 from servo.study.perform import perform
-from servo.study.plan import Study
+from servo.study.plan import Study, StudyFile
 from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
 from servo.study.run_file import parquet
 from servo.study.store import COMPARISONS, RESULTS, Store
-from servo.study.study_file import StudyFile
 from sim import gl
 
 SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",

@@ -16,14 +16,13 @@ from servo.cli.signals import exit_code
 from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
 from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
-from servo.output.track_folder import TrackFolder
-from servo.output.track_report import TrackReport
+from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
 from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
-from servo.scenario.override import override
+from servo.scenario.toml import override
 from sim.installed import Trusted
 from sim.types import Array
 from tracking.evaluation.sequences import truth as truths

@@ -30,7 +30,6 @@ class Begun(Document):
 
     FILE: ClassVar[str] = "begun.json"
     KIND: ClassVar[str] = "begun"
-    FORMAT: ClassVar[int] = 1
 
     holds: str
     """The command: "bench", "bench closed_loop" or "papers"."""
@@ -107,11 +106,7 @@ def only_writer(
 def _manifest(
     folder: Path, kind: type[Beginning], command: str, own: Collection[str]
 ) -> Beginning | None:
-    """The file that a folder's first session wrote; arguments as for `only_writer`.
-
-    Raises:
-        Mistake: The file is damaged, of another format, or missing in a folder that is not empty.
-    """
+    """The file that a folder's first session wrote; arguments as for `only_writer`."""
     path = folder / kind.FILE
     if not path.exists():
         if any(not _of_the_beginning(there, kind.FILE, own) for there in folder.iterdir()):

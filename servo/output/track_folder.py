@@ -1,13 +1,15 @@
-"""The files of a track: rows, and optionally a video and a recording."""
+"""The files of a track: rows, report, and optionally a video and a recording."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 from servo.mistake import Refused
+from servo.output.formats import Made, Number
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import AnnotatedVideo
 from tracking.evaluation.track import Shot
@@ -23,16 +25,17 @@ class Extra(Protocol):
     """A file that is written in addition to the rows."""
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture with the tracker's estimate and the truth."""
-        ...
+        """Write a picture with the tracker's estimate and the truth.
+
+        Raises:
+            Refused: The disk cannot be written; as for `close`.
+        """
 
     def close(self) -> None:
         """Finish the file."""
-        ...
 
     def abandon(self) -> None:
         """Leave the file as it is, because the disk is full."""
-        ...
 
 
 class TrackFolder:
@@ -108,3 +111,25 @@ class TrackFolder:
 
     def _nearly_full(self) -> bool:
         return shutil.disk_usage(self._folder).free < SPARE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackReport(Made):
+    """Source, tracker, losses and measures of a track."""
+
+    FILE: ClassVar[str] = "report.json"
+    KIND: ClassVar[str] = "track"
+
+    source: str
+    tracker: dict[str, Any]
+    """Kind and settings that were given."""
+    seed: int
+    frames: int
+    undecodable: list[str]
+    """Names of the pictures that could not be read."""
+    lost: int
+    """Number of frames with status LOST."""
+    measures: dict[str, Number | None]
+    """Values of the measures by name, None if not finite; empty without a truth."""
+    units: dict[str, str]
+    """Units of the measures by name."""

@@ -25,15 +25,12 @@ class Experiment:
 
     @property
     def key(self) -> str:
-        """NAME/SEED."""
         return f"{self.name}/{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """What the function is about, and the seed."""
         return self.about | {"seed": self.seed}
 
     def run(self, folder: Path) -> Result:
-        """The function's result."""
         del folder
         return self.function(self.seed)
 

@@ -49,12 +49,10 @@ class LoopSeries:
 
     @property
     def key(self) -> str:
-        """SCENARIO-ESTIMATOR-SEED, and the label if any."""
         parts = [self.scenario, self.label, self.estimator, str(self.seed)]
         return "loop/" + "-".join(filter(None, parts))
 
     def describe(self) -> dict[str, Any]:
-        """The scenario with all its settings."""
         return {"scenario": self._scenario().table}
 
     def run(self, folder: Path) -> Result:

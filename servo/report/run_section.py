@@ -9,8 +9,7 @@ import tomli_w
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake
-from servo.output.run_folder import RECORDING
-from servo.output.run_report import RunReport
+from servo.output.run_folder import RECORDING, RunReport
 from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
 from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
@@ -146,7 +145,7 @@ def _pictures(folder: Path) -> Block:
     path = folder / RECORDING
     if not path.exists():
         return Block(title, ["There is no recording in this folder, so there are no pictures."])
-    from servo.output.recording.pictures import pictures  # rerun takes half a second to import
+    from servo.output.recording.view import pictures  # rerun takes half a second to import
 
     found = pictures(path, TILES)
     if not found:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from servo.mistake import Mistake
 from servo.report import files
+from servo.study.plan import FailureFile, StudyFile
 from servo.study.store import COMPARISONS, FAILURES, RESULTS, RUNS
-from servo.study.study_file import FailureFile, StudyFile
 from sim.types import Array
 from tracking.evaluation.statistics import Interval, bootstrap
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from servo.loop.run_measures import MEANINGS, Outcome
-from servo.report import page, study_axes, study_time
+from servo.report import page, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
 from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
 from servo.report.words import NOTHING, Badge, Cell, Table, Tone, cut, listed, shown, spread
@@ -46,8 +46,8 @@ def _shown(study: StudyResults) -> list[Block]:
     return [
         *_compared(study),
         *_figures("Over time", study_time.figures(study)),
-        *_figures("Against the axes", study_axes.against(study)),
-        *_figures("Over two axes", study_axes.heat_maps(study)),
+        *_figures("Against the axes", study_time.against(study)),
+        *_figures("Over two axes", study_time.heat_maps(study)),
         *_sheets(study),
         _cells(study),
         _runs(study),

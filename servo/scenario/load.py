@@ -17,7 +17,6 @@ from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
 from servo.scenario.named_files import found_beside
-from servo.scenario.override import override, put
 from servo.scenario.sections import (
     MOST_FRAMES,
     GoalConfig,
@@ -26,6 +25,7 @@ from servo.scenario.sections import (
     RunConfig,
     StartConfig,
 )
+from servo.scenario.toml import override, put
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
 from sim.camera import CameraConfig

@@ -16,10 +16,8 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.named_files import digests
-from servo.scenario.override import assignment
-from servo.scenario.toml import is_number
-from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
-from servo.study.keys import check_apart, flat
+from servo.scenario.toml import assignment, is_number
+from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_apart, check_key, flat
 from servo.study.plan import Base, Study
 
 KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")

@@ -63,11 +63,7 @@ def perform(run: Run) -> Row:
 
 
 def _parsed(run: Run) -> Scenario:
-    """The scenario of a run; where the study began it was right, so a kind is missing here only.
-
-    Raises:
-        Mistake: A package or a file differs from where the study began.
-    """
+    """The scenario of a run; where the study began it was right, so a kind is missing here only."""
     for path, digest in run.files.items():
         if digest_of(path) != digest:
             raise Mistake(

@@ -16,9 +16,8 @@ import pyarrow as pa
 from servo.mistake import Mistake, Refused
 from servo.output.result_folder import check_versions, only_writer
 from servo.study.perform import Row, version_columns
-from servo.study.plan import Run, Study
+from servo.study.plan import FailureFile, Run, Study, StudyFile
 from servo.study.run_file import RunFiles
-from servo.study.study_file import FailureFile, StudyFile
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 
 from servo.batch.local_cluster import local
-from servo.batch.tasks import carry_out
+from servo.batch.cluster import carry_out
 from servo.cli import sweep_command
 from servo.study import store
 from servo.study.parse import load

@@ -36,11 +36,6 @@ class TrackLog:
         self._rec = self._file.stream
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Log a picture and its numbers.
-
-        Raises:
-            Refused: The disk cannot be written.
-        """
         rec, estimate = self._rec, shot.estimate
         rec.set_time("frame", sequence=shot.index)
         rec.set_time(
@@ -63,11 +58,6 @@ class TrackLog:
             self._file.flush()
 
     def close(self) -> None:
-        """Finish the file.
-
-        Raises:
-            Refused: The disk cannot be written.
-        """
         self._file.close()
 
     def abandon(self) -> None:
