@@ -149,7 +149,7 @@ def finished_study(tmp_path_factory):
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)
     study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, StudyFile.of(study, "me")) as kept:
+    with store.opened(there / "out", study, StudyFile.of(study, "me")) as kept:
         for run in study.runs():
             kept.add(perform(run))
     return there / "out"

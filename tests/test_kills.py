@@ -56,7 +56,7 @@ def undisturbed(tmp_path_factory):
     there = tmp_path_factory.mktemp("undisturbed")
     (there / "mine.toml").write_text(MINE)
     study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, StudyFile.of(study, "")) as kept:
+    with store.opened(there / "out", study, StudyFile.of(study, "")) as kept:
         for run in reversed(list(study.runs())):
             kept.add(perform(run))
         return kept.table(kept.done()).drop_columns(TIMED)

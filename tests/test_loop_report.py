@@ -9,7 +9,7 @@ from rich.console import Console
 from servo.bench import loop_jobs, suites
 from servo.bench.loop_jobs import LoopJob, LoopRun
 from servo.cli.terminal import print_table
-from servo.report.loop_section import trackers_table
+from servo.report.bench_section import loop_table
 
 WORDS = "mk_ssd,kams:paper"
 COMMAND = f"servobench bench closed_loop --trackers {WORDS} --seeds 3"
@@ -40,7 +40,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_the_table_is_printed_so(approved):
     console = Console(width=110, record=True, file=io.StringIO())
-    print_table(console, trackers_table(results()))
+    print_table(console, loop_table(results()))
     approved("loop/printed", console.export_text().splitlines())
 
 

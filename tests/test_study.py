@@ -112,7 +112,7 @@ def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
 @pytest.fixture
 def kept(small, tmp_path):
     """The store of the small study with four runs in it."""
-    with store.Store(tmp_path / "out", small, StudyFile.of(small, "me")) as there:
+    with store.opened(tmp_path / "out", small, StudyFile.of(small, "me")) as there:
         for run in list(small.runs())[:4]:
             there.add(perform(run))
         yield there
@@ -173,7 +173,7 @@ def test_cells_have_means_with_intervals_and_pairs_are_compared(small):
     assert 0.6 <= cells[1].success.low < 0.9 < cells[1].success.high == 1.0
     assert cells[1].means["servo_rms_px"].value == 5.5
     assert "settle_s" not in cells[1].means
-    (pair,) = results.comparisons(small, found)
+    (pair,) = results.comparisons(small.compare, [axis.key for axis in small.every_axis], found)
     assert (pair.first, pair.second) == ("pf_ssd", "frozen")
     assert (pair.test.wins, pair.test.losses, pair.test.ties) == (9, 0, 1)
     assert pair.p_holm == pytest.approx(2 / 2**9)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import traceback
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -31,6 +30,7 @@ class Job(Protocol):
 
     def run(self, folder: Path) -> dict[str, Any]:
         """Do the job; its result in the types of JSON. It may also write to the folder."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,36 +76,23 @@ def attempt(job: Job, folder: Path) -> Done:
     return Done(job, result)
 
 
-def known(job: Job, folder: Path) -> Done | None:
-    """The stored result of a job; None if there is none."""
-    try:
-        result = _read(job, folder)
-    except Mistake:
-        return None
-    return None if result is None else Done(job, result)
+def stored(job: Job, folder: Path) -> dict[str, Any] | None:
+    """The stored result of a job; None if there is none, or if it belongs to another job.
 
-
-def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
-    """A sentence for each file that should hold a result of these jobs and is damaged."""
-    found: list[str] = []
-    for job in jobs:
-        try:
-            _read(job, folder)
-        except OtherFormat as error:
-            found.append(error.fact)
-        except Mistake:
-            found.append(f"{folder / _name(job)}: this result is damaged")
-    return found
-
-
-def _read(job: Job, folder: Path) -> dict[str, Any] | None:
-    """The stored result of a job; None if there is none, or if it belongs to another job."""
+    Raises:
+        Mistake: The file is not a result, or has been changed.
+    """
     path = folder / _name(job)
     if not path.exists():
         return None
-    kept = ResultFile.read(path)
-    if kept.sha256 != _digest(kept.job, kept.result):
-        raise Mistake(f"{path}: this result was changed")
+    try:
+        kept = ResultFile.read(path)
+    except OtherFormat as error:
+        raise Mistake(error.fact) from None
+    except Mistake:
+        kept = None
+    if kept is None or kept.sha256 != _digest(kept.job, kept.result):
+        raise Mistake(f"{path}: this result is damaged")
     return kept.result if kept.job == as_json(job.describe()) else None
 
 

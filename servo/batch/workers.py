@@ -10,7 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from servo.batch.jobs import Done, Job, attempt, known
+from servo.batch.jobs import Done, Job, attempt
 from servo.mistake import Mistake, Refused
 
 Task = TypeVar("Task")
@@ -67,7 +67,7 @@ def check_number(runs: int) -> None:
         raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
 
 
-class Workers:
+class Workers(ExitStack):
     """Processes that do jobs, started with the first task; used in a `with`."""
 
     def __init__(self, workers: int) -> None:
@@ -79,25 +79,16 @@ class Workers:
         Raises:
             Mistake: The machine cannot run so many.
         """
+        super().__init__()
         self._workers = workers
-        self._open = ExitStack()
         if workers > 1:
             from servo.batch.local_cluster import check_workers  # Dask takes a second to import
 
             check_workers(workers)
 
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._open.__exit__(*error)
-
     def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
-        """Yield the results of all jobs: first the stored ones, then each other one as it ends."""
-        kept = {job.key: known(job, folder) for job in jobs}
-        yield from (done for done in kept.values() if done is not None)
-        todo = [job for job in jobs if kept[job.key] is None]
-        for job, ended in self.ends(todo, partial(attempt, folder=folder)):
+        """Do jobs and store their results in a folder; yields each as it ends."""
+        for job, ended in self.ends(jobs, partial(attempt, folder=folder)):
             yield Done(job, None, ended.error) if ended.error else ended.value
 
     def ends(
@@ -122,4 +113,4 @@ class Workers:
     def _crew(self):
         from servo.batch.local_cluster import local
 
-        return self._open.enter_context(local(self._workers))
+        return self.enter_context(local(self._workers))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -48,23 +48,6 @@ class Contender:
         return found | {"files": files} if (files := digests(settings)) else found
 
 
-class Entry(Protocol):
-    """A sequence of a suite that can be described and built."""
-
-    @property
-    def name(self) -> str:
-        """The sequence's name, by which its seeds are averaged together."""
-        ...
-
-    def describe(self) -> dict[str, Any]:
-        """Everything that decides the sequence, except the seed."""
-        ...
-
-    def build(self, seed: int) -> Sequence:
-        """The sequence; a painted one depends on the seed."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Generated:
     """A painted sequence."""
@@ -101,6 +84,10 @@ class Recorded:
         del seed
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
+
+
+Entry = Generated | Recorded
+"""A sequence of a suite; all seeds of one name are averaged together."""
 
 
 @dataclass(frozen=True, slots=True)

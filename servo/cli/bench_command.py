@@ -11,11 +11,10 @@ from servo.batch.workers import Workers, check_number
 from servo.bench import loop_jobs, ranking, suites
 from servo.bench.loop_jobs import LoopJob, LoopRun
 from servo.bench.sequence_jobs import SequenceJob, track_path
-from servo.cli.job_progress import work
-from servo.cli.terminal import plain, print_table
+from servo.cli.terminal import plain, print_table, work
 from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
-from servo.report import bench_section, loop_section
+from servo.report import bench_section
 from sim import gl
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.drawing.contact_sheet import encoded, sheet
@@ -44,7 +43,7 @@ def run(
             runs = [LoopRun(**result) for result in results]
             paths = loop_jobs.write(runs, folder, again) if runs else []
         if runs:
-            print_table(console, loop_section.trackers_table(runs))
+            print_table(console, bench_section.loop_table(runs))
     else:
         jobs, title = _sequence_jobs(suite, trackers, seeds), Path(suite).stem
         with Workers(workers) as pool, result_folder(folder, "bench"):

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from servo.cli import options as opt
+from sim.ranges import LONGEST
 
 
 @click.group(
@@ -71,10 +72,10 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @click.option("--video", is_flag=True, help="Also write an annotated MP4.")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
 @click.option(
-    "--rate", type=opt.FRAME_RATE, default=30.0, show_default=True,
+    "--rate", type=opt.FiniteRange(0.01, 10_000.0), default=30.0, show_default=True,
     help="Pictures a second of a folder.",
 )  # fmt: skip
-@click.option("--frames", type=opt.FRAMES, help="Stop after this many.")
+@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Stop after this many.")
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
@@ -176,7 +177,7 @@ def schema() -> None:
     "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
 )
 @click.option(
-    "--at", type=opt.MOMENT, default=4.0, show_default=True,
+    "--at", type=opt.FiniteRange(0.0, LONGEST), default=4.0, show_default=True,
     help="Simulated time to show in the PNG [s].",
 )  # fmt: skip
 @click.option(
@@ -207,6 +208,15 @@ def new(name: str, out: Path | None) -> None:
 
 
 @app.command()
+@click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
+def doctor(bench: bool) -> None:
+    """Report renderer, versions and speed of this machine."""
+    from servo.cli.doctor_command import examine
+
+    sys.exit(examine(bench=bench))
+
+
+@app.command()
 @click.argument("model", type=opt.PATH, help="Its file, MJCF or URDF.")
 @click.option("--flange", default="", help="The body or site that carries the camera.")
 @click.option(
@@ -227,15 +237,6 @@ def robot(model: Path, out: Path, **given: Any) -> None:
 
     named = {key: value for key, value in given.items() if value}
     sys.exit(examine({"model": str(model)} | named, out))
-
-
-@app.command()
-@click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
-def doctor(bench: bool) -> None:
-    """Report renderer, versions and speed of this machine."""
-    from servo.cli.doctor_command import examine
-
-    sys.exit(examine(bench=bench))
 
 
 def main() -> None:

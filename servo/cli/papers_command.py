@@ -9,8 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from servo.batch.workers import Workers
-from servo.cli.job_progress import work
-from servo.cli.terminal import plain, print_table
+from servo.cli.terminal import plain, print_table, work
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
 from servo.output.result_folder import result_folder

@@ -46,11 +46,7 @@ POSITION, RATE = 1, 2
 
 
 def examine(given: dict[str, Any], out: Path) -> int:
-    """Print joints, flanges, reach and the table of a robot, and draw it.
-
-    Args:
-        given: Settings of the kind `mjcf`, the model at least.
-        out: PNG to write.
+    """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`.
 
     Raises:
         Mistake: The model cannot be used, or a setting does not fit it.

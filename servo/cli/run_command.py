@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
@@ -75,11 +75,16 @@ def _written(
     writing: list[float] = []
     with episode.naming_parts():
         try:
-            for step in _with_progress(episode, episode.scenario.name, console):
-                steps.append(step.light())
-                began = time.perf_counter()
-                output.add(step)
-                writing.append(time.perf_counter() - began)
+            with progress_bar(console) as progress:
+                name = escape(episode.scenario.name)
+                task = progress.add_task(name, total=episode.frames, note=COMPILING)
+                for step in episode:
+                    note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+                    progress.update(task, advance=1, note=note)
+                    steps.append(step.light())
+                    began = time.perf_counter()
+                    output.add(step)
+                    writing.append(time.perf_counter() - began)
         finally:
             output.close()
     return steps, writing
@@ -102,15 +107,6 @@ def _outline_line(outline: Array) -> str:
         f"The target's reference rectangle, as seen from above: {length:.3f} x {width:.3f} m, "
         f"{height:.3f} m over the table; target.outline sets another one"
     )
-
-
-def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
-    with progress_bar(console) as progress:
-        task = progress.add_task(escape(name), total=episode.frames, note=COMPILING)
-        for step in episode:
-            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
-            progress.update(task, advance=1, note=note)
-            yield step
 
 
 def _print_report(console: Console, scenario: Scenario, report: Report) -> None:

@@ -90,12 +90,7 @@ Schema = dict[str, Any]
 
 
 def scenario_schema(expect: Schema, sweep: Schema) -> Schema:
-    """The schema of a scenario file.
-
-    Args:
-        expect: Schema of its bounds, which are on measures.
-        sweep: Schema of the study that it may carry.
-    """
+    """The schema of a scenario file, given those of its bounds and of the study it may carry."""
     properties = {name: _settings(config()) for name, config in SECTIONS.items()}
     for name, (folder, default) in PLUGINS.items():
         properties[name] = _plugin(folder, default)

@@ -13,19 +13,19 @@ from rich.markup import escape
 
 from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import check_workers, local
-from servo.batch.remote_cluster import check_settings, remote
+from servo.batch.remote_cluster import check_address, remote, security_of
 from servo.batch.workers import Lost
 from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
 from servo.mistake import Mistake, Refused
 from servo.output.formats import command_line
 from servo.report.words import Table, shown, spread
 from servo.study.parse import load
-from servo.study.perform import perform
+from servo.study.perform import parquet, perform
 from servo.study.plan import Study, StudyFile
-from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
-from servo.study.run_file import parquet
-from servo.study.store import COMPARISONS, RESULTS, Store
+from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, missed
+from servo.study.store import RESULTS, Store, opened
 from sim import gl
+from tracking.files.csv_text import csv_text
 
 SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
          "ms": "track_ms"}  # fmt: skip
@@ -72,8 +72,8 @@ def run(request: SweepRequest) -> int:
         check_workers(request.workers)
         gl.backend()
     else:
-        check_settings(request.scheduler)
-    with Store(folder, study, StudyFile.of(study, request.command)) as store:
+        security_of(check_address(request.scheduler))
+    with opened(folder, study, StudyFile.of(study, request.command)) as store:
         if store.damaged:
             complain(
                 f"{store.damaged[0]}: this is not the run's row as it was written (the first of "
@@ -132,12 +132,13 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
         return 0
     table = store.table(done)
     rows = table.to_pylist()
-    cells, pairs = cells_of(study, rows), comparisons(study, rows)
+    keys = [axis.key for axis in study.every_axis]
+    cells, pairs = cells_of(study, rows), comparisons(study.compare, keys, rows)
     _print_cells(console, cells)
     paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
-        paths.append(store.write(COMPARISONS, comparisons_csv(pairs)))
+        paths.append(store.write("comparisons.csv", csv_text(COMPARED, [c.cells for c in pairs])))
         for c in [c for c in pairs if c.p_holm < 0.05][:10]:
             console.print(
                 f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "
@@ -146,7 +147,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     for path in paths:
         plain(console, f"  {path}")
     plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
-    not_kept = missed([axis.key for axis in study.every_axis], study.expect, rows)
+    not_kept = missed(keys, study.expect, rows)
     for line in not_kept:
         complain(line)
     return 1 if not_kept else 0

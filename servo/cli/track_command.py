@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli.signals import exit_code
+from servo.cli.guard import exit_code
 from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
 from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
@@ -112,11 +112,8 @@ def run(request: TrackRequest) -> int:
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """The settings of a tracker as a table, and its `Config`.
-
-    Args:
-        kind: The tracker, such as "kams".
-        changes: Changed settings, such as "tracker.particles=80".
+    """The settings of a tracker such as "kams", with changes such as "tracker.particles=80", as a
+    table; and its `Config`.
 
     Raises:
         Mistake: There is no such kind or setting.

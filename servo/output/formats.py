@@ -130,13 +130,8 @@ def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:
 
 
 def command_line(command: str, *words: str, **options: object) -> str:
-    """A command line for a shell.
-
-    Args:
-        command: The command, such as "bench".
-        words: Its arguments.
-        options: Its options by name; True is a flag, a list or a tuple repeats the option, None and
-            False leave it out.
+    """A command line for a shell. An option that is True is a flag, a list or a tuple repeats it,
+    None and False leave it out.
     """
     given: list[str] = []
     for name, value in options.items():

@@ -161,13 +161,7 @@ class RunFolder:
     """Why the recording is not complete; None if it is."""
 
     def __init__(self, folder: Path, episode: Episode, *, rerun: bool, command: str = "") -> None:
-        """Open the files.
-
-        Args:
-            folder: The folder to write to.
-            episode: The run.
-            rerun: Also write a recording.
-            command: The command line that repeats the run; empty if there is none.
+        """Open the files; `rerun`: also a recording; `command` is the line that repeats the run.
 
         Raises:
             Mistake: Another run is writing into this folder.

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from servo.mistake import Refused
 from servo.output.formats import Made, Number
@@ -16,26 +16,12 @@ from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.types import Region
 
+if TYPE_CHECKING:
+    from servo.output.recording.track_log import TrackLog
+
 TRACK, VIDEO, RECORDING = "track.csv", "track.mp4", "track.rrd"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
-
-
-class Extra(Protocol):
-    """A file that is written in addition to the rows."""
-
-    def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture with the tracker's estimate and the truth.
-
-        Raises:
-            Refused: The disk cannot be written; as for `close`.
-        """
-
-    def close(self) -> None:
-        """Finish the file."""
-
-    def abandon(self) -> None:
-        """Leave the file as it is, because the disk is full."""
 
 
 class TrackFolder:
@@ -47,21 +33,14 @@ class TrackFolder:
     def __init__(
         self, folder: Path, region: Region, rate: float, *, video: bool, recording: bool
     ) -> None:
-        """Open the files.
-
-        Args:
-            folder: The folder to write to.
-            region: The template.
-            rate: Pictures a second.
-            video: Also write an annotated video.
-            recording: Also write a Rerun recording.
+        """Open the files; `rate` is in pictures a second.
 
         Raises:
             OSError: A file cannot be written.
         """
         self._folder, self._at_once = folder, max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
-        self._extras: dict[Path, Extra] = {}
+        self._extras: dict[Path, AnnotatedVideo | TrackLog] = {}
         if video:
             self._extras[folder / VIDEO] = AnnotatedVideo(folder / VIDEO, rate, region)
         if recording:

@@ -10,7 +10,7 @@ import tomli_w
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake
 from servo.output.run_folder import RECORDING, RunReport
-from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
+from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
 from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
@@ -39,7 +39,8 @@ def section(folder: Path) -> Section:
     run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)
     kept = len(run.expect) - len(run.missed)
-    facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", _tone(run)))]
+    tone = Tone.PLAIN if not run.expect else Tone.BAD if run.missed else Tone.GOOD
+    facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", tone))]
     facts += [
         Fact(MEANINGS[name][1], f"{shown(run.measures[name])} {MEANINGS[name][0]}", name)
         for name in KEY_MEASURES
@@ -56,12 +57,6 @@ def section(folder: Path) -> Section:
     )  # fmt: skip
 
 
-def _tone(run: RunReport) -> Tone:
-    if not run.expect:
-        return Tone.PLAIN
-    return Tone.BAD if run.missed else Tone.GOOD
-
-
 def _bounds(run: RunReport) -> Block:
     missed = {violation.name for violation in run.missed}
     rows: list[list[str | Badge]] = []
@@ -70,11 +65,9 @@ def _bounds(run: RunReport) -> Block:
         bound = run.expect.get(name)
         held = "" if bound is None else Badge.of(name not in missed, "kept", "missed")
         most = (
-            ""
-            if bound is None
-            else bound
-            if isinstance(bound, str)
-            else f"\N{LESS-THAN OR EQUAL TO} {bound:g}"
+            f"\N{LESS-THAN OR EQUAL TO} {bound:g}"
+            if isinstance(bound, float | int)
+            else bound or ""
         )
         rows.append([name, shown(value), unit, most, held, meaning])
     rows.sort(key=lambda row: row[3] == "")
@@ -95,7 +88,7 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
     }  # fmt: skip
     wanted = ["time_s", "servo_error_px", "tracking_error_px", "fresh", "status", *errors.values(),
               *(column for columns in motions.values() for column in columns)]  # fmt: skip
-    table = files.steps(folder / TABLE, wanted)
+    table = files.table(folder / TABLE, wanted, FORMAT)
     column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
     time, across = column["time_s"], Scale("time [s]")
     unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))

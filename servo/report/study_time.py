@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from servo.loop.run_measures import MEANINGS
 from servo.report import charts
@@ -65,15 +64,11 @@ def survival(series: Sequence[Series]) -> tuple[Array, Array] | None:
     if not having:
         return None
     durations = np.array([s.duration for s in having])
-    lost = np.array([_first_loss(s.time, s.values["on_target"] > 0) for s in having])
+    off = [s.time[(s.time >= SETTLED) & ~(s.values["on_target"] > 0)] for s in having]
+    lost = np.array([times[0] if len(times) else np.inf for times in off])
     times = np.linspace(0, durations.max(), TIMES)
     lasting = durations[:, None] + ROUNDING >= times
     return times, (lasting & (lost[:, None] > times)).sum(axis=0) / lasting.sum(axis=0)
-
-
-def _first_loss(time: Array, on_target: NDArray[np.bool_]) -> float:
-    off = (time >= SETTLED) & ~on_target
-    return float(time[np.argmax(off)]) if off.any() else np.inf
 
 
 def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -> Figure | None:

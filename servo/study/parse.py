@@ -30,12 +30,8 @@ SUCCESS = "success_rate"
 
 
 def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> Study:
-    """A study by its shipped name or by the path of a TOML file.
-
-    Args:
-        name: Such as "particles" or "mine/gains.toml".
-        changes: Settings of all runs, as for --set.
-        seeds: Number of seeds (0, 1, ...) instead of those of the file.
+    """A study by its shipped name or by the path of a TOML file, with changed settings of all runs,
+    as for --set, and with seeds 0, 1, ... up to a number instead of those of the file.
 
     Raises:
         Mistake: The user's mistake, in one sentence.

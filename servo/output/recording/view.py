@@ -70,13 +70,8 @@ def show(path: Path, *, web: bool) -> int:
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
-    """Draw the viewer at a simulated time into a PNG file, without a window.
-
-    Args:
-        path: The recording.
-        png: The file to write.
-        at: Simulated time [s].
-        panel: The entity of the only panel to draw, such as "world"; None: all panels.
+    """Draw the viewer at a simulated time [s] into a PNG file, without a window: all its panels, or
+    the one of an entity, such as "world".
 
     Raises:
         Mistake: The viewer cannot start, has no such panel, or does not show the recording.
