@@ -147,12 +147,12 @@ def finished_study(tmp_path_factory):
     from servo.study import store
     from servo.study.parse import load
     from servo.study.perform import perform
-    from servo.study.study_file import StudyFile
+    from servo.study.plan import StudyFile
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)
     study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, StudyFile.of(study, "me")) as kept:
+    with store.opened(there / "out", study, StudyFile.of(study, "me")) as kept:
         for run in study.runs():
             kept.add(perform(run))
     return there / "out"

@@ -8,7 +8,7 @@ import pytest
 from distributed.core import Status
 
 from servo.batch import cluster, local_cluster, remote_cluster
-from servo.batch.ended import Lost
+from servo.batch.workers import Lost
 from servo.bench.sequence_jobs import LONGEST_LABEL, Contender
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused

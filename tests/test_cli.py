@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from servo.cli import main, run_command
+from servo.cli import main
+from servo.output.run_folder import RunFolder
 from sim import kinds
 
 TRACKERS = ", ".join(kinds.names("tracking.trackers"))
@@ -166,13 +167,14 @@ def test_doctor_tells_the_renderer_and_its_speed(monkeypatch, capfd):
 
 
 def test_ctrl_c_keeps_what_was_written_and_says_so(monkeypatch, capfd, elsewhere):
-    def interrupted(episode, name, console):
-        for step in episode:
-            if step.frame.index == 20:
-                raise KeyboardInterrupt
-            yield step
+    add = RunFolder.add
 
-    monkeypatch.setattr(run_command, "_with_progress", interrupted)
+    def interrupted(folder, step):
+        if step.frame.index == 20:
+            raise KeyboardInterrupt
+        add(folder, step)
+
+    monkeypatch.setattr(RunFolder, "add", interrupted)
     code, _, err = call(monkeypatch, capfd, "run", "still", "--no-rerun", "--out", "out")
     assert code == 130
     assert err == "servobench: stopped; what was written is complete up to here.\n"

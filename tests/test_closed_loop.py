@@ -6,7 +6,7 @@ import pytest
 
 from servo.bench.loop_jobs import LoopJob
 from servo.cli import main
-from servo.papers.claim import contender
+from servo.papers.experiments import contender
 from sim import kinds
 from tracking import create
 from tracking.external import OF_THE_USER
@@ -50,7 +50,7 @@ def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd
     assert left.value.code == 0
     out = capfd.readouterr().out
     assert "mk_ssd" in out
-    assert "1/1" in out
+    assert "1 of 1" in out
     with (tmp_path / "out" / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {r["tracker"]: r["outcome"] for r in rows}["mk_ssd"] == "CONVERGED"

@@ -4,8 +4,8 @@ import shlex
 
 import pytest
 
-from servo.output.command_line import command_line
-from servo.scenario.override import assignment
+from servo.output.formats import command_line
+from servo.scenario.toml import assignment
 from servo.study.plan import Base, Run
 
 

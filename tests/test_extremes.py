@@ -20,7 +20,7 @@ from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario import toml
 from servo.scenario.catalogue import LISTS, PLUGINS
-from servo.scenario.override import put
+from servo.scenario.toml import put
 from sim import kinds
 from sim.ranges import LONGEST
 

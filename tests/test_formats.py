@@ -22,10 +22,10 @@ from servo.loop.run_measures import Violation
 from servo.mistake import Mistake
 from servo.output import formats
 from servo.output.result_folder import Begun
-from servo.output.run_report import RunReport
-from servo.output.track_report import TrackReport
+from servo.output.run_folder import RunReport
+from servo.output.track_folder import TrackReport
 from servo.papers.claims import Judged, PapersReport
-from servo.study.study_file import FailureFile, StudyFile
+from servo.study.plan import FailureFile, StudyFile
 from tracking.evaluation import track_file
 from tracking.evaluation.statistics import Interval, McNemar
 from tracking.files.json_text import as_json
@@ -220,7 +220,7 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
     from elsewhere import MyConfig
 
     from servo.loop.episode import measured_run
-    from servo.output.run_report import RunReport
+    from servo.output.run_folder import RunReport
     from servo.scenario.load import load
 
     scenario = replace(load("still", ["run.duration=0.1"]), tracker=MyConfig(gain=2.0))

@@ -22,7 +22,7 @@ from commands import (
 from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
 
 MINE = """# mine
 # Short runs, of kinds that are quick to import.
@@ -56,7 +56,7 @@ def undisturbed(tmp_path_factory):
     there = tmp_path_factory.mktemp("undisturbed")
     (there / "mine.toml").write_text(MINE)
     study = load(str(there / "mine.toml"))
-    with store.Store(there / "out", study, StudyFile.of(study, "")) as kept:
+    with store.opened(there / "out", study, StudyFile.of(study, "")) as kept:
         for run in reversed(list(study.runs())):
             kept.add(perform(run))
         return kept.table(kept.done()).drop_columns(TIMED)

@@ -6,7 +6,7 @@ import pytest
 from distributed.core import Status
 
 from servo.batch import cluster, local_cluster
-from servo.batch.ended import Lost
+from servo.batch.workers import Lost
 
 
 class Cluster:

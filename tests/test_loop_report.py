@@ -7,8 +7,9 @@ import pytest
 from rich.console import Console
 
 from servo.bench import loop_jobs, suites
-from servo.bench.loop_jobs import LoopJob
-from servo.cli import bench_loop_command
+from servo.bench.loop_jobs import LoopJob, LoopRun
+from servo.cli.terminal import print_table
+from servo.report.bench_section import loop_table
 
 WORDS = "mk_ssd,kams:paper"
 COMMAND = f"servobench bench closed_loop --trackers {WORDS} --seeds 3"
@@ -24,9 +25,8 @@ def results():
                           "tracking_rms_px": None if lost else rms / 2,
                           "track_ms": 0.5 + i}  # fmt: skip
                 outcome = "TARGET_LOST" if lost else "CONVERGED"
-                found.append({"tracker": contender.label, "follows": "x, y" + ", s" * i,
-                              "scenario": scenario, "seed": seed, "outcome": outcome,
-                              "measures": values})  # fmt: skip
+                follows = "x, y" + ", s" * i
+                found.append(LoopRun(contender.label, follows, scenario, seed, outcome, values))
     return found
 
 
@@ -40,7 +40,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_the_table_is_printed_so(approved):
     console = Console(width=110, record=True, file=io.StringIO())
-    bench_loop_command._print(console, results())
+    print_table(console, loop_table(results()))
     approved("loop/printed", console.export_text().splitlines())
 
 

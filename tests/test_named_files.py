@@ -10,8 +10,8 @@ from servo.scenario.load import load
 from servo.scenario.named_files import MISSING, digest_of, digests, found_beside
 from servo.study.parse import load as load_study
 from servo.study.perform import perform
-from servo.study.store import Store
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
+from servo.study.store import opened
 from tracking.trackers import opencv
 
 WEDGE = """v -1 -.5 0\nv 1 -.5 0\nv 1 .5 0\nv -1 .5 0\nv -1 -.5 {height}\nv -1 .5 {height}
@@ -72,12 +72,11 @@ def test_what_is_no_file_has_no_digest(folder, name):
 def test_a_study_does_not_go_on_after_a_file_that_it_names_has_changed(folder):
     def begin():
         study = load_study(str(folder / "study.toml"))
-        return study, Store(folder / "out", study, StudyFile.of(study, ""))
+        with opened(folder / "out", study, StudyFile.of(study, "")):
+            return study
 
-    study, store = begin()
-    store.close()
-    assert list(study.files) == [str(folder / "wedge.obj")]
-    begin()[1].close()
+    assert list(begin().files) == [str(folder / "wedge.obj")]
+    begin()
     (folder / "wedge.obj").write_text(WEDGE.format(height=0.7))
     with pytest.raises(Mistake, match=r"holds another study \(its files differs\)"):
         begin()

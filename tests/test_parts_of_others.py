@@ -163,11 +163,3 @@ def test_a_worker_that_lacks_a_package_is_named():
     said = str(failed.value)
     assert said.startswith("the worker on ")
     assert " lacks a package: still.toml: tracker.kind: there is no kind 'calm'; there is " in said
-
-
-def test_the_old_name_of_the_second_target_says_the_new_one():
-    with pytest.raises(Mistake) as refused:
-        parse({"disturbances": [{"kind": "second_car"}]}, "a", "a.toml")
-    assert str(refused.value) == (
-        "a.toml: disturbances[0]: the kind 'second_car' of version 0.1 is called second_target now"
-    )

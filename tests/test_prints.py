@@ -20,7 +20,7 @@ from servo.cli import (
 from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
 from servo.loop.step import Seconds
 from servo.output import versions as found_versions
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.recording import archetypes, track_log
 from servo.papers.claim import Claim, Verdict
 from servo.scenario.load import load
@@ -30,7 +30,7 @@ from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
 from tracking.types import Estimate, Region, State, Status
 
-LOOP = SimpleNamespace(render=2.5, step=6.0, ratio=2.4)
+LOOP = SimpleNamespace(render=2.5, step=6.0)
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
     run_command.print_missed(
         console, missed, command_line("run", "reversal", set=["a=b c"], seed=4)
     )
-    console.print(check_command._table([
+    terminal.print_table(console, check_command._table([
         (check_command.Check(n, scenario, ""), check_command.Checked(report(), misses, seconds))
         for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
     ]))  # fmt: skip
@@ -120,7 +120,7 @@ def shot(k, status=Status.LOCKED, size=(64, 48)):
     return Shot(picture, k, Estimate(state, covariance, 0.1 * k, status), 0.002, size)
 
 
-def test_a_track_is_printed_so(console, approved):
+def test_a_track_is_printed_so(console, monkeypatch, approved):
     region = Region(10.0, 6.0)
     sizes = [(64, 48), (64, 48), None, (64, 48), (80, 48), None, (64, 48)]
     seen = [shot(k, Status.LOST if k > 4 else Status.LOCKED, size) for k, size in enumerate(sizes)]
@@ -128,8 +128,9 @@ def test_a_track_is_printed_so(console, approved):
     compared = Comparison.of(Track.of(seen, region), truth)
     track_command._print(console, "kams", "[film]", seen, compared)
     track_command._print(console, "kams", "film", seen[:3], None)
-    track_command._print_oddities(console, seen)
-    track_command._print_oddities(console, seen[:2])
+    monkeypatch.setattr(terminal, "Console", lambda **_: console)
+    track_command._print_oddities(seen)
+    track_command._print_oddities(seen[:2])
     approved("prints/track", lines(console))
 
 

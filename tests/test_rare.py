@@ -8,14 +8,15 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo.batch.ended import Ended
-from servo.cli import bench_loop_command, sweep_command
+from servo.batch.workers import Ended
+from servo.bench.loop_jobs import LoopRun
+from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.cli.sweep_command import SweepRequest
 from servo.mistake import Mistake, unknown
-from servo.report import run_section, study_data
+from servo.report import bench_section, study_data, words
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.study import run_file
+from servo.study import perform
 from sim import gl, kinds
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
@@ -124,16 +125,14 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     (["a", 1], pa.string()), ([True, 1], pa.string()),
 ])  # fmt: skip
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert run_file._type(values) == kind
+    assert perform._type(values) == kind
 
 
 def test_what_is_not_there_leaves_its_place_empty(tmp_path):
     assert study_data._array(pa.chunked_array([[None]], pa.list_(pa.float32()))).tolist() == []
-    assert bench_loop_command._cell([{"measures": {"a": None}}], "a") == ""
-    assert bench_loop_command._mean([{"measures": {"a": None}}], "a") == np.inf
-    assert run_section._tone(SimpleNamespace(expect={}, missed=[])).value == "plain"
-    assert run_section._tone(SimpleNamespace(expect={"a": 1.0}, missed=["a"])).value == "bad"
-    assert run_section._tone(SimpleNamespace(expect={"a": 1.0}, missed=[])).value == "good"
+    blind = LoopRun("kams", "x, y", "still", 0, "TARGET_LOST", {"servo_rms_px": None})
+    assert bench_section.mean([blind], "servo_rms_px") is None
+    assert bench_section.loop_table([blind]).rows[0][4:] == [words.NOTHING] * 4
 
 
 def test_the_commands_are_listed_as_they_stand():
@@ -145,7 +144,7 @@ def test_the_commands_are_listed_as_they_stand():
 
 def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
     from servo.batch.workers import Workers
-    from servo.cli.job_progress import work
+    from servo.cli.terminal import work
 
     class Job:
         key = "wrong/0"
@@ -158,7 +157,7 @@ def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
 
     with Workers(1) as team:
         done, code = work([Job()], tmp_path, team, Console(quiet=True), "x")
-    assert (code, [d.result for d in done]) == (1, [None])
+    assert (code, done) == (1, [])
     err = capfd.readouterr().err
     kept = tmp_path / "failures" / "wrong" / "0.txt"
     assert err == f"servobench: wrong/0 failed: ValueError: this job is wrong; see {kept}\n"

@@ -6,7 +6,7 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
-from servo.study.run_file import _cell, _type
+from servo.study.perform import _cell, _type
 from sim import gl, kinds
 from sim.files import picture_file
 from sim.geometry import inverse_if_strong

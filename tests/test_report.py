@@ -14,7 +14,7 @@ import pytest
 from servo.cli import main
 from servo.cli.report_command import write
 from servo.report import study_section
-from servo.study.study_file import FailureFile, StudyFile
+from servo.study.plan import FailureFile, StudyFile
 
 EVIL = "<script>alert(1)</script>"
 AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
@@ -62,10 +62,6 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
         pq.write_table(table, folder / "runs" / f"{row['run']:06}.parquet")
     if finished:
         pq.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
-        line = "pf_ssd,kams,9,1,0,2.2,0.02,0.021"
-        (folder / "comparisons.csv").write_text(
-            f"first,second,wins,losses,ties,z,p,p_holm\n{line}\n"
-        )
     return folder
 
 
@@ -88,8 +84,9 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     assert blocks["What was varied, and what held"].points == [
         "tracker.kind = kams, camera.rate = 5.0: success_rate is 0, expected at least 0.9",
     ]
-    assert blocks["Compared"].points == [
-        "pf_ssd succeeds more often than kams: 9 to 1 (p = 0.021 after Holm)."
+    assert blocks["Compared"].points == []
+    assert blocks["Compared"].tables[1].rows == [
+        ["pf_ssd", "kams", "2", "0", "2", "0.707", "0.5", "0.5"],
     ]
     assert blocks["Compared"].tables[0].rows[1][:5] == ["kams", "4", "0.5 (0 to 1)", "2", "2"]
     cells = blocks["Cells"].tables[0]
@@ -100,6 +97,14 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     assert [f.title for f in blocks["Over two axes"].figures] == [
         "Success rate", "Median error, servo_rms_px",
     ]  # fmt: skip
+
+
+def test_a_difference_that_is_sure_is_a_sentence(tmp_path):
+    section = study_section.section(make_study(tmp_path / "study", seeds=10))
+    (compared,) = (block for block in section.blocks if block.title == "Compared")
+    assert compared.points == [
+        "pf_ssd succeeds more often than kams: 10 to 0 (p = 0.002 after Holm)."
+    ]
 
 
 def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):

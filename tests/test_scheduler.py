@@ -17,10 +17,10 @@ from commands import BIN, PATIENCE
 from servo.batch import cluster as watched
 from servo.batch import local_cluster as processes
 from servo.batch import workers
-from servo.batch.ended import Lost
+from servo.batch.cluster import carry_out
 from servo.batch.remote_cluster import check_address, remote
-from servo.batch.tasks import carry_out
-from servo.cli import job_progress, main
+from servo.batch.workers import Lost
+from servo.cli import main, terminal
 from servo.mistake import Mistake, Refused
 
 STUDY = """# mine
@@ -234,9 +234,9 @@ def test_names_of_jobs_are_compared_in_linear_time(tmp_path, monkeypatch):
 
     jobs = [Named(Counting(f"job-{i}")) for i in range(3000)]
     monkeypatch.setattr(workers.Workers, "results", lambda *_: iter(()))
-    job_progress.work(jobs, tmp_path, workers.Workers(1), Console(quiet=True), "")
+    terminal.work(jobs, tmp_path, workers.Workers(1), Console(quiet=True), "")
     assert COMPARED["=="] < 10 * len(jobs)
     jobs.append(Named(Counting("job-7")))
     with pytest.raises(Mistake) as double:
-        job_progress.work(jobs, tmp_path, workers.Workers(1), Console(quiet=True), "")
+        terminal.work(jobs, tmp_path, workers.Workers(1), Console(quiet=True), "")
     assert str(double.value) == ("two runs are called 'job-7'; give the trackers different labels")

@@ -16,9 +16,8 @@ from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
 from servo.study.parse import load
-from servo.study.perform import perform
-from servo.study.run_file import RunFiles
-from servo.study.study_file import StudyFile
+from servo.study.perform import RunFiles, perform
+from servo.study.plan import StudyFile
 
 
 @pytest.fixture
@@ -33,12 +32,12 @@ def folder(finished_study, study_place):
 
 
 def opened(study, folder, **changed):
-    return store.Store(folder, study, replace(StudyFile.of(study, "me"), **changed))
+    return store.opened(folder, study, replace(StudyFile.of(study, "me"), **changed))
 
 
 def refused(study, folder, **changed):
-    with pytest.raises(Mistake) as said:
-        opened(study, folder, **changed)
+    with pytest.raises(Mistake) as said, opened(study, folder, **changed):
+        pass
     return str(said.value)
 
 
@@ -211,7 +210,8 @@ def test_a_sweep_that_was_killed_at_once_goes_on(small, study_place):
 def test_two_sweeps_do_not_write_into_one_folder(small, folder):
     with opened(small, folder):
         assert refused(small, folder) == f"{folder}: another command is writing into this folder"
-    opened(small, folder).close()
+    with opened(small, folder):
+        pass
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(monkeypatch, small, folder):

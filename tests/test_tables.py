@@ -2,21 +2,26 @@
 
 import dataclasses
 import io
+import itertools
 import json
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
 import pytest
 from rich.console import Console
 
+from servo.batch.workers import Ended
 from servo.bench import ranking
-from servo.cli import bench_command, list_command, sweep_command, sweep_progress
+from servo.cli import bench_command, list_command, sweep_command
 from servo.cli.main import app
+from servo.cli.sweep_command import SweepRequest
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study.parse import KEYS, load
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
 from sim import kinds
 from tracking.evaluation.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
@@ -133,23 +138,24 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
     approved("tables/studies", found)
 
 
-def test_the_board_of_a_study_counts_and_foretells(printed, monkeypatch):
-    clock = [100.0]
-    monkeypatch.setattr(sweep_progress.time, "monotonic", lambda: clock[0])
-    board = sweep_progress.StudyProgress(printed, "mine", total=20, before=4, workers=3)
-    printed.print(board._drawn())
-    for failed in (False, False, True, False):
-        board.ended(failed=failed)
-    clock[0] += 30.0
-    printed.print(board._drawn())
-    for _ in range(11):
-        board.ended(failed=False)
-    printed.print(board._drawn())
-    rows = [line.split() for line in lines(printed) if "━" not in line]
-    assert [row for row in rows if row and row[0].isdigit()] == [
-        ["4", "3", "0", "20", "starting"],
-        ["7", "3", "1", "20", "8.0", "0:01:30"],
-        ["18", "1", "1", "20", "30.0", "0:00:02"],
+def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monkeypatch):
+    (tmp_path / "mine.toml").write_text('scenario = "still"\nseeds = 6\n')
+    study, told = load(str(tmp_path / "mine.toml")), []
+    kept = SimpleNamespace(done=lambda: {0, 1}, add=lambda _: None, fail=lambda *_: tmp_path)
+    clock = itertools.count(100.0, 30.0)
+    bar = SimpleNamespace(add_task=lambda name, **more: told.append([name, more]),
+                          update=lambda _, **more: told.append(more))  # fmt: skip
+    monkeypatch.setattr(sweep_command, "progress_bar", lambda _: nullcontext(bar))
+    monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
+    monkeypatch.setattr(sweep_command.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(sweep_command, "carry_out", lambda _, runs, __: (
+        (run, Ended(None, "" if run.number < 5 else "no")) for run in runs
+    ))  # fmt: skip
+    asked = SweepRequest("mine.toml", (), None, 1, None, None, True)
+    assert sweep_command._work(study, kept, asked, Console()) == [(tmp_path, "no")]
+    more = {"total": 6, "completed": 2, "note": sweep_command.COMPILING}
+    assert told == [["sweep mine", more]] + [
+        {"advance": 1, "note": f"2.0 a minute, {failed} failed"} for failed in (0, 0, 0, 1)
     ]
 
 

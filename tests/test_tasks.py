@@ -5,10 +5,10 @@ import sys
 import numpy as np
 import pytest
 
-from servo.batch.ended import Ended, Lost
+from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import local
 from servo.batch.remote_cluster import remote
-from servo.batch.tasks import carry_out
+from servo.batch.workers import Ended, Lost
 from servo.cli import check_command, main
 from servo.study.perform import TIMED
 

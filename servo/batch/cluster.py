@@ -1,17 +1,22 @@
-"""A local or external cluster: a client, and a watch over its workers."""
+"""A local or external cluster: a client, and tasks that are each done once, even if workers die."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator
+import os
+import time
+import uuid
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
+import cv2
 import dask.config
-from distributed import Client
+from distributed import Client, Future, KilledWorker, as_completed
 
-from servo.batch.ended import Lost
+from servo.batch.workers import Ended, Lost, failed
 
 DEATHS = 2
 """Most workers that may die at a task; after one more, the task has failed."""
@@ -30,6 +35,8 @@ SETTINGS = {
     "distributed.admin.system-monitor.log-length": 60,
     "distributed.admin.system-monitor.gil.enabled": False,
 }
+ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment of a worker: one thread each, because the workers share the processors."""
 LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 
@@ -65,3 +72,79 @@ def silence() -> Generator[None]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with dask.config.set(SETTINGS):
         yield
+
+
+Task = TypeVar("Task")
+
+
+def carry_out(
+    cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Any]
+) -> Iterator[tuple[Task, Ended]]:
+    """Do tasks, as many at once as there are workers; yields each task when it ends.
+
+    The task of a worker that dies is done by another worker.
+
+    Raises:
+        Lost: The scheduler has stopped, or has had no workers for a long time.
+    """
+    waiting, session = iter(tasks), uuid.uuid4().hex
+    under_way: dict[str, tuple[Task, Future[Any]]] = {}
+    ended = as_completed(loop=cluster.client.loop)
+
+    def top_up() -> None:
+        there = cluster.workers()
+        cluster.watch(there)
+        for _ in range(max(1, there) - len(under_way)):
+            task = next(waiting, None)
+            if task is None:
+                return
+            key = f"servobench-{session}-{uuid.uuid4().hex}"
+            future = cluster.client.submit(_work_alone, work, task, key=key, pure=False)
+            under_way[key] = task, future
+            ended.add(future)
+
+    try:
+        top_up()
+        while under_way:
+            for future in _ready(ended):
+                if future.status in ("lost", "pending"):  # its worker died: Dask repeats it
+                    ended.add(future)
+                    continue
+                task, _ = under_way.pop(str(future.key))
+                yield task, _result(future, cluster.name)
+            top_up()
+    except (OSError, CancelledError) as error:
+        raise Lost(f"{cluster.name} is gone") from error
+    finally:
+        for _, future in under_way.values():
+            future.cancel()
+
+
+def _ready(ended: as_completed) -> list[Future[Any]]:
+    """The tasks that have ended, after waiting for one for at most a `TICK`."""
+    until = time.monotonic() + TICK
+    while not ended.has_ready() and time.monotonic() < until:
+        with ended.thread_condition:
+            ended.thread_condition.wait(TICK / 10)
+    return ended.next_batch(block=False)
+
+
+def _result(future: Future[Any], name: str) -> Ended:
+    if future.status == "finished":
+        return Ended(future.result())
+    if future.status != "error":  # "cancelled", but not by us
+        raise Lost(f"{name} is gone")
+    error: Any = future.exception()
+    if isinstance(error, KilledWorker):
+        return Ended(
+            None, f"{DEATHS + 1} workers died during this task, one after the other: there is too "
+            "little memory, or they were killed\n"
+        )  # fmt: skip
+    return failed(error)
+
+
+def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:
+    for name, value in ONE_THREAD.items():
+        os.environ.setdefault(name, value)
+    cv2.setNumThreads(1)
+    return work(task)

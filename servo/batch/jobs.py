@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import traceback
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -26,7 +25,7 @@ class Job(Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Everything that decides the result, in the types of JSON."""
+        """What decides the result beside the versions, which are those of the whole folder."""
         ...
 
     def run(self, folder: Path) -> dict[str, Any]:
@@ -39,7 +38,6 @@ class ResultFile(Document):
     """results/KEY.json: a result and everything that decides it."""
 
     KIND: ClassVar[str] = "result"
-    FORMAT: ClassVar[int] = 1
 
     job: dict[str, Any]
     result: dict[str, Any]
@@ -78,29 +76,7 @@ def attempt(job: Job, folder: Path) -> Done:
     return Done(job, result)
 
 
-def known(job: Job, folder: Path) -> Done | None:
-    """The stored result of a job; None if there is none."""
-    try:
-        result = _read(job, folder)
-    except Mistake:
-        return None
-    return None if result is None else Done(job, result)
-
-
-def damaged(jobs: Iterable[Job], folder: Path) -> list[str]:
-    """A sentence for each file that should hold a result of these jobs and is damaged."""
-    found: list[str] = []
-    for job in jobs:
-        try:
-            _read(job, folder)
-        except OtherFormat as error:
-            found.append(error.fact)
-        except Mistake:
-            found.append(f"{folder / _name(job)}: this result is damaged")
-    return found
-
-
-def _read(job: Job, folder: Path) -> dict[str, Any] | None:
+def stored(job: Job, folder: Path) -> dict[str, Any] | None:
     """The stored result of a job; None if there is none, or if it belongs to another job.
 
     Raises:
@@ -109,9 +85,14 @@ def _read(job: Job, folder: Path) -> dict[str, Any] | None:
     path = folder / _name(job)
     if not path.exists():
         return None
-    kept = ResultFile.read(path)
-    if kept.sha256 != _digest(kept.job, kept.result):
-        raise Mistake(f"{path}: this result was changed")
+    try:
+        kept = ResultFile.read(path)
+    except OtherFormat as error:
+        raise Mistake(error.fact) from None
+    except Mistake:
+        kept = None
+    if kept is None or kept.sha256 != _digest(kept.job, kept.result):
+        raise Mistake(f"{path}: this result is damaged")
     return kept.result if kept.job == as_json(job.describe()) else None
 
 

@@ -17,13 +17,11 @@ from distributed import Client, LocalCluster, Status
 from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
-from servo.batch.cluster import TICK, Cluster, silence
-from servo.batch.ended import Lost
+from servo.batch.cluster import ONE_THREAD, TICK, Cluster, silence
+from servo.batch.workers import Lost
 from servo.mistake import Mistake, Refused
 
 LOOPBACK = "127.0.0.1"
-ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Environment of a worker: one thread each, because the workers share the processors."""
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 """Environment of a worker: no log, because errors are returned with the task."""
 WORKER_BYTES = 300e6
@@ -57,11 +55,7 @@ def check_workers(workers: int) -> None:
 
 
 def _allow_files(needed: int) -> None:
-    """Allow this process and its children to open this many files.
-
-    Raises:
-        Refused: The machine does not allow it.
-    """
+    """Allow this process and its children to open this many files."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return

@@ -15,7 +15,7 @@ from distributed.utils import LoopRunner, sync
 
 from servo.batch import cluster
 from servo.batch.cluster import TICK, Cluster, silence
-from servo.batch.ended import Lost
+from servo.batch.workers import Lost
 from servo.mistake import Mistake
 
 PLAIN, ENCRYPTED = "tcp", "tls"
@@ -45,15 +45,6 @@ def check_address(text: str) -> str:
     )
 
 
-def check_settings(text: str) -> None:
-    """Refuse a wrong address or wrong TLS settings before connecting.
-
-    Raises:
-        Mistake: It is not an address, or Dask's TLS settings are not sufficient for it.
-    """
-    _security(check_address(text))
-
-
 @contextmanager
 def remote(text: str) -> Generator[Cluster]:
     """A cluster with a running scheduler.
@@ -64,7 +55,7 @@ def remote(text: str) -> Generator[Cluster]:
     """
     address = check_address(text)
     with silence():
-        security = _security(address)
+        security = security_of(address)
         runner: Any = LoopRunner()
         runner.start()
         try:
@@ -95,11 +86,11 @@ class _Watch:
             raise Lost(f"{self.name} has had no worker for {cluster.PATIENCE:g} s")
 
 
-def _security(address: str) -> Security:
-    """The user's TLS settings of Dask.
+def security_of(address: str) -> Security:
+    """The user's TLS settings of Dask, which must be sufficient for an address.
 
     Raises:
-        Mistake: They cannot be used, or are not sufficient for TLS.
+        Mistake: They are not, or cannot be used.
     """
     names: list[str] = []
     try:

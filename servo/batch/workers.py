@@ -1,16 +1,56 @@
-"""Worker processes on this machine, which do jobs and other tasks."""
+"""Worker processes on this machine, which do jobs and other tasks, and how a task ended."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from servo.batch.ended import Ended, Lost, one_by_one
-from servo.batch.jobs import Done, Job, attempt, known
+from servo.batch.jobs import Done, Job, attempt
 from servo.mistake import Mistake, Refused
+
+Task = TypeVar("Task")
+
+
+class Lost(RuntimeError):
+    """A cluster that has stopped working; the message names it and the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a task ended."""
+
+    value: Any
+    error: str = ""
+    """The traceback of a failure; empty if there was none."""
+    mistake: str = ""
+    """The sentence of a failure that is the user's mistake; empty otherwise."""
+
+    @property
+    def reason(self) -> str:
+        """The user's mistake, or the last line of the traceback."""
+        return self.mistake or self.error.strip().splitlines()[-1]
+
+
+def failed(error: BaseException) -> Ended:
+    """How a task ended that raised an error."""
+    mistake = str(error) if isinstance(error, Mistake) else ""
+    return Ended(None, "".join(traceback.format_exception(error)), mistake)
+
+
+def one_by_one(tasks: Iterable[Task], work: Callable[[Task], Any]) -> Iterator[tuple[Task, Ended]]:
+    """Do tasks in this process, one after the other."""
+    for task in tasks:
+        try:
+            ended = Ended(work(task))
+        except Exception as error:
+            ended = failed(error)
+        yield task, ended
+
 
 Task = TypeVar("Task")
 MOST_RUNS = 100_000
@@ -27,7 +67,7 @@ def check_number(runs: int) -> None:
         raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
 
 
-class Workers:
+class Workers(ExitStack):
     """Processes that do jobs, started with the first task; used in a `with`."""
 
     def __init__(self, workers: int) -> None:
@@ -39,25 +79,16 @@ class Workers:
         Raises:
             Mistake: The machine cannot run so many.
         """
+        super().__init__()
         self._workers = workers
-        self._open = ExitStack()
         if workers > 1:
             from servo.batch.local_cluster import check_workers  # Dask takes a second to import
 
             check_workers(workers)
 
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._open.__exit__(*error)
-
     def results(self, jobs: Sequence[Job], folder: Path) -> Iterator[Done]:
-        """Yield the results of all jobs: first the stored ones, then each other one as it ends."""
-        kept = {job.key: known(job, folder) for job in jobs}
-        yield from (done for done in kept.values() if done is not None)
-        todo = [job for job in jobs if kept[job.key] is None]
-        for job, ended in self.ends(todo, partial(attempt, folder=folder)):
+        """Do jobs and store their results in a folder; yields each as it ends."""
+        for job, ended in self.ends(jobs, partial(attempt, folder=folder)):
             yield Done(job, None, ended.error) if ended.error else ended.value
 
     def ends(
@@ -71,7 +102,7 @@ class Workers:
         if self._workers == 1 or not tasks:
             yield from one_by_one(tasks, work)
             return
-        from servo.batch.tasks import carry_out
+        from servo.batch.cluster import carry_out
 
         try:
             yield from carry_out(self._crew, tasks, work)
@@ -82,4 +113,4 @@ class Workers:
     def _crew(self):
         from servo.batch.local_cluster import local
 
-        return self._open.enter_context(local(self._workers))
+        return self.enter_context(local(self._workers))

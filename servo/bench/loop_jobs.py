@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -49,19 +48,15 @@ class LoopJob:
 
     @property
     def key(self) -> str:
-        """TRACKER/SCENARIO-SEED."""
         return f"{self.contender.label}/{self.scenario}-{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """Tracker, the scenario's table with the seed, and version."""
         return {
             "tracker": self.contender.describe(),
             "scenario": self._scenario().table,
-            "version": metadata.version("servobench"),
         }
 
     def run(self, folder: Path) -> dict[str, Any]:
-        """Outcome and measures."""
         del folder
         scenario = dataclasses.replace(self._scenario(), tracker=self.contender.config)
         steps, report = measured_run(scenario)
@@ -103,21 +98,19 @@ class LoopBench(Made):
 
     FILE: ClassVar[str] = "bench.json"
     KIND: ClassVar[str] = "bench closed_loop"
-    FORMAT: ClassVar[int] = 1
 
     runs: list[LoopRun]
 
 
-def write(results: Sequence[dict[str, Any]], folder: Path, command: str) -> list[Path]:
+def write(runs: Sequence[LoopRun], folder: Path, command: str) -> list[Path]:
     """Write runs.csv and bench.json; their paths.
 
     Raises:
         OSError: A file cannot be written.
     """
-    names = list(results[0]["measures"])
-    rows = [[*(r[c] for c in COLUMNS), *(r["measures"][n] for n in names)] for r in results]
-    runs = [LoopRun(**result) for result in results]
+    names = list(runs[0].measures)
+    rows = [[*(getattr(r, c) for c in COLUMNS), *map(r.measures.get, names)] for r in runs]
     return [
         atomic.write(folder, "runs.csv", csv_text([*COLUMNS, *names], rows)),
-        LoopBench(command=command, versions=versions(), runs=runs).write(folder),
+        LoopBench(command=command, versions=versions(), runs=list(runs)).write(folder),
     ]

@@ -73,7 +73,6 @@ class SequenceBench(Made):
 
     FILE: ClassVar[str] = "bench.json"
     KIND: ClassVar[str] = "bench"
-    FORMAT: ClassVar[int] = 1
 
     measures: dict[str, dict[str, str]]
     """Unit, better direction and meaning of each measure, by name."""
@@ -123,6 +122,8 @@ def write(results: Sequence[Result], rows: Sequence[Row], folder: Path, command:
     runs = [[*(r[k] for k in about), *(r["measures"].get(name) for name in names)]
             for r in results]  # fmt: skip
     head = ["tracker", "runs", *titles(names), "z_against_best", "p_holm"]
+    lines = [[r.tracker, r.runs, *cells(map(r.means.get, names)),
+              "" if r.against_best is None else r.against_best.z, r.p] for r in rows]  # fmt: skip
     bench = SequenceBench(
         command=command,
         versions=versions(),
@@ -133,14 +134,9 @@ def write(results: Sequence[Result], rows: Sequence[Row], folder: Path, command:
     )  # fmt: skip
     return [
         atomic.write(folder, "runs.csv", csv_text([*about, *names], runs)),
-        atomic.write(folder, "table.csv", csv_text(head, (_line(row, names) for row in rows))),
+        atomic.write(folder, "table.csv", csv_text(head, lines)),
         bench.write(folder),
     ]
-
-
-def _line(row: Row, names: Sequence[str]) -> list[Any]:
-    z = "" if row.against_best is None else row.against_best.z
-    return [row.tracker, row.runs, *cells(map(row.means.get, names)), z, row.p]
 
 
 def _mean(results: Sequence[Result], measure: str) -> float:

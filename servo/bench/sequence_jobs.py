@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -33,11 +32,7 @@ class Contender:
     """Its `Config`."""
 
     def __post_init__(self) -> None:
-        """Refuse a label that cannot be the name of a folder, in which results are stored.
-
-        Raises:
-            ValueError: It is empty, hidden or too long, or has a slash or a control character.
-        """
+        """Refuse a label that cannot be the name of a folder, in which results are stored."""
         label = self.label
         plain_name = label.isprintable() and not set(label) & {"/", "\\"} and label == label.strip()
         if not plain_name or not 0 < len(label) <= LONGEST_LABEL or label[0] == ".":
@@ -53,28 +48,6 @@ class Contender:
         return found | {"files": files} if (files := digests(settings)) else found
 
 
-class Entry(Protocol):
-    """A sequence of a suite that can be described and built."""
-
-    @property
-    def name(self) -> str:
-        """The sequence's name."""
-        ...
-
-    @property
-    def family(self) -> str:
-        """Name of the sequences that are averaged together."""
-        ...
-
-    def describe(self) -> dict[str, Any]:
-        """Everything that decides the sequence, except the seed."""
-        ...
-
-    def build(self, seed: int) -> Sequence:
-        """The sequence; a painted one depends on the seed."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Generated:
     """A painted sequence."""
@@ -88,17 +61,10 @@ class Generated:
         level = getattr(self.config, "level", None)
         return self.kind if level is None else f"{self.kind}-{level}"
 
-    @property
-    def family(self) -> str:
-        """The name: all seeds are one family."""
-        return self.name
-
     def describe(self) -> dict[str, Any]:
-        """Kind and settings."""
         return {"kind": self.kind, "settings": as_json(self.config)}
 
     def build(self, seed: int) -> Sequence:
-        """The sequence of one seed."""
         return self.config.build(np.random.default_rng([seed, *self.kind.encode()]))
 
 
@@ -110,21 +76,18 @@ class Recorded:
     name: str
     truth_format: Format = Format.AUTO
 
-    @property
-    def family(self) -> str:
-        """The name: each sequence is its own family."""
-        return self.name
-
     def describe(self) -> dict[str, Any]:
-        """Folder, name, and how its truth is read."""
         form = self.truth_format.name.lower()
         return {"folder": str(self.folder.resolve()), "name": self.name, "truth_format": form}
 
     def build(self, seed: int) -> Sequence:
-        """The sequence, the same for every seed."""
         del seed
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
+
+
+Entry = Generated | Recorded
+"""A sequence of a suite; all seeds of one name are averaged together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,16 +100,13 @@ class SequenceJob:
 
     @property
     def key(self) -> str:
-        """TRACKER/SEQUENCE-SEED."""
         return f"{self.contender.label}/{self.entry.name}-{self.seed}"
 
     def describe(self) -> dict[str, Any]:
-        """Tracker, sequence, seed, and the version of this package."""
         return {
             "tracker": self.contender.describe(),
             "sequence": self.entry.describe(),
             "seed": self.seed,
-            "version": metadata.version("servobench"),
         }
 
     def run(self, folder: Path) -> dict[str, Any]:
@@ -167,7 +127,7 @@ class SequenceJob:
         return {
             "tracker": self.contender.label,
             "sequence": sequence.name,
-            "family": self.entry.family,
+            "family": self.entry.name,
             "seed": self.seed,
             "frames": len(shots),
             "measures": {k: number(v) for k, v in measure_all(comparison).items()},

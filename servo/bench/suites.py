@@ -118,11 +118,7 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
 
 
 def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
-    """Refuse trackers with the same label.
-
-    Raises:
-        Mistake: Two have the same label.
-    """
+    """Refuse trackers with the same label."""
     double = _double(one.label for one in chosen)
     if double is not None:
         raise Mistake(

@@ -8,25 +8,22 @@ from dataclasses import dataclass
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
-from servo.batch.ended import Ended
-from servo.batch.workers import Workers, check_number
+from servo.batch.workers import Ended, Workers, check_number
 from servo.cli.run_command import load, print_missed
-from servo.cli.terminal import columns, plain, progress_bar
+from servo.cli.terminal import complain, plain, print_table, progress_bar
 from servo.loop.episode import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
+from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.scenario.override import assignment
+from servo.scenario.toml import assignment
 from sim import gl
 
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
-WORDS = ("scenario", "outcome", "bounds")
-"""Columns of text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +47,7 @@ class Checked:
 
 
 def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, *,
-    quiet: bool,
+    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, quiet: bool
 ) -> int:  # fmt: skip
     """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep.
 
@@ -72,19 +68,15 @@ def check_scenarios(
     ends = _carry_out(checks, workers, console)
     rows = [(check, end.value) for check, end in zip(checks, ends, strict=True) if not end.error]
     if rows:
-        console.print(_table(rows))
+        print_table(console, _table(rows))
     errors = Console(stderr=True)
     for check, checked in rows:
         print_missed(errors, checked.missed, check.command)
-    return max(_print_failures(errors, checks, ends), any(checked.missed for _, checked in rows))
+    return max(_print_failures(checks, ends), any(checked.missed for _, checked in rows))
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change of the seed, which --seed and --seeds set.
-
-    Raises:
-        Mistake: A change sets the seed.
-    """
+    """Refuse a change of the seed, which --seed and --seeds set."""
     for item in changes:
         key, value = assignment(item)
         if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
@@ -116,7 +108,7 @@ def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[
     return [ends[check.number] for check in checks]
 
 
-def _print_failures(console: Console, checks: Sequence[Check], ends: Sequence[Ended]) -> int:
+def _print_failures(checks: Sequence[Check], ends: Sequence[Ended]) -> int:
     """Print why runs failed, each mistake once; the exit code."""
     failed = [(check, end) for check, end in zip(checks, ends, strict=True) if end.error]
     mistakes: dict[str, list[Check]] = {}
@@ -126,24 +118,23 @@ def _print_failures(console: Console, checks: Sequence[Check], ends: Sequence[En
     for sentence, checks_of in mistakes.items():
         names = ", ".join(dict.fromkeys(check.scenario.name for check in checks_of))
         known = any(check.scenario.name in sentence for check in checks_of)
-        plain(console, f"servobench: {sentence}" + (f" ({names})" if not known else ""))
+        complain(sentence if known else f"{sentence} ({names})")
     for check, end in failed:
         if not end.mistake:
-            plain(console, f"servobench: {check.scenario.name} failed: {end.reason}")
-            plain(console, f"  again: {check.command}")
+            complain(f"{check.scenario.name} failed: {end.reason}")
+            plain(Console(stderr=True), f"  again: {check.command}")
     return max((2 if end.mistake else 1 for _, end in failed), default=0)
 
 
 def _table(rows: Sequence[tuple[Check, Checked]]) -> Table:
-    table = columns(TITLES, WORDS, no_wrap=True)
+    cells: list[list[Cell]] = []
     for check, checked in rows:
         scenario, value = check.scenario, checked.report.value
         bounds, missed = len(scenario.expect), len(checked.missed)
-        kept = f"{bounds - missed} of {bounds}"
-        table.add_row(
-            escape(scenario.name), str(scenario.run.seed), checked.report.outcome.name,
+        cells.append([
+            scenario.name, str(scenario.run.seed), checked.report.outcome.name,
             f"{value('servo_rms_px'):.2f}", f"{value('servo_peak_px'):.1f}",
             f"{value('tracking_rms_px'):.2f}",
-            f"[red]{kept}[/]" if missed else f"[green]{kept}[/]", f"{checked.seconds:.1f} s",
-        )  # fmt: skip
-    return table
+            Badge.of(not missed, f"{bounds - missed} of {bounds}"), f"{checked.seconds:.1f} s",
+        ])  # fmt: skip
+    return Table(TITLES, cells, words=(0, 2, 6))

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import cv2
 from rich.console import Console
-from rich.table import Table
 
 from servo.cli import speed
-from servo.cli.terminal import plain
+from servo.cli.terminal import complain, plain, print_table
 from servo.loop.episode import Episode
 from servo.output.run_folder import RECORDING, RunFolder
 from servo.output.versions import clash, versions
+from servo.report.words import Table
 from servo.scenario import load as scenarios
 from sim import gl
 
@@ -41,12 +41,9 @@ def examine(*, bench: bool) -> int:
         "Python": platform.python_version(),
         **versions(),
     }
-    table = Table(box=None, show_header=False, pad_edge=False)
-    for name, value in rows.items():
-        table.add_row(name, value)
-    console.print(table)
+    print_table(console, Table(("what", "found"), list(rows.items()), words=range(2)))
     if sentence := clash():
-        plain(console, f"servobench: {sentence}")
+        complain(sentence)
     if bench:
         _bench(console)
     return 0
@@ -62,19 +59,18 @@ def _bench(console: Console) -> None:
         film = speed.film(LENGTH)
         times = {kind: speed.tracker_ms(kind, film) for kind in TIMED}
         cv2.setNumThreads(threads)
-    table = Table(box=None, pad_edge=False, title="Medians in ms, 320 x 240", title_justify="left")
-    for title in ("what", "ms", "against", "times"):
-        table.add_column(title, justify="left" if title in ("what", "against") else "right")
-    table.add_row("render", f"{loop.render:.2f}")
-    table.add_row(
-        "step of the loop (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{loop.ratio:.2f}"
-    )
-    table.add_row("step with a recording", f"{recorded.step:.2f}", "without",
-                  f"{recorded.step / loop.step:.2f}")  # fmt: skip
-    table.add_row("features, control law, Kalman filter", f"{law:.3f}")
-    for kind, ms in times.items():
-        table.add_row(f"{kind}, car of 60 x 30 px", f"{ms:.2f}", UNIT, f"{ms / times[UNIT]:.1f}")
-    console.print(table)
+    ratio = loop.step / loop.render
+    rows = [
+        ["render", f"{loop.render:.2f}"],
+        ["step of the loop (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{ratio:.2f}"],
+        ["step with a recording", f"{recorded.step:.2f}", "without",
+         f"{recorded.step / loop.step:.2f}"],
+        ["features, control law, Kalman filter", f"{law:.3f}"],
+        *([f"{kind}, car of 60 x 30 px", f"{ms:.2f}", UNIT, f"{ms / times[UNIT]:.1f}"]
+          for kind, ms in times.items()),
+    ]  # fmt: skip
+    plain(console, "Medians in ms, 320 x 240")
+    print_table(console, Table(("what", "ms", "against", "times"), rows, words=(0, 2)))
     plain(console, f"a recording has {size / 1e3:.1f} kB a frame")
 
 

@@ -13,7 +13,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from servo.cli.terminal import print_table
 from servo.mistake import Mistake, unknown
+from servo.report import words
 from servo.scenario.catalogue import LISTS, PLUGINS, sentence, shipped, studies
 from sim import kinds
 
@@ -104,10 +106,7 @@ def _show_section(name: str) -> None:
 def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> None:
     console = Console()
     console.print(f"[bold]{escape(title)}[/]  {escape(about)}")
-    table = Table("setting", "default", "meaning", box=None, pad_edge=False)
-    for row in rows:
-        table.add_row(*map(escape, row))
-    console.print(table)
+    print_table(console, words.Table(("setting", "default", "meaning"), rows, words=range(3)))
 
 
 def _rows(prefix: str, settings: Any) -> list[tuple[str, str, str]]:

@@ -8,26 +8,12 @@ from typing import Any
 
 import click
 
-from servo.cli.options import (
-    COUNT,
-    FRAME_RATE,
-    FRAMES,
-    MOMENT,
-    NATURAL,
-    PATH,
-    SOURCE,
-    Commands,
-    changes_option,
-    out_option,
-    quiet_option,
-    truth_options,
-    workers_option,
-)
-from servo.cli.robot_arguments import robot
+from servo.cli import options as opt
+from sim.ranges import LONGEST
 
 
 @click.group(
-    cls=Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
+    cls=opt.Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
 )
 @click.version_option(package_name="servobench", message="servobench %(version)s")
 def app() -> None:
@@ -36,44 +22,40 @@ def app() -> None:
 
 @app.command()
 @click.argument("scenario", help="A shipped scenario (servobench list) or a .toml file.")
-@changes_option
-@click.option("--seed", type=NATURAL, help="Seed of every random stream (default: the scenario's).")
-@out_option("runs/NAME-SEED")
-@quiet_option
+@opt.changes_option
+@click.option(
+    "--seed", type=opt.NATURAL, help="Seed of every random stream (default: the scenario's)."
+)
+@opt.out_option("runs/NAME-SEED")
+@opt.quiet_option
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
-def run(
-    scenario: str, changes: tuple[str, ...], seed: int | None, out: Path | None, quiet: bool,
-    no_rerun: bool,
-) -> None:  # fmt: skip
+def run(scenario: str, no_rerun: bool, **options: Any) -> None:
     """Run a scenario; write recording, table, report and plots."""
     from servo.cli.run_command import run_scenario
 
-    sys.exit(run_scenario(scenario, changes, seed, out, quiet=quiet, rerun=not no_rerun))
+    sys.exit(run_scenario(scenario, rerun=not no_rerun, **options))
 
 
 @app.command()
 @click.argument("scenarios", nargs=-1, help="Which (default: all that have bounds).")
-@changes_option
+@opt.changes_option
 @click.option(
-    "--seeds", type=COUNT, default=1, show_default=True,
+    "--seeds", type=opt.COUNT, default=1, show_default=True,
     help="Number of seeds for each scenario, from --seed on.",
 )  # fmt: skip
-@click.option("--seed", type=NATURAL, default=0, show_default=True, help="The first seed.")
-@workers_option
-@quiet_option
-def check(
-    scenarios: tuple[str, ...], changes: tuple[str, ...], seeds: int, seed: int, workers: int,
-    quiet: bool,
-) -> None:  # fmt: skip
+@click.option("--seed", type=opt.NATURAL, default=0, show_default=True, help="The first seed.")
+@opt.workers_option
+@opt.quiet_option
+def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
     from servo.cli.check_command import check_scenarios
 
-    sys.exit(check_scenarios(scenarios, changes, seed, seeds, workers, quiet=quiet))
+    sys.exit(check_scenarios(scenarios, count=seeds, **options))
 
 
 @app.command()
 @click.argument(
-    "source", type=SOURCE, help="A folder of images (also OTB, VOT), a video, or camera:0."
+    "source", type=opt.SOURCE, help="A folder of images (also OTB, VOT), a video, or camera:0."
 )
 @click.option(
     "--region", metavar="X,Y,W,H[,DEG]",
@@ -81,31 +63,30 @@ def check(
     "(default: the truth's first line).",
 )  # fmt: skip
 @click.option("--tracker", default="annealed", show_default=True, help="Which (servobench list).")
-@changes_option
+@opt.changes_option
 @click.option(
-    "--seed", type=NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
+    "--seed", type=opt.NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
 )
-@truth_options
-@out_option("runs/SOURCE-TRACKER-SEED")
+@opt.truth_options
+@opt.out_option("runs/SOURCE-TRACKER-SEED")
 @click.option("--video", is_flag=True, help="Also write an annotated MP4.")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
 @click.option(
-    "--rate", type=FRAME_RATE, default=30.0, show_default=True,
+    "--rate", type=opt.FiniteRange(0.01, 10_000.0), default=30.0, show_default=True,
     help="Pictures a second of a folder.",
 )  # fmt: skip
-@click.option("--frames", type=FRAMES, help="Stop after this many.")
-@quiet_option
+@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Stop after this many.")
+@opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
-    from servo.cli.track_command import TrackRequest
-    from servo.cli.track_command import run as run_track
+    from servo.cli import track_command
 
-    sys.exit(run_track(TrackRequest(**options)))
+    sys.exit(track_command.run(track_command.TrackRequest(**options)))
 
 
 @app.command()
 @click.argument(
-    "suite", type=SOURCE,
+    "suite", type=opt.SOURCE,
     help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or a .toml "
     "file.",
 )  # fmt: skip
@@ -113,60 +94,54 @@ def track(**options: Any) -> None:
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
 )
 @click.option(
-    "--seeds", type=COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
+    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
 )
-@workers_option
-@out_option("runs/bench-SUITE, also to continue")
-@quiet_option
-def bench(
-    suite: str, trackers: str | None, seeds: int, workers: int, out: Path | None, quiet: bool
-) -> None:
+@opt.workers_option
+@opt.out_option("runs/bench-SUITE, also to continue")
+@opt.quiet_option
+def bench(**options: Any) -> None:
     """Compare trackers; the same command continues a stopped bench."""
     from servo.cli.bench_command import run as run_bench
 
-    sys.exit(run_bench(suite, trackers, seeds, workers, out, quiet=quiet))
+    sys.exit(run_bench(**options))
 
 
 @app.command()
 @click.argument("study", help="A shipped study (servobench list), or a .toml file of axes.")
-@changes_option
-@click.option("--seeds", type=COUNT, help="Number of seeds from 0 on (default: the study's).")
-@workers_option
+@opt.changes_option
+@click.option("--seeds", type=opt.COUNT, help="Number of seeds from 0 on (default: the study's).")
+@opt.workers_option
 @click.option(
     "--scheduler", metavar="ADDRESS",
     help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
 )  # fmt: skip
-@out_option("runs/sweep-STUDY, also to continue")
-@quiet_option
+@opt.out_option("runs/sweep-STUDY, also to continue")
+@opt.quiet_option
 def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
-    from servo.cli.sweep_command import SweepRequest
-    from servo.cli.sweep_command import run as run_study
+    from servo.cli import sweep_command
 
-    sys.exit(run_study(SweepRequest(**options)))
+    sys.exit(sweep_command.run(sweep_command.SweepRequest(**options)))
 
 
 @app.command()
 @click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
-@click.option("--sequences", type=PATH, help="A folder of real sequences to add to P0-1.")
-@workers_option
-@out_option("runs/papers, also to continue")
-@quiet_option
-def papers(
-    claims: tuple[str, ...], quick: bool, sequences: Path | None, workers: int, out: Path | None,
-    quiet: bool,
-) -> None:  # fmt: skip
+@click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
+@opt.workers_option
+@opt.out_option("runs/papers, also to continue")
+@opt.quiet_option
+def papers(claims: tuple[str, ...], quick: bool, sequences: Path | None, **options: Any) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
 
-    sys.exit(run_papers(claims, Effort(quick, sequences), workers, out, quiet=quiet))
+    sys.exit(run_papers(claims, Effort(quick, sequences), **options))
 
 
 @app.command()
-@click.argument("folders", nargs=-1, required=True, type=PATH, metavar="DIR...")
-@click.option("--out", type=PATH, help="File to write (default: report.html in the first DIR).")
+@click.argument("folders", nargs=-1, required=True, type=opt.PATH, metavar="DIR...")
+@click.option("--out", type=opt.PATH, help="File to write (default: report.html in the first DIR).")
 def report(folders: tuple[Path, ...], out: Path | None) -> None:
     """Write a page about folders of run, bench, papers and sweep."""
     from servo.cli.report_command import write
@@ -196,11 +171,13 @@ def schema() -> None:
 
 
 @app.command()
-@click.argument("recording", type=PATH, help="A run's folder, or an .rrd file.")
+@click.argument("recording", type=opt.PATH, help="A run's folder, or an .rrd file.")
 @click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
-@click.option("--png", type=PATH, help="Draw the viewer into this PNG instead; no display needed.")
 @click.option(
-    "--at", type=MOMENT, default=4.0, show_default=True,
+    "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
+)
+@click.option(
+    "--at", type=opt.FiniteRange(0.0, LONGEST), default=4.0, show_default=True,
     help="Simulated time to show in the PNG [s].",
 )  # fmt: skip
 @click.option(
@@ -221,7 +198,7 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
 @app.command()
 @click.argument("part", type=click.Choice(["tracker"]), expose_value=False)
 @click.argument("name")
-@out_option("NAME")
+@opt.out_option("NAME")
 def new(name: str, out: Path | None) -> None:
     """Write a small package with a part of your own, to begin with: new tracker my_tracker."""
     from servo.cli.new_command import new_tracker
@@ -239,7 +216,27 @@ def doctor(bench: bool) -> None:
     sys.exit(examine(bench=bench))
 
 
-app.add_command(robot)
+@app.command()
+@click.argument("model", type=opt.PATH, help="Its file, MJCF or URDF.")
+@click.option("--flange", default="", help="The body or site that carries the camera.")
+@click.option(
+    "--mount", type=opt.Numbers(6), metavar="X,Y,Z,R,P,Y",
+    help="The camera in the flange [m, deg] (default: it looks along the flange's z).",
+)  # fmt: skip
+@click.option("--camera", default="", help="A camera of the model, in place of flange and mount.")
+@click.option(
+    "--base", type=opt.Numbers(4), metavar="X,Y,Z,YAW",
+    help="Where it stands in the room [m, deg] (default: proposed from its reach).",
+)  # fmt: skip
+@click.option(
+    "--out", type=opt.PATH, default=Path("robot.png"), show_default=True, help="Picture to write."
+)
+def robot(model: Path, out: Path, **given: Any) -> None:
+    """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
+    from servo.cli.robot_command import examine
+
+    named = {key: value for key, value in given.items() if value}
+    sys.exit(examine({"model": str(model)} | named, out))
 
 
 def main() -> None:

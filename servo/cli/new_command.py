@@ -30,11 +30,8 @@ TAKEN = {
 
 
 def new_tracker(kind: str, folder: Path | None) -> list[Path]:
-    """Write the package of a new tracker; the paths of its files.
-
-    Args:
-        kind: The name it will have in scenarios; also that of the package.
-        folder: Where; by default a folder of this name.
+    """Write the package of a new tracker, by default into a folder of its kind's name; the paths of
+    its files.
 
     Raises:
         Mistake: The name is no name of a package, is taken, or there is such a folder.

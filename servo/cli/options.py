@@ -9,12 +9,9 @@ from typing import Any, TypeVar
 
 import click
 
-from servo.cli.signals import ending_signals
-from sim.ranges import LONGEST
+from servo.cli.guard import ending_signals
 
 Command = TypeVar("Command", bound=Callable[..., Any])
-
-MOST_FRAMES = 1_000_000_000
 
 
 class FiniteRange(click.FloatRange):
@@ -61,10 +58,7 @@ class Named(click.Path):
 
 
 PATH, SOURCE = Named(path_type=Path), Named(path_type=str)
-FRAME_RATE = FiniteRange(0.01, 10_000.0)
-FRAMES = click.IntRange(1, MOST_FRAMES)
 COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
-MOMENT = FiniteRange(0.0, LONGEST)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
 changes_option = click.option(

@@ -7,25 +7,22 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from servo.batch.workers import Workers
-from servo.cli.job_progress import work
-from servo.cli.terminal import plain
+from servo.cli.terminal import plain, print_table, work
 from servo.mistake import Mistake, unknown
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
 from servo.output.versions import versions
 from servo.papers import estimator_study, servo_paper
 from servo.papers.claim import Claim, Effort, Verdict
 from servo.papers.claims import CLAIMS, FIGURES, JOINED, Judged, PapersReport
+from servo.report.words import Table
 from sim import gl
 from tracking.files import atomic
 
 
-def run(
-    names: Sequence[str], effort: Effort, workers: int, out: Path | None, *, quiet: bool
-) -> int:
+def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, quiet: bool) -> int:
     """Test claims; the exit code: 1 if one does not hold or a run failed.
 
     The numbers of a quick run do not change its exit code: one seed is too few.
@@ -52,11 +49,10 @@ def run(
     failed = 0
     with Workers(workers) as pool, result_folder(folder, "papers"):
         for claim in chosen:
-            done, code = work(jobs[claim.name], folder, pool, console, claim.name)
+            results, code = work(jobs[claim.name], folder, pool, console, claim.name)
             if code:
                 failed = code
                 continue
-            results = [d.result for d in done if d.result is not None]
             figures = atomic.folder(folder, FIGURES)
             verdicts[claim.name] = verdict = claim.judge(results, figures)
             _print(console, claim, verdict)
@@ -76,10 +72,4 @@ def _print(console: Console, claim: Claim, verdict: Verdict) -> None:
     console.print(f"  paper:    {escape(claim.says)}", highlight=False)
     console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
     if verdict.table:
-        head, *rows = verdict.table
-        table = Table(box=None, pad_edge=False, padding=(0, 1))
-        for i, title in enumerate(head):
-            table.add_column(escape(title), justify="right" if i else "left", overflow="fold")
-        for row in rows:
-            table.add_row(*map(escape, row))
-        console.print(table)
+        print_table(console, Table(verdict.table[0], verdict.table[1:]))

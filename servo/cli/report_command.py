@@ -7,12 +7,12 @@ from pathlib import Path
 
 from servo.bench.ranking import SequenceBench
 from servo.mistake import Mistake, unwritable
-from servo.output.run_report import RunReport
+from servo.output.run_folder import RunReport
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
 from servo.report import bench_section, papers_section, run_section, study_section
 from servo.report.page import Section, render
-from servo.study.study_file import StudyFile
+from servo.study.plan import StudyFile
 from tracking.files import atomic
 
 PAGE, PAGES = "report.html", (".html", ".htm")
@@ -42,11 +42,7 @@ def write(folders: Sequence[Path], out: Path | None) -> Path:
 
 
 def _check_out(path: Path, folders: Sequence[Path]) -> None:
-    """Refuse a path at which the page must not be written.
-
-    Raises:
-        Mistake: It is a folder, its folder is missing, or it is a file that the page is about.
-    """
+    """Refuse a path at which the page must not be written."""
     if not path.parent.is_dir():
         raise Mistake(f"{path}: cannot write this page: there is no such folder")
     if path.is_dir():

@@ -16,11 +16,10 @@ import cv2
 import mujoco
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from servo.cli.terminal import plain
+from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, unwritable
+from servo.report.words import Table
 from servo.scenario.fill import fill
 from sim.assembly import ROBOT, build_model
 from sim.camera import CameraConfig, pinhole
@@ -47,11 +46,7 @@ POSITION, RATE = 1, 2
 
 
 def examine(given: dict[str, Any], out: Path) -> int:
-    """Print joints, flanges, reach and the table of a robot, and draw it.
-
-    Args:
-        given: Settings of the kind `mjcf`, the model at least.
-        out: PNG to write.
+    """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`.
 
     Raises:
         Mistake: The model cannot be used, or a setting does not fit it.
@@ -67,8 +62,8 @@ def examine(given: dict[str, Any], out: Path) -> int:
         picture, left = _drawn(config)
     except ValueError as error:
         raise Mistake(f"robot: {error}") from None
-    console.print(_joint_table(model, chain, robot))
-    console.print(_flange_table(model, chain))
+    print_table(console, _joint_table(model, chain, robot))
+    print_table(console, _flange_table(model, chain))
     plain(console, f"{_reach_text(reach)}\n{left}\n\n{_toml(config, chain)}\n")
     encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
     try:
@@ -116,8 +111,7 @@ def _own(model: mujoco.MjModel) -> Array:
 
 
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
-    table = Table("joint", "type", "limits", "largest rate", "actuator", box=None,
-                  pad_edge=False)  # fmt: skip
+    rows: list[list[str]] = []
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
         limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
@@ -127,10 +121,10 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
             fastest, unit = robot.fastest[robot.names.index(name)], robot.units[number]
             rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
             limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
-            table.add_row(escape(name), kind, limits, rate, _actuator(model, joint))
+            rows.append([name, kind, limits, rate, _actuator(model, joint)])
         else:
-            table.add_row(escape(name), kind, limits, "held still", "")
-    return table
+            rows.append([name, kind, limits, "held still", ""])
+    return Table(("joint", "type", "limits", "largest rate", "actuator"), rows, words=range(5))
 
 
 def _actuator(model: mujoco.MjModel, joint: int) -> str:
@@ -146,14 +140,14 @@ def _actuator(model: mujoco.MjModel, joint: int) -> str:
 
 
 def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
-    table = Table("candidates for the flange", "", "joints", box=None, pad_edge=False)
     found = flanges(model)
-    for what, name, joints in found[:SHOWN]:
-        mark = " (taken)" if name == chain.flange else ""
-        table.add_row(escape(name), f"{what}{mark}", str(joints))
+    rows = [
+        [name, f"{what}{' (taken)' * (name == chain.flange)}", str(joints)]
+        for what, name, joints in found[:SHOWN]
+    ]
     if len(found) > SHOWN:
-        table.add_row(f"and {len(found) - SHOWN} more", "", "")
-    return table
+        rows.append([f"and {len(found) - SHOWN} more"])
+    return Table(("candidates for the flange", "", "joints"), rows, words=range(3))
 
 
 def _reach_text(reach: Workspace) -> str:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli.terminal import COMPILING, WAITING, columns, plain, progress_bar
+from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
 from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
 from servo.loop.step import Step
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, prepare, with_traceback
+from servo.report.words import Table
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from sim import gl
@@ -74,11 +75,16 @@ def _written(
     writing: list[float] = []
     with episode.naming_parts():
         try:
-            for step in _with_progress(episode, episode.scenario.name, console):
-                steps.append(step.light())
-                began = time.perf_counter()
-                output.add(step)
-                writing.append(time.perf_counter() - began)
+            with progress_bar(console) as progress:
+                name = escape(episode.scenario.name)
+                task = progress.add_task(name, total=episode.frames, note=COMPILING)
+                for step in episode:
+                    note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+                    progress.update(task, advance=1, note=note)
+                    steps.append(step.light())
+                    began = time.perf_counter()
+                    output.add(step)
+                    writing.append(time.perf_counter() - began)
         finally:
             output.close()
     return steps, writing
@@ -103,25 +109,15 @@ def _outline_line(outline: Array) -> str:
     )
 
 
-def _with_progress(episode: Episode, name: str, console: Console) -> Iterable[Step]:
-    with progress_bar(console) as progress:
-        task = progress.add_task(escape(name), total=episode.frames, note=COMPILING)
-        for step in episode:
-            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
-            progress.update(task, advance=1, note=note)
-            yield step
-
-
 def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
     outcome = f"{report.outcome.name}. {report.outcome.value}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {scenario.run.seed}: {outcome}")
-    table = columns(("measure", "value", "bound"), ("measure",))
-    table.add_column("meaning", style="dim")
+    rows: list[list[str]] = []
     for m in report.measures:
         bound = scenario.expect.get(m.name)
         shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
-        table.add_row(m.name, f"{m.value:.3g}", shown, m.meaning)
-    console.print(table)
+        rows.append([m.name, f"{m.value:.3g}", str(shown), m.meaning])
+    print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     for name, used in scenario.rates_changed.items():
         plain(console, f"{name} = {used:.6g} Hz was used, to fit camera.rate")
 

@@ -1,13 +1,24 @@
-"""The command `servobench schema`: the JSON Schema of scenarios with their bounds and studies."""
+"""The command `servobench schema`: the JSON Schema (draft 2020-12) of scenarios and studies.
+
+An editor checks and completes a scenario with it. What several settings must fulfil together is
+checked by the parser only.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from enum import Enum
+from typing import Any, get_type_hints
+
+from pydantic import TypeAdapter
 
 from servo.loop.run_measures import MEANINGS, Outcome
-from servo.scenario.schema import Schema, scenario_schema, table
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.load import SECTIONS
 from servo.study import parse
 from servo.study.axes import ENDS, LAWS, MOST_VALUES, SPANS
+from sim import kinds
 
 
 def text() -> str:
@@ -72,3 +83,97 @@ def _axes() -> Schema:
         "propertyNames": {"not": {"enum": sorted(ENDS)}},
         "additionalProperties": {"anyOf": [some, {"const": parse.ALL}, *laws, nested]},
     }
+
+
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
+Schema = dict[str, Any]
+
+
+def scenario_schema(expect: Schema, sweep: Schema) -> Schema:
+    """The schema of a scenario file, given those of its bounds and of the study it may carry."""
+    properties = {name: _settings(config()) for name, config in SECTIONS.items()}
+    for name, (folder, default) in PLUGINS.items():
+        properties[name] = _plugin(folder, default)
+    for name, folder in LISTS.items():
+        properties[name] = {"type": "array", "items": _plugin(folder, None)}
+    properties |= {"expect": expect, "sweep": sweep}
+    return {"$schema": DRAFT, "title": "A scenario of servobench"} | table(properties)
+
+
+def table(properties: Schema, description: str = "") -> Schema:
+    """The schema of a table that has these keys only."""
+    about = {"description": description} if description else {}
+    return about | {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _plugin(folder: str, default: str | None) -> Schema:
+    """A table with a kind: a branch for each kind; the key may be left out for the default one."""
+    names = [name for name in kinds.names(folder) if _is_whole(folder, name)]
+    kind = {"enum": names} if default is None else {"enum": names, "default": default}
+    branches = [_branch(folder, name, is_default=name == default) for name in names]
+    return {"type": "object", "properties": {"kind": kind}, "oneOf": branches}
+
+
+def _is_whole(folder: str, kind: str) -> bool:
+    """Whether a kind can be imported; those of a broken package are left out."""
+    try:
+        kinds.config_of(folder, kind)
+    except kinds.UnknownKind:
+        return False
+    return True
+
+
+def _branch(folder: str, kind: str, *, is_default: bool) -> Schema:
+    presets = list(kinds.presets(folder, kind))
+    choices: Schema = {"kind": {"const": kind}}
+    if presets:
+        choices["preset"] = {"description": "Values of settings not given.", "enum": presets}
+    config = kinds.config_of(folder, kind)
+    settings = _settings(config())["properties"]
+    for key in getattr(config, "not_from_file", ()):
+        del settings[key]
+    found = table(choices | settings, kinds.summary(folder, kind))
+    return found if is_default else found | {"required": ["kind"]}
+
+
+def _settings(config: Any) -> Schema:
+    """The table of a dataclass, whose instance has the defaults."""
+    docs, hints = kinds.field_docs(type(config)), get_type_hints(type(config), include_extras=True)
+    properties: Schema = {}
+    for f in dataclasses.fields(config):
+        value = getattr(config, f.name)
+        if dataclasses.is_dataclass(value):
+            found = _settings(value)
+        else:
+            found = _of_type(hints[f.name])
+            if value is not None:
+                found["default"] = _plain(value)
+        properties[f.name] = found | {"description": docs[f.name]}
+    return table(properties, " ".join((type(config).__doc__ or "").split()))
+
+
+def _of_type(hint: Any) -> Schema:
+    """The JSON Schema of a type, without null, which TOML does not have."""
+    found = TypeAdapter(hint).json_schema()
+    found = _inlined(found, found.pop("$defs", {}))
+    found.pop("title", None)
+    some = [choice for choice in found.get("anyOf", []) if choice != {"type": "null"}]
+    return some[0] if len(some) == 1 else found
+
+
+def _inlined(schema: Any, definitions: Schema) -> Any:
+    """A schema with the definitions in the places that refer to them."""
+    if isinstance(schema, list):
+        return [_inlined(item, definitions) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if "$ref" in schema:
+        return _inlined(definitions[schema["$ref"].rpartition("/")[2]], definitions)
+    return {key: _inlined(item, definitions) for key, item in schema.items()}
+
+
+def _plain(value: Any) -> Any:
+    """A default as TOML has it."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return value.value if isinstance(value, Enum) else value

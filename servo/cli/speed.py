@@ -84,11 +84,6 @@ class LoopTimes:
     control: float
     physics: float
 
-    @property
-    def ratio(self) -> float:
-        """Time of a step over that of rendering."""
-        return self.step / self.render
-
 
 def loop_times(changes: tuple[str, ...] = ()) -> LoopTimes:
     """Times of the scenario `line` with changes, as for --set."""

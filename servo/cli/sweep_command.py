@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import shlex
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
-from servo.batch.ended import Lost
+from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import check_workers, local
-from servo.batch.remote_cluster import check_settings, remote
-from servo.batch.tasks import carry_out
-from servo.cli.sweep_progress import StudyProgress
-from servo.cli.terminal import plain, stop
+from servo.batch.remote_cluster import check_address, remote, security_of
+from servo.batch.workers import Lost
+from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
 from servo.mistake import Mistake, Refused
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
+from servo.report.words import Table, shown, spread
 from servo.study.parse import load
-from servo.study.perform import perform
-from servo.study.plan import Study
-from servo.study.results import Cell, cells_csv, cells_of, comparisons, comparisons_csv, missed
-from servo.study.run_file import parquet
-from servo.study.store import COMPARISONS, RESULTS, Store
-from servo.study.study_file import StudyFile
+from servo.study.perform import parquet, perform
+from servo.study.plan import Study, StudyFile
+from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, missed
+from servo.study.store import RESULTS, Store, opened
 from sim import gl
+from tracking.files.csv_text import csv_text
 
 SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
          "ms": "track_ms"}  # fmt: skip
@@ -74,9 +72,13 @@ def run(request: SweepRequest) -> int:
         check_workers(request.workers)
         gl.backend()
     else:
-        check_settings(request.scheduler)
-    with Store(folder, study, StudyFile.of(study, request.command)) as store:
-        _print_damaged(store.damaged)
+        security_of(check_address(request.scheduler))
+    with opened(folder, study, StudyFile.of(study, request.command)) as store:
+        if store.damaged:
+            complain(
+                f"{store.damaged[0]}: this is not the run's row as it was written (the first of "
+                f"{len(store.damaged)} such files); what is missing is run again"
+            )
         try:
             failed = _work(study, store, request, console)
             code = _sum_up(study, store, console)
@@ -86,7 +88,7 @@ def run(request: SweepRequest) -> int:
             kind = Refused if request.scheduler is None else Mistake
             raise kind(f"{lost}; {_again(store, study, request)}") from None
     for path, error in failed:
-        plain(Console(stderr=True), f"servobench: {path}: {error}")
+        complain(f"{path}: {error}")
     return 1 if failed else code
 
 
@@ -98,30 +100,23 @@ def _work(
     failed: list[tuple[Path, str]] = []
     if len(done) == study.size:
         return failed
-    missing = (r for r in study.runs() if r.number not in done)
+    missing, began = (r for r in study.runs() if r.number not in done), time.monotonic()
+    by = request.scheduler
     with (
-        StudyProgress(console, study.name, study.size, len(done), request.workers) as board,
-        local(request.workers)
-        if request.scheduler is None
-        else remote(request.scheduler) as cluster,
+        progress_bar(console) as bar,
+        local(request.workers) if by is None else remote(by) as cluster,
     ):
-        for task, ended in carry_out(cluster, missing, perform):
+        title = f"sweep {escape(study.name)}"
+        board = bar.add_task(title, total=study.size, completed=len(done), note=COMPILING)
+        for count, (run, ended) in enumerate(carry_out(cluster, missing, perform), 1):
             if ended.error:
-                path = store.fail(task, ended.error, task.command(study.changes))
+                path = store.fail(run, ended.error, run.command(study.changes))
                 failed.append((path, ended.reason))
             else:
                 store.add(ended.value)
-            board.ended(failed=bool(ended.error))
+            rate = 60 * count / (time.monotonic() - began)
+            bar.update(board, advance=1, note=f"{rate:.1f} a minute, {len(failed)} failed")
     return failed
-
-
-def _print_damaged(paths: Sequence[Path]) -> None:
-    if paths:
-        plain(
-            Console(stderr=True),
-            f"servobench: {paths[0]}: this is not the run's row as it was written (the first of "
-            f"{len(paths)} such files); what is missing is run again",
-        )
 
 
 def _again(store: Store, study: Study, request: SweepRequest) -> str:
@@ -137,12 +132,13 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
         return 0
     table = store.table(done)
     rows = table.to_pylist()
-    cells, pairs = cells_of(study, rows), comparisons(study, rows)
+    keys = [axis.key for axis in study.every_axis]
+    cells, pairs = cells_of(study, rows), comparisons(study.compare, keys, rows)
     _print_cells(console, cells)
     paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
-        paths.append(store.write(COMPARISONS, comparisons_csv(pairs)))
+        paths.append(store.write("comparisons.csv", csv_text(COMPARED, [c.cells for c in pairs])))
         for c in [c for c in pairs if c.p_holm < 0.05][:10]:
             console.print(
                 f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "
@@ -151,32 +147,20 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     for path in paths:
         plain(console, f"  {path}")
     plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
-    not_kept = missed([axis.key for axis in study.every_axis], study.expect, rows)
+    not_kept = missed(keys, study.expect, rows)
     for line in not_kept:
-        plain(Console(stderr=True), f"servobench: {line}")
+        complain(line)
     return 1 if not_kept else 0
 
 
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for key in cells[0].settings:
-        # Long texts wrap, so that numbers keep all their digits.
-        table.add_column(escape(key).replace(".", ".\n", 1), overflow="fold")
-    for title in ("runs", "held", "95 %", *SHOWN):
-        table.add_column(title, justify="right", no_wrap=True)
-    for cell in cells[:MOST_SHOWN]:
-        held = cell.success
-        means = [cell.means.get(name) for name in SHOWN.values()]
-        table.add_row(
-            *(escape(_short(v)) for v in cell.settings.values()), str(cell.runs),
-            f"{held.value:.2f}", f"{held.low:.2f}-{held.high:.2f}",
-            *("" if m is None else _short(m.value) for m in means),
-        )  # fmt: skip
-    console.print(table)
+    keys = [key.replace(".", ".\n", 1) for key in cells[0].settings]
+    rows = [
+        [*map(shown, cell.settings.values()), str(cell.runs), spread(cell.success),
+         *(shown(mean and mean.value) for mean in map(cell.means.get, SHOWN.values()))]
+        for cell in cells[:MOST_SHOWN]
+    ]  # fmt: skip
+    print_table(console, Table((*keys, "runs", "held", *SHOWN), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
     plain(console, LEGEND)
-
-
-def _short(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

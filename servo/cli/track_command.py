@@ -12,17 +12,17 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli.signals import exit_code
-from servo.cli.terminal import COMPILING, STOPPED, columns, plain, progress_bar
+from servo.cli.guard import exit_code
+from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
 from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
-from servo.output.command_line import command_line
+from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
-from servo.output.track_folder import TrackFolder
-from servo.output.track_report import TrackReport
+from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
+from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
-from servo.scenario.override import override
+from servo.scenario.toml import override
 from sim.installed import Trusted
 from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
@@ -103,7 +103,7 @@ def run(request: TrackRequest) -> int:
         comparison = Comparison.of(Track.of(seen, region), truth)
     report = _report(request, folder, settings, seen, comparison)
     _print(console, kind, name, seen, comparison)
-    _print_oddities(Console(stderr=True), seen)
+    _print_oddities(seen)
     for path in (*files.paths, report):
         plain(console, f"  {path}")
     if files.refused is not None:
@@ -112,11 +112,8 @@ def run(request: TrackRequest) -> int:
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """The settings of a tracker as a table, and its `Config`.
-
-    Args:
-        kind: The tracker, such as "kams".
-        changes: Changed settings, such as "tracker.particles=80".
+    """The settings of a tracker such as "kams", with changes such as "tracker.particles=80", as a
+    table; and its `Config`.
 
     Raises:
         Mistake: There is no such kind or setting.
@@ -221,30 +218,24 @@ def _print(
     console.print(f"[bold]{escape(kind)}[/] on {escape(name)}: {len(seen)} frames, {lost} LOST")
     if comparison is None:
         return
-    words = ("measure", "better", "meaning")
-    table = columns(("measure", "value", "better", "meaning"), words)
-    for measure in MEASURES:
-        value = measure.of(comparison)
-        if np.isfinite(value):
-            shown = f"{value:.3g} {measure.unit}".rstrip()
-            table.add_row(measure.name, shown, measure.better.value, measure.meaning)
-    console.print(table)
+    found = ((m, m.of(comparison)) for m in MEASURES)
+    rows = [[m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
+            for m, value in found if np.isfinite(value)]  # fmt: skip
+    print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
 
 
-def _print_oddities(console: Console, seen: list[Shot]) -> None:
+def _print_oddities(seen: list[Shot]) -> None:
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
     if change is not None and change.size is not None:
         width, height = change.size
-        plain(
-            console,
-            f"servobench: the pictures change their size at {change.picture.name} to "
-            f"{width} x {height} px; the target is searched for at the same pixels",
+        complain(
+            f"the pictures change their size at {change.picture.name} to {width} x {height} px; "
+            "the target is searched for at the same pixels"
         )
     if blind:
-        plain(
-            console,
-            f"servobench: {len(blind)} of {len(seen)} pictures cannot be read, the first is "
-            f"{blind[0].name} ({blind[0].reason}); their rows are LOST",
+        complain(
+            f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
+            f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
         )

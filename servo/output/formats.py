@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
@@ -42,7 +43,7 @@ class Document:
     """Its usual name."""
     KIND: ClassVar[str]
     """The command that writes it."""
-    FORMAT: ClassVar[int]
+    FORMAT: ClassVar[int] = 1
     """Format number; it increases by one when older versions cannot read the file any more."""
 
     def write(self, folder: Path, name: str | None = None) -> Path:
@@ -126,3 +127,18 @@ def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:
             raise Mistake(f"{path}: this is not JSON; {HALF}") from None
         where = ".".join(str(part) for part in first["loc"]) or "all of it"
         raise Mistake(f"{path}: {where}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
+
+
+def command_line(command: str, *words: str, **options: object) -> str:
+    """A command line for a shell. An option that is True is a flag, a list or a tuple repeats it,
+    None and False leave it out.
+    """
+    given: list[str] = []
+    for name, value in options.items():
+        values = value if isinstance(value, list | tuple) else [value]
+        for one in values:
+            if one is not None and one is not False:
+                given += [f"--{name.replace('_', '-')}", *([] if one is True else [str(one)])]
+    if any(word.startswith("-") for word in words):  # else it would be read as an option
+        return shlex.join(["servobench", command, *given, "--", *words])
+    return shlex.join(["servobench", command, *words, *given])

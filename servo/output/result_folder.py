@@ -30,7 +30,6 @@ class Begun(Document):
 
     FILE: ClassVar[str] = "begun.json"
     KIND: ClassVar[str] = "begun"
-    FORMAT: ClassVar[int] = 1
 
     holds: str
     """The command: "bench", "bench closed_loop" or "papers"."""
@@ -39,11 +38,8 @@ class Begun(Document):
 
 @contextmanager
 def result_folder(folder: Path, command: str) -> Generator[None]:
-    """Make a folder or continue in it, and lock it until the block ends.
-
-    Args:
-        folder: The folder; made if it does not exist.
-        command: The command whose results it holds: "bench", "bench closed_loop" or "papers".
+    """Make a folder or continue in it, and lock it until the block ends; `command` is that whose
+    results it holds: "bench", "bench closed_loop" or "papers".
 
     Raises:
         Mistake: It holds something else or results of other versions, another process is writing
@@ -73,16 +69,10 @@ def result_folder(folder: Path, command: str) -> Generator[None]:
 def only_writer(
     folder: Path, kind: type[Beginning], command: str, own: Collection[str] = ()
 ) -> Generator[Beginning | None]:
-    """Make a folder, and lock it until the block ends.
+    """Make a folder, and lock it until the block ends; nothing is written into it if it belongs to
+    another command. Yields the file that the first session wrote; None if there is none.
 
-    Args:
-        folder: The folder. Nothing is written into it if it belongs to another command.
-        kind: Kind of the file that describes the folder.
-        command: The command.
-        own: Names of empty folders in it that a first session may leave when it is killed early.
-
-    Yields:
-        The file that the first session wrote; None if the folder is still empty.
+    `own` names empty folders that a first session may leave when it is killed early.
 
     Raises:
         Mistake: Another process is writing into it, it cannot be written, or it holds something
@@ -107,11 +97,7 @@ def only_writer(
 def _manifest(
     folder: Path, kind: type[Beginning], command: str, own: Collection[str]
 ) -> Beginning | None:
-    """The file that a folder's first session wrote; arguments as for `only_writer`.
-
-    Raises:
-        Mistake: The file is damaged, of another format, or missing in a folder that is not empty.
-    """
+    """The file that a folder's first session wrote; arguments as for `only_writer`."""
     path = folder / kind.FILE
     if not path.exists():
         if any(not _of_the_beginning(there, kind.FILE, own) for there in folder.iterdir()):

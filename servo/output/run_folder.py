@@ -4,19 +4,100 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, ClassVar
 
 from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import Report, Violation
-from servo.loop.step import Step
+from servo.loop.step import Scene, Step
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output import plots
-from servo.output.run_report import RunReport
+from servo.output.formats import Made, Number
 from servo.output.steps_table import STREAM, TABLE, StepsTable
+from servo.output.versions import versions
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
+from sim.target import dimensions
 from tracking.files import atomic
+from tracking.files.json_text import as_json, number
 
 RECORDING, TRACEBACK = "run.rrd", "traceback.txt"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunReport(Made):
+    """Outcome, measures, bounds and settings of a run."""
+
+    FILE: ClassVar[str] = "report.json"
+    KIND: ClassVar[str] = "run"
+
+    scenario: str
+    seed: int
+    outcome: str
+    """The name of an `Outcome`."""
+    measures: dict[str, Number | None]
+    """Values of the measures by name; None if there is no finite value."""
+    units: dict[str, str]
+    """Units of the measures by name."""
+    expect: dict[str, Number | str]
+    """The scenario's bounds."""
+    missed: list[Violation]
+    """The bounds that were not kept."""
+    features: dict[str, str]
+    """Units of the features by name."""
+    feed_forward: list[str]
+    """Features for which the target's motion is drawn."""
+    settings: dict[str, Any]
+    """All settings of the run, including defaults and the target's rectangle."""
+    table: dict[str, Any]
+    """The scenario's TOML table, including changes."""
+    rates: dict[str, Number] = field(default_factory=dict)
+    """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
+
+    @staticmethod
+    def of(
+        scenario: Scenario, scene: Scene, report: Report, missed: list[Violation], command: str
+    ) -> RunReport:  # fmt: skip
+        """The report of a run, with the command line that repeats it."""
+        features, settings = scene.features, scenario.settings()
+        settings["target"] |= {"outline": dimensions(scene.outline)}
+        return RunReport(
+            command=command,
+            versions=versions(),
+            scenario=scenario.name,
+            seed=scenario.run.seed,
+            outcome=report.outcome.name,
+            measures={m.name: number(m.value) for m in report.measures},
+            units={m.name: m.unit for m in report.measures},
+            expect=scenario.expect,
+            missed=missed,
+            features=dict(zip(features.names, features.units, strict=True)),
+            feed_forward=list(features.feed_forward),
+            settings=as_json(settings),
+            table=_table(scenario),
+            rates=scenario.rates_changed,
+        )
+
+
+def _table(scenario: Scenario) -> dict[str, Any]:
+    """The scenario's table; if Python changed a setting, a table of all settings."""
+    settings = scenario.settings()
+    try:
+        same = scenarios.parse(scenario.table, scenario.name, scenario.name).settings() == settings
+    except Mistake:
+        same = False
+    return as_json(
+        scenario.table if same else _without_none(settings | {"expect": scenario.expect})
+    )
+
+
+def _without_none(value: Any) -> Any:
+    """A value without settings that are None: TOML has no null, and None is their default."""
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return [_without_none(item) for item in value] if isinstance(value, list) else value
 
 
 def prepare(asked: Path | None, name: str) -> Path:
@@ -80,13 +161,7 @@ class RunFolder:
     """Why the recording is not complete; None if it is."""
 
     def __init__(self, folder: Path, episode: Episode, *, rerun: bool, command: str = "") -> None:
-        """Open the files.
-
-        Args:
-            folder: The folder to write to.
-            episode: The run.
-            rerun: Also write a recording.
-            command: The command line that repeats the run; empty if there is none.
+        """Open the files; `rerun`: also a recording; `command` is the line that repeats the run.
 
         Raises:
             Mistake: Another run is writing into this folder.

@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -38,20 +39,12 @@ SPARE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
-    """One column: its name (with unit) and what it means."""
-
-    name: str
-    meaning: str
-    type: pa.DataType = REAL
-
-
-@dataclass(frozen=True, slots=True)
 class Quantity:
     """A column, or several whose values are read from a step together."""
 
     name: str
-    columns: tuple[Column, ...]
+    columns: list[pa.Field]
+    """Names with units, types, and what they mean."""
     of: Callable[[Step], Sequence[Any] | Array]
     """One value for each column."""
 
@@ -75,13 +68,7 @@ class Quantity:
 def quantities(
     features: FeatureSet, joints: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """All quantities, in order.
-
-    Args:
-        features: What is servoed.
-        joints: The robot's joints.
-        units: Their units, m or rad.
-    """
+    """All quantities, in order; the units of the joints are m or rad."""
     return [
         _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
         _single("time_s", "simulated time", lambda s: s.frame.time),
@@ -102,7 +89,8 @@ def quantities(
                 lambda s: s.command.saturated, FLAG),
         _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
         _single("visible", "fraction of target seen", lambda s: s.truth.visible),
-        *(_seconds(stage) for stage in ("render", "track", "control", "physics")),
+        *(_single(TIMED + stage, f"wall-clock time: {stage}", attrgetter(f"seconds.{stage}"))
+          for stage in ("render", "track", "control", "physics")),
     ]  # fmt: skip
 
 
@@ -110,7 +98,8 @@ def _states() -> Iterator[Quantity]:
     parts, units = ("x", "y", "theta", "scale"), ("px", "px", "rad", "")
     yield _vector("true", "truth", lambda s: astuple(s.true_state), parts, units)
     yield _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), parts, units)
-    yield _vector("sd", "standard deviation of the estimate", _standard_deviations,
+    yield _vector("sd", "standard deviation of the estimate",
+                  lambda s: np.sqrt(np.diag(s.estimate.covariance)),
                   ("x", "y", "theta", "ln_scale"), units)  # fmt: skip
     yield _vector("goal", "goal", lambda s: s.goal, ("x", "y"), ("px", "px"))
     yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
@@ -149,14 +138,14 @@ def ending_of_rate(unit: str) -> str:
     return "per_s" if unit == "1" else f"{unit}_s"
 
 
-def _standard_deviations(step: Step) -> Array:
-    return np.sqrt(np.diag(step.estimate.covariance))
-
-
 def _single(
     name: str, meaning: str, of: Callable[[Step], Any], kind: pa.DataType = REAL
 ) -> Quantity:
-    return Quantity(name, (Column(name, meaning, kind),), lambda s: (of(s),))
+    return Quantity(name, [_column(name, meaning, kind)], lambda s: (of(s),))
+
+
+def _column(name: str, meaning: str, kind: pa.DataType = REAL) -> pa.Field:
+    return pa.field(name, kind, metadata={"meaning": meaning})
 
 
 def _vector(
@@ -168,14 +157,10 @@ def _vector(
 ) -> Quantity:
     endings = [f"_{unit}" if unit else "" for unit in units] or [""] * len(names)
     found = [
-        Column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
+        _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
         for name, ending in zip(names, endings, strict=True)
     ]
-    return Quantity(prefix, tuple(found), of)
-
-
-def _seconds(stage: str) -> Quantity:
-    return _single(TIMED + stage, f"wall-clock time: {stage}", lambda s: getattr(s.seconds, stage))
+    return Quantity(prefix, found, of)
 
 
 class StepsTable:
@@ -183,11 +168,6 @@ class StepsTable:
 
     def __init__(self, folder: Path, episode: Episode, rows_at_once: int) -> None:
         """Open the stream, and reserve space for all rows on the disk.
-
-        Args:
-            folder: The folder to write to.
-            episode: The run; its features and joints are columns.
-            rows_at_once: Number of rows that are written together.
 
         Raises:
             FileExistsError: Another run is writing into this folder.
@@ -197,16 +177,17 @@ class StepsTable:
         robot, rows = episode.world.robot, episode.frames
         self._quantities = quantities(episode.loop.features, robot.names, robot.units)
         self._rows: list[dict[str, Any]] = []
-        every = [c for q in self._quantities for c in q.columns]
-        fields = [pa.field(c.name, c.type, metadata={"meaning": c.meaning}) for c in every]
-        self._schema = pa.schema(fields, metadata={"format": str(FORMAT)})
+        every = [column for quantity in self._quantities for column in quantity.columns]
+        self._schema = pa.schema(every, metadata={"format": str(FORMAT)})
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
         # An empty batch writes the schema: a stream that is killed at once can be read, too.
         self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
         self._file.flush()
         batches = 1 + rows / rows_at_once
-        _reserve(self._file, round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE)
+        size = round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE
+        if hasattr(os, "posix_fallocate"):  # readers interpret the zeros as the stream's end
+            os.posix_fallocate(self._file.fileno(), 0, size)
 
     def add(self, step: Step) -> None:
         """Append a row.
@@ -236,9 +217,3 @@ class StepsTable:
             self._stream.write_batch(pa.RecordBatch.from_pylist(self._rows, schema=self._schema))
             self._file.flush()
             self._rows = []
-
-
-def _reserve(file: BinaryIO, size: int) -> None:
-    """Reserve space on the disk [bytes]; readers interpret the zeros as the stream's end."""
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(file.fileno(), 0, size)

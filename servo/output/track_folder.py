@@ -1,38 +1,27 @@
-"""The files of a track: rows, and optionally a video and a recording."""
+"""The files of a track: rows, report, and optionally a video and a recording."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from servo.mistake import Refused
+from servo.output.formats import Made, Number
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import AnnotatedVideo
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.types import Region
 
+if TYPE_CHECKING:
+    from servo.output.recording.track_log import TrackLog
+
 TRACK, VIDEO, RECORDING = "track.csv", "track.mp4", "track.rrd"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
-
-
-class Extra(Protocol):
-    """A file that is written in addition to the rows."""
-
-    def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture with the tracker's estimate and the truth."""
-        ...
-
-    def close(self) -> None:
-        """Finish the file."""
-        ...
-
-    def abandon(self) -> None:
-        """Leave the file as it is, because the disk is full."""
-        ...
 
 
 class TrackFolder:
@@ -44,21 +33,14 @@ class TrackFolder:
     def __init__(
         self, folder: Path, region: Region, rate: float, *, video: bool, recording: bool
     ) -> None:
-        """Open the files.
-
-        Args:
-            folder: The folder to write to.
-            region: The template.
-            rate: Pictures a second.
-            video: Also write an annotated video.
-            recording: Also write a Rerun recording.
+        """Open the files; `rate` is in pictures a second.
 
         Raises:
             OSError: A file cannot be written.
         """
         self._folder, self._at_once = folder, max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
-        self._extras: dict[Path, Extra] = {}
+        self._extras: dict[Path, AnnotatedVideo | TrackLog] = {}
         if video:
             self._extras[folder / VIDEO] = AnnotatedVideo(folder / VIDEO, rate, region)
         if recording:
@@ -108,3 +90,25 @@ class TrackFolder:
 
     def _nearly_full(self) -> bool:
         return shutil.disk_usage(self._folder).free < SPARE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackReport(Made):
+    """Source, tracker, losses and measures of a track."""
+
+    FILE: ClassVar[str] = "report.json"
+    KIND: ClassVar[str] = "track"
+
+    source: str
+    tracker: dict[str, Any]
+    """Kind and settings that were given."""
+    seed: int
+    frames: int
+    undecodable: list[str]
+    """Names of the pictures that could not be read."""
+    lost: int
+    """Number of frames with status LOST."""
+    measures: dict[str, Number | None]
+    """Values of the measures by name, None if not finite; empty without a truth."""
+    units: dict[str, str]
+    """Units of the measures by name."""

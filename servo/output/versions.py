@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import hashlib
 from importlib import metadata, resources
-from pathlib import Path
 
 from sim.installed import packages
 
@@ -61,12 +60,10 @@ def source_digest() -> str:
     whole = hashlib.sha256()
     for package in PACKAGES:
         with resources.as_file(resources.files(package)) as root:
-            for path in sorted(p for p in root.rglob("*") if _counts(p)):
+            for path in sorted(p for p in root.rglob("*") if p.suffix in ENDINGS):
+                if path.parent.name == PICTURES:
+                    continue
                 content = path.read_bytes()
                 whole.update(f"{package}/{path.relative_to(root)} {len(content)}\n".encode())
                 whole.update(content)
     return whole.hexdigest()[:DIGITS]
-
-
-def _counts(path: Path) -> bool:
-    return path.suffix in ENDINGS and path.parent.name != PICTURES

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Contender
-from servo.bench.suites import TRACKERS
 from servo.papers.groups import Result
-from sim import kinds
 from tracking.evaluation.drawing import figures
 
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563")
@@ -56,15 +52,6 @@ class Claim:
     jobs: Callable[[Effort], Sequence[Job]]
     judge: Callable[[list[Result], Path], Verdict]
     """Takes the results in the order of the jobs, and the folder for figures."""
-
-
-def contender(
-    kind: str, preset: str | None = None, label: str | None = None, **settings: Any
-) -> Contender:
-    """A tracker for an experiment; by default its label contains the preset."""
-    begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
-    config = kinds.config_of(TRACKERS, kind)(**begin | settings)
-    return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 
 def panels(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[Axes]]:

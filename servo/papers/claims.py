@@ -43,7 +43,6 @@ class PapersReport(Made):
 
     FILE: ClassVar[str] = "papers.json"
     KIND: ClassVar[str] = "papers"
-    FORMAT: ClassVar[int] = 1
 
     quick: bool
     claims: dict[str, Judged]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from servo.batch.jobs import Job
 from servo.papers.claim import COLOURS, Claim, Effort, Verdict, panels
 from servo.papers.groups import Result, column, group
-from servo.papers.loop_series import LoopSeries
+from servo.papers.servo_paper import LoopSeries
 from sim import kinds
 from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import Interval, bootstrap

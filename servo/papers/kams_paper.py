@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +10,10 @@ import numpy as np
 
 from servo.batch.jobs import Job
 from servo.bench.ranking import compare
-from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded, SequenceJob
-from servo.bench.suites import GENERATORS
-from servo.papers.claim import COLOURS, Claim, Effort, Verdict, contender, panels
-from servo.papers.groups import Result, column, group
-from sim import kinds
+from servo.bench.sequence_jobs import Generated, Recorded
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, panels
+from servo.papers.experiments import Experiment, contender, generated, sequence_jobs
+from servo.papers.groups import Result, by_tracker, column, group
 from sim.types import Array
 from tracking.appearance.bins import Labelled
 from tracking.evaluation.drawing import figures
@@ -39,24 +36,27 @@ BUDGET = {"condensation": {"particles": 1000}, "annealed": {"particles": 200},
 SMALL, SMALL_D, OF_D = 3.0, 8.0, 0.8
 """Largest mean error on levels a to c and on d [px], and the least share of d completed."""
 WARM_UP = 5
+KAMS = contender("kams", "paper")
 
 
 def clutter(level: str) -> Generated:
     """The artificial sequences of one level."""
-    return Generated("clutter", kinds.config_of(GENERATORS, "clutter")(level=level))
+    return generated("clutter", level=level)
 
 
 def _first(effort: Effort) -> Sequence[Job]:
-    trackers = [contender("kams", "paper")]
-    trackers += [contender(kind, "paper") for kind in BUDGET]
+    trackers = [KAMS, *(contender(kind, "paper") for kind in BUDGET)]
     trackers += [contender(k, "paper", f"{k}-equal", **s) for k, s in BUDGET.items() if s]
-    entries: list[tuple[Entry, int]] = [
-        (clutter(level), seed) for level in LEVELS for seed in effort.seeds(SEEDS_Z)
-    ]
-    if effort.sequences is not None:
-        real = read_all(effort.sequences, RATE)
-        entries += [(Recorded(effort.sequences, s.name), 0) for s in real]
-    return [SequenceJob(tracker, entry, seed) for tracker in trackers for entry, seed in entries]
+    real = (
+        []
+        if effort.sequences is None
+        else [Recorded(effort.sequences, s.name) for s in read_all(effort.sequences, RATE)]
+    )
+    painted = [clutter(level) for level in LEVELS]
+    return [job for tracker in trackers for job in (
+        *sequence_jobs([tracker], painted, effort.seeds(SEEDS_Z)),
+        *sequence_jobs([tracker], real, range(1)),
+    )]  # fmt: skip
 
 
 def _judge_first(results: list[Result], folder: Path) -> Verdict:
@@ -73,9 +73,9 @@ def _judge_first(results: list[Result], folder: Path) -> Verdict:
     holds = all(t.z > SIGNIFICANT and t.wins > t.losses for t in tests.values())
     least = min(test.z for test in tests.values())
     figure, (ax,) = panels(1)
-    labels = sorted({r["tracker"] for r in results})
-    means = [column(group(results, tracker=label), "frames_until_loss").mean() for label in labels]
-    ax.barh(labels, means, color=[COLOURS[0] if "kams" in n else COLOURS[5] for n in labels])
+    runs = dict(sorted(by_tracker(results).items()))
+    means = [column(found, "frames_until_loss").mean() for found in runs.values()]
+    ax.barh(list(runs), means, color=[COLOURS[0] if "kams" in n else COLOURS[5] for n in runs])
     ax.set(xlabel="mean frames until loss", title="P0-1: KAMS and five others")
     return Verdict(
         f"least z {least:.2f} over {len(ours)} sequences at the papers' settings",
@@ -88,21 +88,16 @@ def _split(test: McNemar) -> str:
 
 
 def _second(effort: Effort) -> Sequence[Job]:
-    trackers = [contender(kind, "paper") for kind in ("hybrid", "sok", "kams")]
-    return [
-        SequenceJob(tracker, clutter(level), seed)
-        for tracker in [*trackers, contender("kams")]
-        for level in LEVELS
-        for seed in effort.seeds(SEEDS_ERROR)
-    ]
+    trackers = [contender(kind, "paper") for kind in ("hybrid", "sok")]
+    levels = [clutter(level) for level in LEVELS]
+    return sequence_jobs([*trackers, KAMS, contender("kams")], levels, effort.seeds(SEEDS_ERROR))
 
 
 def _judge_second(results: list[Result], folder: Path) -> Verdict:
-    labels = list(dict.fromkeys(r["tracker"] for r in results))
     table = [["tracker", *(f"{level}: error [px], completed" for level in LEVELS)]]
     figure, (ax,) = panels(1)
-    for i, label in enumerate(labels):
-        groups = [group(results, tracker=label, family=f"clutter-{level}") for level in LEVELS]
+    for i, (label, found) in enumerate(by_tracker(results).items()):
+        groups = [group(found, family=f"clutter-{level}") for level in LEVELS]
         errors = [column(g, "mean_error_px") for g in groups]
         done = [column(g, "completed") for g in groups]
         table.append([label, *(f"{e.mean():.1f}, {int(d.sum())} of {len(d)}"
@@ -123,46 +118,27 @@ def _judge_second(results: list[Result], folder: Path) -> Verdict:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class SpreadJob:
-    """Spread of KAMS's particles in each layer, before and after mean shift."""
+def _spreads(seed: int) -> Result:
+    """Spread of KAMS's particles [px] in each layer (2, layers), before and after mean shift."""
+    c, sequence = KAMS.config, clutter("b").build(seed)
+    pictures = [p.image for p in sequence.source if p.image is not None]
+    model = c.model(pictures[0], sequence.region, sequence.start)
+    rng = np.random.default_rng(seed)
+    cloud = ParticleFilter(sequence.region, sequence.start, c.particles, (c.noise, 0.0, 0.0), rng)
+    layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
+    spreads: list[tuple[float, float]] = []
+    reach = float(np.sqrt(sequence.region.area(sequence.start)))
+    for image in pictures[1:]:
+        likelihood = _probe(model, model.label(image), c, reach, spreads)
+        anneal(cloud, np.zeros(4), likelihood, layers, 1.0)
+        cloud.resample()
+    kept = np.array(spreads).reshape(-1, c.layers, 2)[WARM_UP:]
+    return {"tracker": KAMS.label, "spread": kept.mean(axis=0).T.tolist()}
 
-    seed: int
 
-    @property
-    def key(self) -> str:
-        """SPREAD-SEED."""
-        return f"spread/{self.seed}"
-
-    def describe(self) -> dict[str, Any]:
-        """Settings, seed, version."""
-        tracker, entry = self._parts()
-        return {"tracker": as_json(tracker.config), "sequence": entry.describe(), "seed": self.seed,
-                "version": metadata.version("servobench")}  # fmt: skip
-
-    def run(self, folder: Path) -> dict[str, Any]:
-        """Mean spread [px] in each layer (2, layers): before and after."""
-        del folder
-        tracker, entry = self._parts()
-        c = tracker.config
-        sequence = entry.build(self.seed)
-        pictures = [p.image for p in sequence.source if p.image is not None]
-        model = c.model(pictures[0], sequence.region, sequence.start)
-        rng = np.random.default_rng(self.seed)
-        cloud = ParticleFilter(sequence.region, sequence.start, c.particles,
-                               (c.noise, 0.0, 0.0), rng)  # fmt: skip
-        layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
-        spreads: list[tuple[float, float]] = []
-        reach = float(np.sqrt(sequence.region.area(sequence.start)))
-        for image in pictures[1:]:
-            likelihood = _probe(model, model.label(image), c, reach, spreads)
-            anneal(cloud, np.zeros(4), likelihood, layers, 1.0)
-            cloud.resample()
-        kept = np.array(spreads).reshape(-1, c.layers, 2)[WARM_UP:]
-        return {"tracker": tracker.label, "spread": kept.mean(axis=0).T.tolist()}
-
-    def _parts(self) -> tuple[Contender, Entry]:
-        return contender("kams", "paper"), clutter("b")
+def _third(effort: Effort) -> Sequence[Job]:
+    about = {"tracker": as_json(KAMS.config), "sequence": clutter("b").describe()}
+    return [Experiment("spread", about, _spreads, s) for s in effort.seeds(SEEDS_SPREAD)]
 
 
 def _probe(
@@ -212,6 +188,5 @@ CLAIMS = (
     Claim("P0-2", "KAMS completes levels a to d with mean errors of 6.9, 18.2, 14.7, 17.3 px",
           _second, _judge_second),
     Claim("P0-3", "annealing draws the particles together, and mean shift draws them further "
-          "together (figure 5)", lambda e: [SpreadJob(s) for s in e.seeds(SEEDS_SPREAD)],
-          _judge_third),
+          "together (figure 5)", _third, _judge_third),
 )  # fmt: skip

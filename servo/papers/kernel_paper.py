@@ -5,21 +5,16 @@ deterministic, probabilistic, and combined.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Contender, Generated, SequenceJob, track_path
-from servo.bench.suites import GENERATORS
-from servo.papers.claim import COLOURS, Claim, Effort, Verdict, contender, panels
-from servo.papers.groups import Result, column, group, words
-from sim import kinds
+from servo.bench.sequence_jobs import track_path
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, panels
+from servo.papers.experiments import Experiment, contender, generated, sequence_jobs
+from servo.papers.groups import Result, by_tracker, column, group, mean
 from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import bootstrap
 from tracking.evaluation.track_file import read
 
 SEEDS, SEEDS_PAIR = 10, 30
@@ -28,29 +23,26 @@ OFFSETS_DEG, OFFSETS_PX = np.linspace(-45, 45, 61), np.linspace(-40, 40, 61)
 AT_DEG = 15.0
 """Rotation at which one kernel and nine are compared."""
 COMBINED, WHOLE = "pf_ssd-paper", "mk_pf-paper"
-SIMILARITY = Generated("similarity", kinds.config_of(GENERATORS, "similarity")())
+SIMILARITY = generated("similarity")
 
 
-def _five() -> list[Contender]:
-    few = contender("mk_pf", "paper", "mk_pf-75-paper", particles=75)
-    kinds = ("kernel_pf", "mk_ssd", "mk_pf", "pf_ssd")
-    return [*(contender(kind, "paper") for kind in kinds), few]
+def _five(effort: Effort) -> Sequence[Job]:
+    trackers = [contender(kind, "paper") for kind in ("kernel_pf", "mk_ssd", "mk_pf", "pf_ssd")]
+    trackers.append(contender("mk_pf", "paper", "mk_pf-75-paper", particles=75))
+    return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))
 
 
 def _judge_five(results: list[Result], folder: Path) -> Verdict:
-    labels = list(dict.fromkeys(r["tracker"] for r in results))
     table = [["tracker", "angle RMSE", "position RMSE", "never lost", "ms"]]
-    for label in labels:
-        runs = group(results, tracker=label)
-        table.append([label, words(bootstrap(column(runs, "angle_rmse_deg")), "deg"),
-                      words(bootstrap(column(runs, "rmse_px")), "px"),
+    middle: dict[str, float] = {}
+    for label, runs in by_tracker(results).items():
+        table.append([label, mean(runs, "angle_rmse_deg", "deg"), mean(runs, "rmse_px", "px"),
                       f"{int(column(runs, 'completed').sum())} of {len(runs)}",
                       f"{np.median(column(runs, 'milliseconds')):.2f}"])  # fmt: skip
-    middle = {n: float(np.median(column(group(results, tracker=n), "angle_rmse_deg")))
-              for n in labels}  # fmt: skip
+        middle[label] = float(np.median(column(runs, "angle_rmse_deg")))
     best = min(middle, key=lambda n: middle[n])
     return Verdict(f"least median angle RMSE: {best}, {middle[best]:.2f} deg", best == COMBINED,
-                   table, [_over_time(labels, folder)])  # fmt: skip
+                   table, [_over_time(list(middle), folder)])  # fmt: skip
 
 
 def _over_time(labels: Sequence[str], folder: Path) -> Path:
@@ -72,7 +64,7 @@ def _over_time(labels: Sequence[str], folder: Path) -> Path:
 
 def _pair(effort: Effort) -> Sequence[Job]:
     trackers = [contender(k, p) for p in ("paper", None) for k in ("mk_pf", "pf_ssd")]
-    return [SequenceJob(t, SIMILARITY, s) for t in trackers for s in effort.seeds(SEEDS_PAIR)]
+    return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS_PAIR))
 
 
 def _judge_pair(results: list[Result], folder: Path) -> Verdict:
@@ -82,9 +74,9 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
         for kind, count in (("mk_pf", 500), ("pf_ssd", 75)):
             runs = group(results, tracker=f"{kind}{ending}")
             ms = column(runs, "milliseconds")
-            table.append([name, f"{kind} {count}", words(bootstrap(column(runs, "angle_rmse_deg")),
-                          "deg"), words(bootstrap(column(runs, "rmse_px")), "px"),
-                          f"{np.median(ms):.2f}", f"{np.median(ms / whole):.2f}"])  # fmt: skip
+            table.append([name, f"{kind} {count}", mean(runs, "angle_rmse_deg", "deg"),
+                          mean(runs, "rmse_px", "px"), f"{np.median(ms):.2f}",
+                          f"{np.median(ms / whole):.2f}"])  # fmt: skip
     ours, theirs = group(results, tracker=COMBINED), group(results, tracker=WHOLE)
     angle = [float(column(g, "angle_rmse_deg").mean()) for g in (ours, theirs)]
     times = column(ours, "milliseconds") / column(theirs, "milliseconds")
@@ -103,38 +95,25 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class DistanceJob:
-    """Distances of one kernel and of nine kernels over rotation and x, around the true state."""
+def _distances(seed: int) -> Result:
+    """Distances around the true state over the rotations and over x, by number of kernels."""
+    sequence = SIMILARITY.build(seed)
+    image = next(iter(sequence.source)).image
+    assert image is not None
+    turned, moved = (np.tile(sequence.start.vector, (len(OFFSETS_PX), 1)) for _ in range(2))
+    turned[:, 2] += np.radians(OFFSETS_DEG)
+    moved[:, 0] += OFFSETS_PX
+    found: Result = {}
+    for kind, name in (("kernel_pf", "one"), ("mk_pf", "nine")):
+        model = contender(kind, "paper").config.model(image, sequence.region, sequence.start)
+        first = model.label(image)
+        found[name] = [model.distances(first, states).tolist() for states in (turned, moved)]
+    return found
 
-    seed: int = 0
 
-    @property
-    def key(self) -> str:
-        """DISTANCE-SEED."""
-        return f"distance/{self.seed}"
-
-    def describe(self) -> dict[str, Any]:
-        """Sequence, seed, version."""
-        return {"sequence": SIMILARITY.describe(), "seed": self.seed,
-                "version": metadata.version("servobench")}  # fmt: skip
-
-    def run(self, folder: Path) -> dict[str, Any]:
-        """Distances over the rotations and over x, by number of kernels."""
-        del folder
-        sequence = SIMILARITY.build(self.seed)
-        image = next(iter(sequence.source)).image
-        assert image is not None
-        turned, moved = (np.tile(sequence.start.vector, (len(OFFSETS_PX), 1)) for _ in range(2))
-        turned[:, 2] += np.radians(OFFSETS_DEG)
-        moved[:, 0] += OFFSETS_PX
-        found: dict[str, Any] = {}
-        for kind, name in (("kernel_pf", "one"), ("mk_pf", "nine")):
-            config = contender(kind, "paper").config
-            model = config.model(image, sequence.region, sequence.start)
-            first = model.label(image)
-            found[name] = [model.distances(first, states).tolist() for states in (turned, moved)]
-        return found
+def _third(effort: Effort) -> Sequence[Job]:
+    about = {"sequence": SIMILARITY.describe()}
+    return [Experiment("distance", about, _distances, s) for s in effort.seeds(SEEDS)]
 
 
 def _judge_distance(results: list[Result], folder: Path) -> Verdict:
@@ -160,10 +139,9 @@ def _judge_distance(results: list[Result], folder: Path) -> Verdict:
 CLAIMS = (
     Claim("P1-1", "through fast motion and total occlusion the combination is the most accurate "
           "in angle (figures 6, 7)",
-          lambda e: [SequenceJob(t, SIMILARITY, s) for t in _five() for s in e.seeds(SEEDS)],
-          _judge_five),
+          _five, _judge_five),
     Claim("P1-2", "75 particles with SSD are as accurate as 500 without, in a third of the time",
           _pair, _judge_pair),
     Claim("P1-3", "nine kernels see a rotation that one does not (figure 3)",
-          lambda e: [DistanceJob(s) for s in e.seeds(SEEDS)], _judge_distance),
+          _third, _judge_distance),
 )  # fmt: skip

@@ -8,42 +8,38 @@ from pathlib import Path
 import numpy as np
 
 from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Generated, SequenceJob, track_path
-from servo.bench.suites import GENERATORS
-from servo.papers.claim import COLOURS, Claim, Effort, Verdict, contender, panels
-from servo.papers.groups import Result, column, group, words
-from sim import kinds
+from servo.bench.sequence_jobs import track_path
+from servo.papers.claim import COLOURS, Claim, Effort, Verdict, panels
+from servo.papers.experiments import contender, generated, sequence_jobs
+from servo.papers.groups import Result, by_tracker, column, group, mean
 from sim.types import Array
 from tracking.appearance.model import SampledModel
 from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import bootstrap
 from tracking.evaluation.track_file import read
 
 SEEDS = 10
 TIMES = 3.0
 """Least ratio of the RMSEs; in the paper they are 12.9 and 4.3 px, and 9.6 and 2.8 px."""
 FILTER, SHIFT = "texture_pf", "texture_ms"
-ENTRY = Generated("texture", kinds.config_of(GENERATORS, "texture")())
+ENTRY = generated("texture")
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
-    trackers = [contender(FILTER), contender(SHIFT)]
-    trackers += [contender(FILTER, "paper"), contender(SHIFT, "paper")]
-    return [SequenceJob(t, ENTRY, s) for t in trackers for s in effort.seeds(SEEDS)]
+    trackers = [contender(kind, preset) for preset in (None, "paper") for kind in (FILTER, SHIFT)]
+    return sequence_jobs(trackers, [ENTRY], effort.seeds(SEEDS))
 
 
 def _judge_rmse(results: list[Result], folder: Path) -> Verdict:
-    labels = list(dict.fromkeys(r["tracker"] for r in results))
-    rmse = {label: column(group(results, tracker=label), "rmse_px") for label in labels}
+    trackers = by_tracker(results)
+    rmse = {label: column(runs, "rmse_px") for label, runs in trackers.items()}
     table = [["tracker", "RMSE", "success AUC", "scale error"]]
-    for label in labels:
-        runs = group(results, tracker=label)
-        table.append([label, words(bootstrap(rmse[label]), "px"),
+    for label, runs in trackers.items():
+        table.append([label, mean(runs, "rmse_px", "px"),
                       f"{column(runs, 'auc').mean():.2f}",
                       f"{100 * column(runs, 'scale_rmse').mean():.0f} %"])  # fmt: skip
     times = float(rmse[SHIFT].mean() / rmse[FILTER].mean())
     figure, (ax,) = panels(1)
-    ax.boxplot([rmse[label] for label in labels], tick_labels=labels)
+    ax.boxplot(list(rmse.values()), tick_labels=list(rmse))
     ax.set(ylabel="RMSE [px]", title="P2-1: error of the centre", ylim=(0, None))
     said = f"{times:.1f} times smaller over {len(rmse[FILTER])} seeds"
     return Verdict(said, bool(times >= TIMES), table, [figures.save(figure, folder, "P2-1.png")])

@@ -1,19 +1,21 @@
-"""The section about a bench: a comparison of trackers, with curves and contact sheets."""
+"""The section about a bench: a comparison of trackers on sequences or in the closed loop."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from servo.bench import ranking
-from servo.bench.loop_jobs import LoopBench
+import numpy as np
+
+from servo.bench import loop_jobs, ranking
+from servo.bench.loop_jobs import LoopBench, LoopRun
 from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.mistake import Mistake
 from servo.output import formats
-from servo.report import loop_section, page
-from servo.report.page import Badge, Block, Cell, Fact, PageImage, Section, Table, Tone, again
-from servo.report.words import NOTHING, cut, shown, spread
-from tracking.evaluation.statistics import Interval
+from servo.report import charts, page
+from servo.report.page import Block, Fact, PageImage, Section, again
+from servo.report.words import Badge, Cell, Table, Tone, cut, shown, spread
+from tracking.evaluation.statistics import Interval, bootstrap
 
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 MOST_SHEETS = 24
@@ -32,15 +34,15 @@ def section(folder: Path) -> Section:
     if not bench.runs:
         raise Mistake(f"{path}: there are no runs in it")
     if isinstance(bench, LoopBench):
-        return loop_section.section(folder, bench)
+        return loop_section(folder, bench)
     if not bench.trackers:
         raise Mistake(f"{path}: there are no trackers in it")
-    best = bench.trackers[0]
+    best, families = bench.trackers[0], families_table(bench.trackers)
     blocks = [
-        Block("Trackers", points=_compared(bench.trackers), tables=[_table(bench.trackers)],
+        Block("Trackers", points=_compared(bench.trackers), tables=[trackers_table(bench.trackers)],
               pictures=[_picture(folder / name, title, sheet=False)
                         for name, title in CURVES.items() if (folder / name).exists()]),
-        *_families(bench.trackers),
+        *([Block("Success by sequence", tables=[families])] if families else []),
         *_sheets(folder, best.tracker),
         _runs(bench.runs),
         again(bench),
@@ -68,34 +70,32 @@ def _compared(trackers: Sequence[Row]) -> list[str]:
     return [*(sentences if worse else []), *(doubt if alike else [])]
 
 
-def _table(trackers: Sequence[Row]) -> Table:
-    rows: list[list[Cell]] = []
+def trackers_table(trackers: Sequence[Row]) -> Table:
+    """The means of each tracker, and its test against the best one."""
+    rows: list[list[str]] = []
     for t in trackers:
-        cells = [
-            _cell(t.means.get(name), title == ranking.INTERVAL)
-            for title, name in ranking.SHOWN.items()
-        ]
+        means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
+        cells = {title: shown(mean and mean.value) for title, mean in means.items()}
+        cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
         test = t.against_best
         end = [shown(test.z), shown(t.p)] if test else ["", ""]
-        rows.append([t.tracker, str(t.runs), *cells, *end])
-    return Table(
-        ("tracker", "runs", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())
-    )
+        rows.append([t.tracker, str(t.runs), *cells.values(), *end])
+    head = ("tracker", "runs", *ranking.SHOWN, "z", "p")
+    return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
 
 
-def _cell(mean: Interval | None, with_interval: bool) -> str:
-    if mean is None:
-        return NOTHING
-    return spread(mean) if with_interval else shown(mean.value)
-
-
-def _families(trackers: Sequence[Row]) -> list[Block]:
+def families_table(trackers: Sequence[Row]) -> Table | None:
+    """Success by sequence, with a column for each tracker, or for each sequence if these are fewer;
+    None if there is one sequence only.
+    """
     names = list(trackers[0].families)
     if len(names) < 2:
-        return []
+        return None
+    head: list[str] = ["sequence", *(t.tracker for t in trackers)]
     rows = [[name, *(shown(t.families.get(name)) for t in trackers)] for name in names]
-    table = Table(("sequence", *(t.tracker for t in trackers)), rows, note="Mean success AUC.")
-    return [Block("Success by sequence", tables=[table])]
+    if len(names) < len(trackers):
+        head, *rows = map(list, zip(["tracker", *head[1:]], *rows, strict=True))
+    return Table(head, rows, note="Mean success AUC.")
 
 
 def _sheets(folder: Path, best: str) -> list[Block]:
@@ -104,8 +104,8 @@ def _sheets(folder: Path, best: str) -> list[Block]:
         return []
     legend = f"The first seed of each sequence: truth white, {best} green."
     text = [legend, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
-    shown_ = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
-    return [Block("Contact sheets", text, pictures=shown_)]
+    pictures = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
+    return [Block("Contact sheets", text, pictures=pictures)]
 
 
 def _picture(path: Path, title: str, *, sheet: bool) -> PageImage:
@@ -117,4 +117,65 @@ def _runs(runs: Sequence[SequenceRun]) -> Block:
     rows = ([r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
             for r in runs)  # fmt: skip
     head = ("tracker", "sequence", "seed", *names)
+    return page.rows_of("runs", head, rows, len(runs), range(2))
+
+
+def loop_section(folder: Path, bench: LoopBench) -> Section:
+    """The section about the folder of such a bench."""
+    runs = bench.runs
+    trackers = list(dict.fromkeys(r.tracker for r in runs))
+    names = list(dict.fromkeys(r.scenario for r in runs))
+    held = sum(r.held for r in runs)
+    errors = {
+        name: [mean(group(runs, name, t), loop_jobs.RANKS) for t in trackers] for name in names
+    }
+    figure = charts.by_name("True centre against the goal, rms", "px", trackers, errors)
+    facts = [
+        Fact("runs that held", Badge.of(held == len(runs), f"{held} of {len(runs)}")),
+        Fact("trackers", str(len(trackers))),
+        Fact("scenarios", ", ".join(names)),
+    ]
+    lost = [f"{r.tracker} did not hold {r.scenario}, seed {r.seed}: {r.outcome}."
+            for r in runs if not r.held]  # fmt: skip
+    blocks = [
+        Block("Trackers", points=lost, tables=[loop_table(runs)], figures=[figure]),
+        _loop_runs(runs),
+        again(bench),
+    ]
+    lead = "Each tracker steers the camera through the same scenarios."
+    verdict = Badge.of(held == len(runs), "all held", f"{len(runs) - held} not held")
+    return Section("bench", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
+
+
+def group(runs: Sequence[LoopRun], scenario: str, tracker: str) -> list[LoopRun]:
+    """The runs of one tracker in one scenario."""
+    return [r for r in runs if (r.scenario, r.tracker) == (scenario, tracker)]
+
+
+def mean(runs: Sequence[LoopRun], measure: str) -> Interval | None:
+    """Mean of a measure with its interval; None if no run has it."""
+    found = [value for r in runs if (value := r.measures.get(measure)) is not None]
+    return bootstrap(np.array(found)) if found else None
+
+
+def loop_table(runs: Sequence[LoopRun]) -> Table:
+    """The means of each tracker in each scenario; the best tracker is the first."""
+    rows: list[list[Cell]] = []
+    for name in dict.fromkeys(r.scenario for r in runs):
+        groups = [group(runs, name, t) for t in dict.fromkeys(r.tracker for r in runs)]
+        ranked = [(mean(found, loop_jobs.RANKS), found) for found in groups if found]
+        for _, found in sorted(ranked, key=lambda one: one[0].value if one[0] else np.inf):
+            held = sum(r.held for r in found)
+            kept = Badge.of(held == len(found), f"{held} of {len(found)}")
+            cells = [spread(mean(found, measure)) for measure in loop_jobs.SHOWN.values()]
+            rows.append([name, found[0].tracker, found[0].follows, kept, *cells])
+    head = ("scenario", "tracker", "follows", "held", *loop_jobs.SHOWN)
+    return Table(head, rows, words=range(3), note=" ".join(loop_jobs.LEGEND.split()))
+
+
+def _loop_runs(runs: Sequence[LoopRun]) -> Block:
+    names = list(runs[0].measures)
+    rows = ([r.tracker, r.scenario, str(r.seed), r.outcome,
+             *(shown(r.measures.get(n)) for n in names)] for r in runs)  # fmt: skip
+    head = ("tracker", "scenario", "seed", "outcome", *names)
     return page.rows_of("runs", head, rows, len(runs), range(2))

@@ -2,36 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from servo.mistake import Mistake
-from servo.output import steps_table
 from servo.output.formats import ABSURD, HALF, check_format, content
 
 
-def steps(path: Path, wanted: Sequence[str]) -> pa.Table:
-    """Columns of the table of a run's steps.
-
-    Raises:
-        Mistake: As for `table`.
-    """
-    return table(path, wanted, steps_table.FORMAT)
-
-
 def table(path: Path, wanted: Sequence[str] | None = None, number: int | None = None) -> pa.Table:
-    """A Parquet file, or some of its columns.
-
-    Args:
-        path: The file.
-        wanted: Names of columns; None: all of them.
-        number: Its format number; None: it has none.
+    """A Parquet file, or the columns wanted of it, with its format number if it has one.
 
     Raises:
         Mistake: It cannot be read, has another format number, or lacks a column.
@@ -60,16 +43,3 @@ def _absurd(column: pa.ChunkedArray) -> bool:
     """Whether a finite number is too large; inf and nan mean that there is no value."""
     values = np.asarray(column.to_numpy(), float)
     return bool((np.abs(values[np.isfinite(values)]) > ABSURD).any())
-
-
-def rows(path: Path) -> list[dict[str, Any]]:
-    """The rows of a CSV file by the names of its columns.
-
-    Raises:
-        Mistake: It cannot be read, or is not UTF-8 text.
-    """
-    try:
-        text = content(path).decode("utf-8")
-    except UnicodeDecodeError:
-        raise Mistake(f"{path}: this is not UTF-8 text") from None
-    return list(csv.DictReader(text.splitlines()))

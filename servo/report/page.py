@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from importlib import resources
 from itertools import islice
 
@@ -17,35 +16,11 @@ from markupsafe import Markup
 from servo.mistake import Mistake
 from servo.output.formats import Made
 from servo.report.drawing import DARK, LIGHT
-from servo.report.words import cut
+from servo.report.words import Badge, Cell, Table, cut
 
 TEMPLATE = "page.html.jinja"
 JPEG_QUALITY = 82
 MOST_ROWS = 500
-
-
-class Tone(Enum):
-    """Whether a badge is good, bad or neutral."""
-
-    GOOD = "good"
-    BAD = "bad"
-    PLAIN = "plain"
-
-
-@dataclass(frozen=True, slots=True)
-class Badge:
-    """A short text in colour."""
-
-    text: str
-    tone: Tone
-
-    @staticmethod
-    def of(held: bool, good: str, bad: str) -> Badge:
-        """A good or a bad badge."""
-        return Badge(good, Tone.GOOD) if held else Badge(bad, Tone.BAD)
-
-
-Cell = str | Badge
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,16 +29,6 @@ class Fact:
 
     label: str
     value: Cell
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table with a head; the columns in `words` are texts, the others numbers."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    words: Collection[int] = (0,)
     note: str = ""
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from servo.output.formats import content
 from servo.papers.claims import Judged, PapersReport
-from servo.report.page import Badge, Block, Fact, PageImage, Section, Table, again
+from servo.report.page import Block, Fact, PageImage, Section, again
+from servo.report.words import Badge, Table
 
 
 def section(folder: Path) -> Section:
@@ -18,7 +19,7 @@ def section(folder: Path) -> Section:
     papers = PapersReport.read(folder / PapersReport.FILE)
     held = sum(c.holds for c in papers.claims.values())
     whole = len(papers.claims)
-    verdict = Badge.of(held == whole, *[f"{held} of {whole} hold"] * 2)
+    verdict = Badge.of(held == whole, f"{held} of {whole} hold")
     facts = [
         Fact("claims that hold", verdict),
         Fact("effort", "quick" if papers.quick else "full",

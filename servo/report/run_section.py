@@ -9,14 +9,13 @@ import tomli_w
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake
-from servo.output.run_folder import RECORDING
-from servo.output.run_report import RunReport
-from servo.output.steps_table import STREAM, TABLE, ending, ending_of_rate
+from servo.output.run_folder import RECORDING, RunReport
+from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
 from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
-from servo.report.page import Badge, Block, Fact, Figure, PageImage, Section, Table, Tone, again
-from servo.report.words import shown
+from servo.report.page import Block, Fact, Figure, PageImage, Section, again
+from servo.report.words import Badge, Table, Tone, shown
 from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture as Shown
@@ -40,7 +39,8 @@ def section(folder: Path) -> Section:
     run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)
     kept = len(run.expect) - len(run.missed)
-    facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", _tone(run)))]
+    tone = Tone.PLAIN if not run.expect else Tone.BAD if run.missed else Tone.GOOD
+    facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", tone))]
     facts += [
         Fact(MEANINGS[name][1], f"{shown(run.measures[name])} {MEANINGS[name][0]}", name)
         for name in KEY_MEASURES
@@ -51,16 +51,10 @@ def section(folder: Path) -> Section:
     ]
     return Section(
         "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
-        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome, run.outcome), facts,
+        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome), facts,
         [_bounds(run), Block("Over time", figures=_figures(folder, run)), _pictures(folder),
          _scenario(path, run), again(run)], str(folder),
     )  # fmt: skip
-
-
-def _tone(run: RunReport) -> Tone:
-    if not run.expect:
-        return Tone.PLAIN
-    return Tone.BAD if run.missed else Tone.GOOD
 
 
 def _bounds(run: RunReport) -> Block:
@@ -71,11 +65,9 @@ def _bounds(run: RunReport) -> Block:
         bound = run.expect.get(name)
         held = "" if bound is None else Badge.of(name not in missed, "kept", "missed")
         most = (
-            ""
-            if bound is None
-            else bound
-            if isinstance(bound, str)
-            else f"\N{LESS-THAN OR EQUAL TO} {bound:g}"
+            f"\N{LESS-THAN OR EQUAL TO} {bound:g}"
+            if isinstance(bound, float | int)
+            else bound or ""
         )
         rows.append([name, shown(value), unit, most, held, meaning])
     rows.sort(key=lambda row: row[3] == "")
@@ -96,7 +88,7 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
     }  # fmt: skip
     wanted = ["time_s", "servo_error_px", "tracking_error_px", "fresh", "status", *errors.values(),
               *(column for columns in motions.values() for column in columns)]  # fmt: skip
-    table = files.steps(folder / TABLE, wanted)
+    table = files.table(folder / TABLE, wanted, FORMAT)
     column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
     time, across = column["time_s"], Scale("time [s]")
     unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))
@@ -146,7 +138,7 @@ def _pictures(folder: Path) -> Block:
     path = folder / RECORDING
     if not path.exists():
         return Block(title, ["There is no recording in this folder, so there are no pictures."])
-    from servo.output.recording.pictures import pictures  # rerun takes half a second to import
+    from servo.output.recording.view import pictures  # rerun takes half a second to import
 
     found = pictures(path, TILES)
     if not found:

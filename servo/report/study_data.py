@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from servo.mistake import Mistake
 from servo.report import files
-from servo.study.store import COMPARISONS, FAILURES, RESULTS, RUNS
-from servo.study.study_file import FailureFile, StudyFile
+from servo.study.plan import FailureFile, StudyFile
+from servo.study.store import FAILURES, RESULTS, RUNS
 from sim.types import Array
 from tracking.evaluation.statistics import Interval, bootstrap
 
@@ -49,7 +49,6 @@ class StudyResults:
     series: dict[int, Series]
     """Values over time by the number of the run."""
     failures: list[FailureFile]
-    comparisons: list[dict[str, str]]
     broken: int
     """Number of run files that cannot be read, as after a crash; these runs count as missing."""
 
@@ -114,9 +113,7 @@ def load(folder: Path) -> StudyResults:
                 raise Mistake(f"{folder / RESULTS}: there is no column '{name}' in this table")
         rows = whole.to_pylist()
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
-    pairs = folder / COMPARISONS
-    comparisons = files.rows(pairs) if pairs.exists() else []
-    return StudyResults(folder, plan, rows, series, failed, comparisons, broken)
+    return StudyResults(folder, plan, rows, series, failed, broken)
 
 
 def same(found: Any, value: Any) -> bool:

@@ -7,14 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from servo.loop.run_measures import MEANINGS, Outcome
-from servo.report import page, study_axes, study_time
-from servo.report.page import Badge, Block, Cell, Fact, Figure, PageImage, Section, Table, Tone
+from servo.report import page, study_time
+from servo.report.page import Block, Fact, Figure, PageImage, Section
 from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
-from servo.report.words import NOTHING, cut, listed, shown, spread
-from servo.study.results import grouped, missed
+from servo.report.words import NOTHING, Badge, Cell, Table, Tone, cut, listed, shown, spread
+from servo.study.results import COMPARED, Compared, comparisons, grouped, missed
 
 MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
 TIME = "track_ms"
@@ -46,8 +44,8 @@ def _shown(study: StudyResults) -> list[Block]:
     return [
         *_compared(study),
         *_figures("Over time", study_time.figures(study)),
-        *_figures("Against the axes", study_axes.against(study)),
-        *_figures("Over two axes", study_axes.heat_maps(study)),
+        *_figures("Against the axes", study_time.against(study)),
+        *_figures("Over two axes", study_time.heat_maps(study)),
         *_sheets(study),
         _cells(study),
         _runs(study),
@@ -115,25 +113,23 @@ def _compared(study: StudyResults) -> list[Block]:
     head = (study.compared or "runs", "runs", "success (95 %)", *outcomes, *COLUMNS)
     note = "Outcomes are counts of runs, measures are medians over runs."
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
-    if study.comparisons:
-        names = ("first", "second", "wins", "losses", "ties", "z", "p", "p_holm")
-        pairs = [
-            [_number(pair.get(n)) for n in names] for pair in study.comparisons[: page.MOST_ROWS]
-        ]
+    compared = study.plan.compare if study.plan.compare in study.axes else None
+    pairs = comparisons(compared, list(study.axes), study.rows)
+    if pairs:
+        cells = [list(map(shown, pair.cells)) for pair in pairs[: page.MOST_ROWS]]
         described = (
             "McNemar's test on success, paired over all else; p_holm is corrected for their number."
         )
-        tables.append(Table(names, pairs, words=range(2), note=described))
-    return [Block("Compared", points=_sure(study), tables=tables)]
+        tables.append(Table(COMPARED, cells, words=range(2), note=described))
+    return [Block("Compared", points=_sure(pairs), tables=tables)]
 
 
-def _sure(study: StudyResults) -> list[str]:
-    found = [pair for pair in study.comparisons if _float(pair.get("p_holm")) < SURE]
+def _sure(pairs: Sequence[Compared]) -> list[str]:
+    found = [c for c in pairs if c.p_holm < SURE and c.test.wins > c.test.losses]
     return [
-        f"{pair['first']} succeeds more often than {pair['second']}: {pair['wins']} to "
-        f"{pair['losses']} (p = {_float(pair['p_holm']):.2g} after Holm)."
-        for pair in found[:MOST_LISTED]
-        if _float(pair.get("wins")) > _float(pair.get("losses"))
+        f"{c.first} succeeds more often than {c.second}: {c.test.wins} to {c.test.losses} "
+        f"(p = {c.p_holm:.2g} after Holm)."
+        for c in found[:MOST_LISTED]
     ]
 
 
@@ -198,18 +194,3 @@ def _failures(study: StudyResults) -> list[Block]:
         points.append(f"run {failure.run}, {listed(failure.settings)}: {last}")
     code = [f"{f.command}\n\n{f.error.strip()}" for f in study.failures[:1]]
     return [Block("Runs that failed", text, points, code=code)]
-
-
-def _number(text: str | None) -> str:
-    """A number as it is shown in tables; other texts stay."""
-    value = _float(text)
-    if text is None or np.isnan(value):
-        return text or NOTHING
-    return str(int(value)) if value.is_integer() and "." not in text else shown(value)
-
-
-def _float(text: Any) -> float:
-    try:
-        return float(text)
-    except (TypeError, ValueError):
-        return float("nan")

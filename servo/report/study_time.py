@@ -1,17 +1,19 @@
-"""Figures of a study over time: median errors with bands, and the share still on target."""
+"""Figures of a study: errors and survival over time, and errors against its axes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from servo.report.charts import ERRORS, Curve, Scale, curves
+from servo.loop.run_measures import MEANINGS
+from servo.report import charts
+from servo.report.charts import ERRORS, SETTINGS, Curve, Scale, curves
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
-from servo.report.study_data import Series, StudyResults
-from servo.report.words import cut
+from servo.report.study_data import SUCCESS, Row, Series, StudyResults, interval, median, same
+from servo.report.words import cut, shown
 from sim.types import Array
 
 TIMES = 200
@@ -62,15 +64,11 @@ def survival(series: Sequence[Series]) -> tuple[Array, Array] | None:
     if not having:
         return None
     durations = np.array([s.duration for s in having])
-    lost = np.array([_first_loss(s.time, s.values["on_target"] > 0) for s in having])
+    off = [s.time[(s.time >= SETTLED) & ~(s.values["on_target"] > 0)] for s in having]
+    lost = np.array([times[0] if len(times) else np.inf for times in off])
     times = np.linspace(0, durations.max(), TIMES)
     lasting = durations[:, None] + ROUNDING >= times
     return times, (lasting & (lost[:, None] > times)).sum(axis=0) / lasting.sum(axis=0)
-
-
-def _first_loss(time: Array, on_target: NDArray[np.bool_]) -> float:
-    off = (time >= SETTLED) & ~on_target
-    return float(time[np.argmax(off)]) if off.any() else np.inf
 
 
 def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -> Figure | None:
@@ -96,3 +94,82 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
     share = Scale("share of runs", 0, 1.02)
     note = f"Runs that were never off the target after the first second. {note}"
     return curves("Still on target", Scale("time [s]"), share, drawn, note=note)
+
+
+ERROR = "servo_rms_px"
+MOST_AXES, MOST_CELLS, MOST_SERIES = 6, 20, len(LIGHT)
+COLOURED = 8.0
+"""Errors that differ by more than this factor are coloured on a logarithmic scale."""
+AVERAGED = "Mean over all else, with its 95 % interval."
+
+
+def against(study: StudyResults) -> list[Figure]:
+    """Error and success rate against each numeric axis, with a colour for each compared value."""
+    numeric = [key for key in study.axes if _numeric(study.axes[key])]
+    found: list[Figure] = []
+    for key in numeric[:MOST_AXES]:
+        other = study.compared if study.compared != key else None
+        groups = study.groups(other)
+        note = cut(f"values of {other}", list(groups), MOST_SERIES) or ""
+        for name in (ERROR, SUCCESS):
+            drawn = [
+                _curve(study, rows, key, name, label, colour(i))
+                for i, (label, rows) in enumerate(list(groups.items())[:MOST_SERIES])
+            ]
+            drawn = [curve for curve in drawn if len(curve.x)]
+            if drawn:
+                found.append(_against(key, name, drawn, f"{AVERAGED} {note}"))
+    return found
+
+
+def heat_maps(study: StudyResults) -> list[Figure]:
+    """Success rate and median error over two axes: numeric ones first, then the compared one."""
+    keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
+    if len(keys) < 2:
+        return []
+    x, y = keys[0], keys[1]
+    columns, rows = study.axes[x][:MOST_CELLS], study.axes[y][:MOST_CELLS]
+    notes = ["All else is averaged."] if len(keys) > 2 else []
+    notes += [cut(f"values of {k}", study.axes[k], MOST_CELLS) or "" for k in (x, y)]
+    note = " ".join(filter(None, notes))
+
+    def grid(score: Callable[[list[Row]], float]) -> Any:
+        return np.array([
+            [score([r for r in study.rows if same(r[x], a) and same(r[y], b)]) for a in columns]
+            for b in rows
+        ], float)  # fmt: skip
+
+    named = [shown(v) for v in columns], [shown(v) for v in rows]
+    rate = grid(lambda cell: float(np.mean([r[SUCCESS] for r in cell])) if cell else np.nan)
+    error = grid(lambda cell: median(cell, ERROR))
+    drawn = [charts.heat("Success rate", x, y, *named, rate, limits=(0, 1), note=note)]
+    if np.isfinite(error).any():
+        title = f"Median error, {ERROR}"
+        drawn.append(charts.heat(title, x, y, *named, error, log_from=COLOURED, note=note))
+    return drawn
+
+
+def _curve(
+    study: StudyResults, rows: list[Row], key: str, name: str, label: str, ink: str
+) -> Curve:
+    at: list[tuple[float, float, float, float]] = []
+    for value in sorted(study.axes[key]):
+        found = interval([r for r in rows if same(r[key], value)], name)
+        if found is not None:
+            at.append((float(value), found.value, found.low, found.high))
+    x, y, low, high = np.array(at).reshape(-1, 4).T
+    return Curve(label, x, y, low, high, ink, points=True)
+
+
+def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
+    across = Scale(key, log_from=SETTINGS)
+    if name == SUCCESS:
+        return charts.curves(f"Success against {key}", across, Scale("success rate", -0.02, 1.02),
+                             drawn, note=note)  # fmt: skip
+    unit, meaning = MEANINGS[name]
+    along = Scale(f"error [{unit}]", low=0, log_from=ERRORS)
+    return charts.curves(f"Error against {key}: {meaning}", across, along, drawn, note=note)
+
+
+def _numeric(values: list[Any]) -> bool:
+    return all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)

@@ -1,15 +1,51 @@
-"""Values as text on a page."""
+"""Values as text, badges and tables, for a page or a terminal."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 from tracking.evaluation.statistics import Interval
 
 NOTHING = "\N{EN DASH}"
 LARGE, HUGE = 100, 1e6
+
+
+class Tone(Enum):
+    """Whether a badge is good, bad or neutral."""
+
+    GOOD = "good"
+    BAD = "bad"
+    PLAIN = "plain"
+
+
+@dataclass(frozen=True, slots=True)
+class Badge:
+    """A short text in colour."""
+
+    text: str
+    tone: Tone
+
+    @staticmethod
+    def of(held: bool, good: str, bad: str | None = None) -> Badge:
+        """A good or a bad badge; without `bad`, both have the same text."""
+        return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
+
+
+Cell = str | Badge
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table with a head; the columns in `words` are texts, the others numbers."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    words: Collection[int] = (0,)
+    note: str = ""
 
 
 def shown(value: Any) -> str:

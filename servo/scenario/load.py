@@ -17,7 +17,6 @@ from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
 from servo.scenario.named_files import found_beside
-from servo.scenario.override import override, put
 from servo.scenario.sections import (
     MOST_FRAMES,
     GoalConfig,
@@ -26,6 +25,7 @@ from servo.scenario.sections import (
     RunConfig,
     StartConfig,
 )
+from servo.scenario.toml import override, put
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
 from sim.camera import CameraConfig
@@ -43,9 +43,6 @@ SECTIONS: dict[str, type[Any]] = {
     "sight": SightConfig,
     "measure": MeasureConfig,
 }
-MOVED = ("plane", "depth", "depth_factor")
-"""Settings that were in [features] in version 0.1, and are in [sight] now."""
-SECOND_CAR = "the kind 'second_car' of version 0.1 is called second_target now"
 KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
 
 
@@ -194,7 +191,6 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
-    _check_moved(table, place)
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
     values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
@@ -209,16 +205,6 @@ def parse(table: Table, name: str, place: str) -> Scenario:
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
     _check_frames(values["run"], values["camera"], place)
     return Scenario(name=name, table=table, expect=expect, **values)
-
-
-def _check_moved(table: Table, place: str) -> None:
-    features, disturbances = table.get("features"), table.get("disturbances")
-    for key in MOVED:
-        if isinstance(features, dict) and key in features:
-            raise Mistake(f"{place}: features.{key} is called sight.{key} now")
-    for i, item in enumerate(disturbances if isinstance(disturbances, list) else []):
-        if isinstance(item, dict) and item.get("kind") == "second_car":
-            raise Mistake(f"{place}: disturbances[{i}]: {SECOND_CAR}")
 
 
 def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:

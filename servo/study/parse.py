@@ -16,10 +16,8 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.named_files import digests
-from servo.scenario.override import assignment
-from servo.scenario.toml import is_number
-from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_key
-from servo.study.keys import check_apart, flat
+from servo.scenario.toml import assignment, is_number
+from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_apart, check_key, flat
 from servo.study.plan import Base, Study
 
 KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
@@ -32,12 +30,8 @@ SUCCESS = "success_rate"
 
 
 def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> Study:
-    """A study by its shipped name or by the path of a TOML file.
-
-    Args:
-        name: Such as "particles" or "mine/gains.toml".
-        changes: Settings of all runs, as for --set.
-        seeds: Number of seeds (0, 1, ...) instead of those of the file.
+    """A study by its shipped name or by the path of a TOML file, with changed settings of all runs,
+    as for --set, and with seeds 0, 1, ... up to a number instead of those of the file.
 
     Raises:
         Mistake: The user's mistake, in one sentence.

@@ -1,4 +1,4 @@
-"""A study as values: axes, draws and seeds, and the runs that result from them."""
+"""A study as values: axes, draws and seeds, the runs that result from them, and its files."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import copy
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 import tomli_w
 
 from servo.loop.run_measures import check_expect
-from servo.output.command_line import command_line
+from servo.output.formats import Document, Made, Number, command_line
+from servo.output.versions import versions
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario, Table
-from servo.scenario.override import assignment, put
+from servo.scenario.toml import assignment, put
 from servo.study.axes import SCENARIO, Axis, Draw, Value
 
 
@@ -160,3 +162,67 @@ def _toml(value: Value) -> str:
     # Inside two lists everything is written as a value, never as a table of its own.
     lines = tomli_w.dumps({"key": [[value]]}).strip().split("\n")
     return " ".join(line.strip() for line in lines).removeprefix("key = [ [ ")[: -len(", ], ]")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyFile(Made):
+    """study.json: all that defines a study."""
+
+    FILE: ClassVar[str] = "study.json"
+    KIND: ClassVar[str] = "sweep"
+
+    name: str
+    title: str
+    axes: dict[str, list[Any]]
+    draws: dict[str, dict[str, list[Any]]]
+    """The law of each drawn setting, and its numbers."""
+    seeds: list[int]
+    compare: str | None
+    """The axis whose values are compared with each other."""
+    expect: dict[str, Number]
+    runs: int
+    table: dict[str, Any]
+    """The study's TOML table, including the changes of the command line."""
+    scenarios: dict[str, dict[str, Any]]
+    """Tables of the scenarios that the study changes, by name."""
+    files: dict[str, str] = field(default_factory=dict[str, str])
+    """Digests of the files that these tables name, by path."""
+
+    @staticmethod
+    def of(study: Study, command: str) -> StudyFile:
+        """The file of a study that a command line starts."""
+        return StudyFile(
+            command=command,
+            versions=versions(),
+            name=study.name,
+            title=study.title,
+            axes={a.key: list(a.values) for a in study.every_axis},
+            draws={d.key: {d.law: list(d.numbers)} for d in study.draws},
+            seeds=list(study.seeds),
+            compare=study.compare,
+            expect=study.expect,
+            runs=study.size,
+            table=study.table,
+            scenarios={b.name: b.table for b in study.bases},
+            files=study.files,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailureFile(Document):
+    """failures/NUMBER.json: a run that ended in an error."""
+
+    KIND: ClassVar[str] = "failure"
+
+    run: int
+    settings: dict[str, Any]
+    command: str
+    """The command that repeats this run alone."""
+    error: str
+    """The traceback."""
+
+    @staticmethod
+    def of(run: Run, error: str, command: str) -> FailureFile:
+        """The file of a failed run."""
+        settings = run.settings | {"seed": run.seed}
+        return FailureFile(run=run.number, settings=settings, command=command, error=error)

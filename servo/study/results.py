@@ -16,6 +16,7 @@ from tracking.evaluation.statistics import Interval, McNemar, bootstrap, cells, 
 from tracking.files.csv_text import csv_text
 
 AVERAGED = (*MEANINGS, "track_ms")
+COMPARED = ("first", "second", "wins", "losses", "ties", "z", "p", "p_holm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,12 @@ class Compared:
     p_holm: float
     """The exact p value, corrected for the number of comparisons (Holm)."""
 
+    @property
+    def cells(self) -> list[Any]:
+        """Its values, as `COMPARED` names them."""
+        t = self.test
+        return [self.first, self.second, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]
+
 
 def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, Any], list[Row]]]:
     """The rows grouped by the values of axes; each group with its values, in the rows' order."""
@@ -65,17 +72,16 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
     return [Cell.of(settings, group) for settings, group in grouped(keys, rows)]
 
 
-def comparisons(study: Study, rows: Sequence[Row]) -> list[Compared]:
-    """McNemar's test on success for every pair of values of the compared axis, with Holm's
-    correction; runs are paired by all other axes and the seed, which decides the draws.
+def comparisons(key: str | None, axes: Sequence[str], rows: Sequence[Row]) -> list[Compared]:
+    """McNemar's test on success for every pair of values of the axis `key`, with Holm's correction;
+    runs are paired by all other axes and the seed, which decides the draws.
     """
-    key = study.compare
     if key is None:
         return []
-    others = [axis.key for axis in study.every_axis if axis.key != key]
+    others = [axis for axis in axes if axis != key]
     held: dict[Any, dict[tuple[Any, ...], bool]] = {}
     for row in rows:
-        at = (*(row[k] for k in others), row["seed"])
+        at = (*(row[k] for k in others), row.get("seed"))
         held.setdefault(row[key], {})[at] = row["success"]
     names = sorted(held, key=lambda n: -float(np.mean(list(held[n].values()))))
     pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
@@ -109,16 +115,6 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
         for cell in found
     ]  # fmt: skip
     return csv_text([*keys, "runs", *titles([SUCCESS, *AVERAGED])], lines)
-
-
-def comparisons_csv(found: Sequence[Compared]) -> str:
-    """The comparisons as CSV."""
-    head = ["first", "second", "wins", "losses", "ties", "z", "p", "p_holm"]
-    lines = [
-        [c.first, c.second, t.wins, t.losses, t.ties, t.z, t.p, c.p_holm]
-        for c, t in ((c, c.test) for c in found)
-    ]
-    return csv_text(head, lines)
 
 
 def _mcnemar(first: dict[Any, bool], second: dict[Any, bool]) -> McNemar:

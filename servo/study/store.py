@@ -8,53 +8,51 @@ missing.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pyarrow as pa
 
 from servo.mistake import Mistake, Refused
 from servo.output.result_folder import check_versions, only_writer
-from servo.study.perform import Row, version_columns
-from servo.study.plan import Run, Study
-from servo.study.run_file import RunFiles
-from servo.study.study_file import FailureFile, StudyFile
+from servo.study.perform import Row, RunFiles, version_columns
+from servo.study.plan import FailureFile, Run, Study, StudyFile
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
 RUNS, FAILURES = "runs", "failures"
-RESULTS, COMPARISONS = "results.parquet", "comparisons.csv"
+RESULTS = "results.parquet"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
 """Keys of study.json that must not differ between the sessions of one study."""
 
 
+@contextmanager
+def opened(folder: Path, study: Study, described: StudyFile) -> Generator[Store]:
+    """The store of a study in a folder, which is made if it is not there; one process may write
+    into it until the block ends.
+
+    Raises:
+        Mistake: The folder cannot be written or holds something else, or another process is
+            writing into it.
+    """
+    with only_writer(folder, StudyFile, "sweep", own=(RUNS, FAILURES)) as before:
+        yield Store(folder, study, before, described)
+
+
 class Store:
-    """A study's folder, for one writer; use it in a `with`."""
+    """A study's folder, for one writer."""
 
-    def __init__(self, folder: Path, study: Study, described: StudyFile) -> None:
-        """Make the folder, or continue in it.
-
-        Args:
-            folder: The folder.
-            study: The study.
-            described: The content of its study.json.
-
-        Raises:
-            Mistake: The folder cannot be written or holds something else, or another process is
-                writing into it.
-        """
+    def __init__(
+        self, folder: Path, study: Study, before: StudyFile | None, now: StudyFile
+    ) -> None:
         self.folder, self._study, self._files = folder, study, RunFiles(study)
         self.damaged: list[Path] = []
         """Files that do not hold the run of their name; these runs are repeated."""
-        self._open = ExitStack()
-        with ExitStack() as begun:
-            writer = only_writer(folder, StudyFile, "sweep", own=(RUNS, FAILURES))
-            self._compare(begun.enter_context(writer), described)
-            with self._on_disk("the folder"):
-                for part in (RUNS, FAILURES):
-                    atomic.folder(folder, part)
-            self._done = self._checked()
-            self._open = begun.pop_all()
+        self._compare(before, now)
+        with self._on_disk("the folder"):
+            for part in (RUNS, FAILURES):
+                atomic.folder(folder, part)
+        self._done = self._checked()
 
     def _compare(self, before: StudyFile | None, now: StudyFile) -> None:
         if before is None:
@@ -149,16 +147,6 @@ class Store:
         """
         with self._on_disk(name):
             return atomic.write(self.folder, name, content)
-
-    def close(self) -> None:
-        """Release the folder."""
-        self._open.close()
-
-    def __enter__(self) -> Store:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     def _failure(self, number: int) -> Path:
         return self.folder / FAILURES / f"{number:06}.json"

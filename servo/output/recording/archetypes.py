@@ -1,11 +1,14 @@
-"""Rerun archetypes for solids and rectangles, and the layout of the viewer."""
+"""What recordings are made of: their file, solids, rectangles, and the layout of the viewer."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
+import ctypes
+import shutil
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +16,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from servo.loop.step import Step
+from servo.mistake import Refused
 from sim.quaternion import quaternion_of
 from sim.shapes import Shape
 from sim.types import Array
@@ -24,11 +28,8 @@ LINE_RADIUS = 0.6
 
 
 def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Entity paths and archetypes of shapes: one for each body and kind, and for each mesh.
-
-    Args:
-        shapes: The shapes of the scene.
-        bodies: Entity paths of the bodies by number.
+    """Entity paths and archetypes of shapes: one for each body and kind, and for each mesh; given
+    the entity paths of the bodies by number.
     """
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
@@ -70,9 +71,9 @@ def _mesh(shape: Shape) -> rr.Mesh3D:
 def _archetype(kind: str, members: list[Shape]) -> Any:
     sizes = np.stack([m.size for m in members])
     centres = np.stack([m.pose.translation for m in members])
-    quaternions = [_quaternion(m.pose.rotation) for m in members]
+    turned = [np.roll(quaternion_of(m.pose.rotation), -1) for m in members]
     style: dict[str, Any] = {
-        "quaternions": quaternions,
+        "quaternions": [rr.Quaternion(xyzw=xyzw) for xyzw in turned],
         "colors": [m.rgba for m in members],
         "fill_mode": "solid",
     }
@@ -86,10 +87,6 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
     axes = np.stack([m.pose.rotation[:, 2] for m in members])
     begin = centres - axes * sizes[:, 1:2]
     return rr.Capsules3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], translations=begin, **style)
-
-
-def _quaternion(R: Array) -> rr.Quaternion:
-    return rr.Quaternion(xyzw=np.roll(quaternion_of(R), -1))
 
 
 def outline_strips(corners: Array) -> list[Array]:
@@ -151,3 +148,47 @@ def blueprint(features: Sequence[str]) -> rrb.Blueprint:
     return rrb.Blueprint(
         columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True
     )
+
+
+PATIENCE = 10.0
+"""Longest wait for the disk, which then counts as not writable [s]."""
+FULL = 1 << 16
+"""A disk with less free space counts as full [bytes]."""
+
+
+class RecordingFile:
+    """A recording stream that writes to one file."""
+
+    def __init__(self, app: str, path: Path, blueprint: rrb.Blueprint) -> None:
+        """Start a recording with the name of its folder."""
+        rr.set_strict_mode(True)
+        self.path = path
+        self.stream = rr.RecordingStream(app, recording_id=path.parent.name)
+        self.stream.save(path, default_blueprint=blueprint)
+        self.stream.set_log_time_enabled(False)
+        self.stream.set_log_tick_enabled(False)
+
+    def flush(self) -> None:
+        """Wait until everything that was logged is in the file.
+
+        Raises:
+            Refused: The disk cannot be written; the part written before can be opened.
+        """
+        try:
+            self.stream.flush(timeout_sec=PATIENCE)
+        except RuntimeError:
+            # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
+            rr.unregister_shutdown()
+            full = shutil.disk_usage(self.path.parent).free < FULL
+            why = "the disk is full" if full else "the disk refuses more"
+            raise Refused(f"{self.path}: the recording ends too early: {why}") from None
+
+    def close(self) -> None:
+        """Write the last data and the footer.
+
+        Raises:
+            Refused: As for `flush`; the file then stays as it is.
+        """
+        self.flush()
+        self.stream.disconnect()

@@ -36,8 +36,7 @@ from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
 from servo.output.recording import archetypes
-from servo.output.recording.archetypes import IMAGE
-from servo.output.recording.file import RecordingFile
+from servo.output.recording.archetypes import IMAGE, RecordingFile
 from servo.types import DOF
 from sim.robot import Robot
 from sim.shapes import shapes_of

@@ -7,8 +7,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from servo.output.recording.archetypes import outline
-from servo.output.recording.file import RecordingFile
+from servo.output.recording.archetypes import RecordingFile, outline
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import COLOURS
@@ -24,23 +23,12 @@ class TrackLog:
     """Writer of the recording of one track."""
 
     def __init__(self, path: Path, region: Region, rate: float) -> None:
-        """Start a recording.
-
-        Args:
-            path: The file.
-            region: The template.
-            rate: Pictures a second; after so many, the logged data is written to the file.
-        """
+        """Start a recording; the data of `rate` pictures is written to the file at once."""
         self._region, self._at_once = region, max(1, round(rate))
         self._file = RecordingFile("servobench_track", path, _blueprint())
         self._rec = self._file.stream
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Log a picture and its numbers.
-
-        Raises:
-            Refused: The disk cannot be written.
-        """
         rec, estimate = self._rec, shot.estimate
         rec.set_time("frame", sequence=shot.index)
         rec.set_time(
@@ -63,11 +51,6 @@ class TrackLog:
             self._file.flush()
 
     def close(self) -> None:
-        """Finish the file.
-
-        Raises:
-            Refused: The disk cannot be written.
-        """
         self._file.close()
 
     def abandon(self) -> None:

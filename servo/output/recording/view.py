@@ -1,4 +1,4 @@
-"""Viewing a recording: in Rerun's window, in a browser, or drawn into a PNG file."""
+"""A recording in Rerun's window, in a browser, or drawn into a PNG; and its camera's pictures."""
 
 from __future__ import annotations
 
@@ -8,12 +8,21 @@ import subprocess
 import sys
 import sysconfig
 import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import cv2
+import numpy as np
+from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from servo.mistake import Mistake
+from servo.output.recording.archetypes import IMAGE
 from sim.files import reading
+from sim.types import Array, Image
 from tracking.files import atomic
 
 MAGIC = (b"RRF2", b"RRIO")
@@ -61,13 +70,8 @@ def show(path: Path, *, web: bool) -> int:
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
-    """Draw the viewer at a simulated time into a PNG file, without a window.
-
-    Args:
-        path: The recording.
-        png: The file to write.
-        at: Simulated time [s].
-        panel: The entity of the only panel to draw, such as "world"; None: all panels.
+    """Draw the viewer at a simulated time [s] into a PNG file, without a window: all its panels, or
+    the one of an entity, such as "world".
 
     Raises:
         Mistake: The viewer cannot start, has no such panel, or does not show the recording.
@@ -95,11 +99,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
 
 
 def _check_png(path: Path, png: Path) -> None:
-    """Refuse a PNG file that cannot or must not be written.
-
-    Raises:
-        Mistake: Its folder is missing, it is not a file, or it is the recording.
-    """
+    """Refuse a PNG file that cannot or must not be written."""
     if not png.absolute().parent.is_dir():
         raise Mistake(f"{png}: there is no such folder to write to")
     if png.exists() and not png.is_file():
@@ -128,3 +128,80 @@ def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+BLOB, STRIPS, FRAME, TIME = "EncodedImage:blob", "LineStrips2D:strips", "frame", "sim_time"
+CORNERS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFrame:
+    """One frame of a recording."""
+
+    time: float
+    """Simulated [s]."""
+    image: Image
+    """RGB (H, W, 3)."""
+    truth: Array
+    """Corners (4, 2) of the target [px]; nan if there are none."""
+    estimate: Array
+    """Corners (4, 2) of the estimate [px]; nan if there are none."""
+
+
+def pictures(path: Path, count: int) -> list[RecordedFrame]:
+    """Up to `count` frames at equal distances, including the first and the last.
+
+    Raises:
+        Mistake: The file is missing, not a recording, or damaged.
+    """
+    check(path)
+    found: dict[str, dict[int, tuple[float, Any]]] = {BLOB: {}, "truth": {}, "estimate": {}}
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings(
+                "ignore", "RRD file has no footer"
+            )  # the frames before are read
+            for name, frame, time, value in _logged(path):
+                found[name][frame] = time, value
+    except (RuntimeError, ValueError, OSError):
+        raise Mistake(f"{path}: this recording is broken") from None
+    frames = sorted(found[BLOB])
+    if not frames:
+        return []
+    wanted = np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).astype(int))
+    return [_recorded(found, frames[i], path) for i in wanted]
+
+
+def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
+    """Name (BLOB, truth or estimate), frame, time [s] and logged value of each."""
+    names = {f"/{IMAGE}": (BLOB, BLOB)} | {
+        f"/{IMAGE}/{who}": (who, STRIPS) for who in ("truth", "estimate")
+    }
+    for chunk in RrdReader(str(path)).stream():
+        who, component = names.get(chunk.entity_path, ("", ""))
+        batch = chunk.to_record_batch()
+        if FRAME not in batch.schema.names or component not in batch.schema.names:
+            continue
+        times = batch.column(TIME).cast("int64").to_numpy() / 1e9
+        for row, frame in enumerate(batch.column(FRAME).to_pylist()):
+            yield who, frame, float(times[row]), batch.column(component)[row]
+
+
+def _recorded(
+    found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path
+) -> RecordedFrame:
+    time, blob = found[BLOB][frame]
+    raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
+    image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
+    if image is None:
+        raise Mistake(f"{path}: frame {frame} is not a picture")
+    truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
+    return RecordedFrame(
+        time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate
+    )
+
+
+def _corners(logged: tuple[float, Any] | None) -> Array:
+    """The rectangle of an outline: the first four points of its first line."""
+    strips = None if logged is None else logged[1].as_py()
+    return np.array(strips[0][:CORNERS]) if strips else np.full((CORNERS, 2), np.nan)

@@ -1,0 +1,56 @@
+"""The jobs of experiments: trackers on painted sequences, and functions of the seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
+from servo.bench.suites import GENERATORS, TRACKERS
+from servo.papers.groups import Result
+from sim import kinds
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """A job that is a function of the seed."""
+
+    name: str
+    about: dict[str, Any]
+    """What else decides the result."""
+    function: Callable[[int], Result]
+    seed: int
+
+    @property
+    def key(self) -> str:
+        return f"{self.name}/{self.seed}"
+
+    def describe(self) -> dict[str, Any]:
+        return self.about | {"seed": self.seed}
+
+    def run(self, folder: Path) -> Result:
+        del folder
+        return self.function(self.seed)
+
+
+def contender(
+    kind: str, preset: str | None = None, label: str | None = None, **settings: Any
+) -> Contender:
+    """A tracker for an experiment; by default its label contains the preset."""
+    begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
+    config = kinds.config_of(TRACKERS, kind)(**begin | settings)
+    return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
+
+
+def generated(kind: str, **settings: Any) -> Generated:
+    """A painted sequence for an experiment."""
+    return Generated(kind, kinds.config_of(GENERATORS, kind)(**settings))
+
+
+def sequence_jobs(
+    trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
+) -> list[SequenceJob]:
+    """Each tracker on each sequence with each seed."""
+    return [SequenceJob(t, entry, s) for t in trackers for entry in entries for s in seeds]
