@@ -2,8 +2,6 @@
 models that are too large are refused before they are loaded.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import re

@@ -1,7 +1,5 @@
 """The reference rectangle of a model that names none: what is seen of it from above."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import itertools

@@ -4,8 +4,6 @@ Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision 
 down, z forward), and nowhere else.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from collections.abc import Callable

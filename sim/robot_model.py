@@ -2,8 +2,6 @@
 contacts.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The scene as plain shapes, for whoever draws it without MuJoCo."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Puts what moves by itself where it is at a time: target, board, second target, lights."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from collections.abc import Sequence

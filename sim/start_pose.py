@@ -2,8 +2,6 @@
 iteration, and else from many places by quadratic programs with the limits of the joints (mink).
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import importlib

@@ -1,7 +1,5 @@
 """The object to be followed: its model, and the reference rectangle that stands for it."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The simulated world: pictures, steps, the robot's posture, and the truth."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A robot from a file, MJCF or URDF: six joints or more, and a camera at its flange."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import os

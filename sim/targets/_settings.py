@@ -1,7 +1,5 @@
 """What the settings of several targets share: rectangle, colours, and files by name."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import re
