@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.outline import SHOWN
 from sim.quaternion import matrix_of
+from sim.target import SHOWN
 from sim.types import Array, Image, Pose
 
 KINDS = {

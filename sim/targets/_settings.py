@@ -12,9 +12,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.outline import seen_from_above
 from sim.ranges import Length
-from sim.target import Target, outline_site, rectangle
+from sim.target import Target, outline_site, rectangle, seen_from_above
 from sim.types import Array
 
 Share = Annotated[float, Ge(0), Le(1)]
