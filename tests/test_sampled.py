@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Labelled, Window
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins, Labelled, Window
 from tracking.appearance.layout import disc, grid, histograms, ring
 from tracking.appearance.model import cell_model, disc_model
 from tracking.appearance.reference import Learning

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins
 from tracking.appearance.model import SampledModel, disc_model
 from tracking.appearance.reference import Learning
 from tracking.lock import LockConfig
@@ -27,12 +27,8 @@ class DiscSettings(Learning):
     """One histogram of the target under an Epanechnikov kernel."""
 
     contrast: Annotated[float, Ge(0), Le(100)] = 0.25
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     discriminate: bool = True
-    """Weigh the reference's bins by how well they separate the target from its surroundings."""
     update: Annotated[float, Ge(0), Le(1)] = 0.05
-    """Share of the target's appearance that is new in each picture where it was found; 0: the first
-    picture decides."""
     levels: Literal[2, 4, 8, 16, 32] = 8
     """Colour bins a channel."""
     density: Annotated[int, Ge(2), Le(256)] = 16

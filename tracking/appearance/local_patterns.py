@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Image
-from tracking.appearance.bins import Bins, Labels, Window
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import Bins, ColourBins, Labels, Window
 from tracking.types import Region, State
 
 THRESHOLD = 8.0

@@ -33,13 +33,10 @@ class Config(CloudSettings):
     """Particles, histogram, and layers."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
-    """Number of particles."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.3
     """Spread of position in the first layer, over the target's size."""
     velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
-    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
     scale_noise: Annotated[float, Ge(0), Le(1)] = 0.015
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
     layers: Annotated[int, Ge(1), Le(50)] = 5
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL

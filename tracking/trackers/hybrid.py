@@ -17,11 +17,8 @@ class Config(annealed.Config):
     """One layer with unsharpened weights, constant velocity, and a short climb of each particle."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
-    """Number of particles."""
     velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
-    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
     scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
     layers: Annotated[int, Ge(1), Le(50)] = 1
     """Number of annealing layers: one is no annealing."""
     schedule: annealed.Schedule = annealed.Schedule.FIXED

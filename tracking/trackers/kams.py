@@ -22,19 +22,15 @@ class Config(annealed.Config):
     """The annealed filter's settings, with fewer particles, sharper weights, and mean shift."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 40
-    """Number of particles."""
     gamma: Sharpness = 100.0
     """Sharpness of the likelihood exp(-gamma d^2); the paper's 1 - d loses the target three times
     as often.
     """
     noise: Annotated[float, Ge(0), Le(10)] = 1.2
-    """Spread of position in the first layer, over the target's size."""
     scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.0
     """Weight eta of the surrounding ring's likeness to the target. With a fixed size it only draws
     particles to places that stand out."""
     estimate: Literal["mean", "best"] = "best"
-    """The weighted mean of the particles, or the best of them."""
     climb: Annotated[int, Ge(1), Le(100)] = 6
     """Mean-shift histograms for each particle in each layer."""

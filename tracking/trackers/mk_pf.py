@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Le
 
 from sim.types import Image
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins
 from tracking.appearance.model import SampledModel, cell_model
 from tracking.settings import PLAIN, Sharpness
 from tracking.trackers import condensation
@@ -23,11 +23,9 @@ class Config(condensation.Config):
     """The particle filter's settings, in four dimensions, and the cells."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 500
-    """Number of particles."""
     gamma: Sharpness = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.08
-    """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
     scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
@@ -37,9 +35,7 @@ class Config(condensation.Config):
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Cells along each side: 3 is the paper's nine kernels."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     discriminate: bool = False
-    """Weigh the reference's bins by how well they separate the target from its surroundings."""
     update: Annotated[float, Ge(0), Le(1)] = 0.0
     """Share of the target's appearance that is new in each picture where it was found."""
 

@@ -18,7 +18,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Frame, Image
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins
 from tracking.appearance.model import cell_model
 from tracking.appearance.reference import Learning
 from tracking.hot.colour_labels import evened
@@ -58,7 +58,6 @@ class Config(Learning):
     density: Annotated[int, Ge(1), Le(64)] = 4
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     even: bool = False
     """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
     light changes, at the price of telling bright things from dark ones less well."""

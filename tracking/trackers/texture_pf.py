@@ -19,4 +19,3 @@ class Config(TextureSettings, condensation.Config):
     """The particle filter's settings, and the texture's."""
 
     scale_noise: Annotated[float, Ge(0), Le(1)] = 0.03
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
