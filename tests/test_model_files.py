@@ -112,7 +112,7 @@ WRONG = {
     '<?xml version="1.0" encoding="utf-99"?><mujoco/>': (
         "'mine.xml' is no XML: unknown encoding: utf-99"
     ),
-    "<a>" * 300: "in 'mine.xml' elements lie too deep in each other; the limit is 200",
+    "<a>" * 300: "'mine.xml' has elements that lie too deep in each other; the limit is 200",
     '<!DOCTYPE m [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>': (
         "'mine.xml' has a document type (DTD); its entities are not expanded"
     ),
