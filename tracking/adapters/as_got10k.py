@@ -12,7 +12,6 @@ import numpy as np
 from sim.files.picture_file import read_image
 from sim.types import Array, Image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 
 
@@ -35,8 +34,7 @@ class Got10kTracker:
         Raises:
             ValueError: The box is empty, or most of it is outside the picture.
         """
-        corners = corners_of(np.array(box, dtype=float)) - 1.0
-        self._follower.start(_array(image), *placement(corners))
+        self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
     def update(self, image: Any) -> Array:
         """The box (4,)."""
