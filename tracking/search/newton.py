@@ -45,22 +45,6 @@ class Refined:
     """How often the histograms were computed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Linearisation:
-    """The objective around a state."""
-
-    cost: float
-    gradient: Array
-    """Half of dO/dx (4,)."""
-    curvature: Array
-    """Gauss-Newton approximation (4, 4) of half the Hessian."""
-
-    @property
-    def distance(self) -> float:
-        """The Bhattacharyya distance d_m."""
-        return distance_of(self.cost)
-
-
 def distance_of(cost: float) -> float:
     """The Bhattacharyya distance: O = 2 d_m^2 (equation 6)."""
     return sqrt(min(cost / 2, 1.0))
@@ -105,9 +89,11 @@ class KernelModel:
         """Histograms under the kernels at x (4,), not normalised: as of `hot.kernel_histograms`."""
         return hot.histograms(image, x, self._kernels)
 
-    def linearise(self, image: Image, x: Array) -> Linearisation:
-        """Objective, gradient and curvature at x (4,)."""
-        return Linearisation(*hot.linearise(image, x, self._kernels, self._root_reference))
+    def linearise(self, image: Image, x: Array) -> tuple[float, Array, Array]:
+        """The objective at x (4,), half its gradient (4,) and half its curvature (4, 4), as of
+        Gauss and Newton.
+        """
+        return hot.linearise(image, x, self._kernels, self._root_reference)
 
     def refine(
         self,
