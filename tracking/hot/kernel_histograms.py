@@ -6,15 +6,14 @@ r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i +
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sim.types import Array, Image
 from tracking.hot.compiled import compiled
 
-if TYPE_CHECKING:
-    Weight = tuple[float, float, float, float, float]
+Weight = tuple[float, float, float, float, float]
 
 
 @compiled(error_model="numpy")
