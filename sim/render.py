@@ -80,12 +80,10 @@ class OpenGLRenderer:
         self._upside_down = np.empty((height, width, 3), np.uint8)
 
     def close(self) -> None:
-        """Give the GL buffers back."""
         gl.make_current()
         self._context.free()
 
     def render(self, data: mujoco.MjData) -> Image:
-        """A new RGB picture (H, W, 3) of the scene as it is."""
         self._draw(data)
         picture = cv2.flip(self._upside_down, 0)
         if picture.shape[1::-1] != self._size:

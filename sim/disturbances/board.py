@@ -31,7 +31,6 @@ class Config(Settled):
     it came from; from 0.12 to 0.26 it hides a part of the target only."""
 
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
         # Fully hidden means within the board's own rim, which its slide has passed a moment before
         # it stops.
         ends = self.start + self.duration

@@ -28,6 +28,5 @@ class Config(Settled):
     """How long it stays there [s]."""
 
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
         times = np.cumsum([self.start, self.ramp, self.duration, self.ramp])
         return Effect(gain=float(np.interp(time, times, (1.0, self.factor, self.factor, 1.0))))

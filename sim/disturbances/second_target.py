@@ -30,7 +30,6 @@ class Config(Settled):
     """Speed [m/s]."""
 
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
         since = time - self.start
         if not 0 <= since <= self.duration:
             return Effect()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from annotated_types import Ge, Le
 
-from sim.ranges import Interval, Place, Time
+from sim.ranges import Interval, Place, Share, Time
 from sim.settled import Settled
 from sim.types import Effect, Spot
 
@@ -28,13 +27,12 @@ class Config(Settled):
     """Middle of the spot on the table [m]."""
     y: Place = 0.0
     """Middle of the spot on the table [m]."""
-    strength: Annotated[float, Ge(0), Le(1)] = 0.4
+    strength: Share = 0.4
     """Brightness of the spot."""
-    lamp: Annotated[float, Ge(0), Le(1)] = 0.5
+    lamp: Share = 0.5
     """Factor on the lamp's brightness meanwhile: light that adds up to more than 1 is lost."""
 
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
         times = np.cumsum([self.start, self.ramp, self.duration, self.ramp])
         share = float(np.interp(time, times, (0.0, 1.0, 1.0, 0.0)))
         if share == 0.0:

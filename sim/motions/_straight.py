@@ -27,6 +27,5 @@ class Straight(Settled):
         """How far the target is from its start at a time [s], along its nose [m]."""
 
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
         heading, way = radians(self.heading_deg), self.way(time)
         return Pose.planar(self.x + way * cos(heading), self.y + way * sin(heading), heading)

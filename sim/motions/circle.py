@@ -27,7 +27,6 @@ class Config(Settled):
     """Rounds a second [Hz]; negative drives clockwise as seen from above."""
 
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
         angle = 2 * pi * self.frequency * time
         nose = angle + (pi / 2 if self.frequency >= 0 else -pi / 2)
         x, y = self.x + self.radius * cos(angle), self.y + self.radius * sin(angle)

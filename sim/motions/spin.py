@@ -34,7 +34,6 @@ class Config(Settled):
     """How long a leg lasts [s]."""
 
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
         rounds, rest = divmod(time, self.turn_duration + self.leg_duration)
         way = complex(self.x, self.y)
         for k in range(int(rounds)):

@@ -84,11 +84,9 @@ class ColourBins:
 
     @property
     def count(self) -> int:
-        """Number of bins."""
         return self.levels**3
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Bin numbers (h, w) of the pixels in a window."""
         bits = self.levels.bit_length() - 1
         return hot.labels(image, window.left, window.top, window.right, window.bottom, bits)
 

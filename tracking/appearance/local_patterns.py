@@ -65,7 +65,6 @@ class TextureBins:
 
     @property
     def count(self) -> int:
-        """Number of bins."""
         return self.levels**3 * len(MAJOR)
 
     def label(self, image: Image, window: Window) -> Labels:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array
 from tracking.appearance.bins import Labelled
 from tracking.appearance.model import SampledModel
@@ -35,8 +36,8 @@ class Config(CloudSettings):
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
     noise: Annotated[float, Ge(0), Le(10)] = 0.3
     """Spread of position in the first layer, over the target's size."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.015
+    velocity_memory: Share = 1.0
+    scale_noise: Share = 0.015
     layers: Annotated[int, Ge(1), Le(50)] = 5
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL

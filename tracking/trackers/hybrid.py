@@ -7,6 +7,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from tracking.trackers import annealed, condensation
 
 PRESETS = {"paper": condensation.FILTER}
@@ -17,8 +18,8 @@ class Config(annealed.Config):
     """One layer with unsharpened weights, constant velocity, and a short climb of each particle."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
+    velocity_memory: Share = 0.5
+    scale_noise: Share = 0.0
     layers: Annotated[int, Ge(1), Le(50)] = 1
     """Number of annealing layers: one is no annealing."""
     schedule: annealed.Schedule = annealed.Schedule.FIXED

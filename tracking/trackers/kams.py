@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from tracking.settings import Sharpness
 from tracking.trackers import annealed
 
@@ -27,7 +28,7 @@ class Config(annealed.Config):
     as often.
     """
     noise: Annotated[float, Ge(0), Le(10)] = 1.2
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
+    scale_noise: Share = 0.0
     contrast: Annotated[float, Ge(0), Le(100)] = 0.0
     """Weight eta of the surrounding ring's likeness to the target. With a fixed size it only draws
     particles to places that stand out."""

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Image
 from tracking.appearance.bins import ColourBins
 from tracking.appearance.model import SampledModel, cell_model
@@ -28,7 +29,7 @@ class Config(condensation.Config):
     noise: Annotated[float, Ge(0), Le(10)] = 0.08
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
+    scale_noise: Share = 0.02
     """Spread of ln scale per frame."""
     density: Annotated[int, Ge(1), Le(64)] = 5
     """Points along each side of a cell at which a particle reads the image."""
@@ -36,7 +37,7 @@ class Config(condensation.Config):
     """Cells along each side: 3 is the paper's nine kernels."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     discriminate: bool = False
-    update: Annotated[float, Ge(0), Le(1)] = 0.0
+    update: Share = 0.0
     """Share of the target's appearance that is new in each picture where it was found."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:

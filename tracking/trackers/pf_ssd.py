@@ -17,6 +17,7 @@ from typing import Annotated, Literal, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array, Frame, Image
 from tracking.appearance.bins import ColourBins
 from tracking.appearance.model import cell_model
@@ -47,9 +48,9 @@ class Config(Learning):
     """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
+    scale_noise: Share = 0.02
     """Spread of ln scale per frame."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Kernels along each side: 3 is the paper's nine."""
@@ -69,21 +70,21 @@ class Config(Learning):
     our car no longer holds its angle against parallax."""
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
-    occluded: Annotated[float, Ge(0), Le(1)] = 0.6
+    occluded: Share = 0.6
     """The paper's tau: no descent where the filter's mean is farther from the target than this
     distance d_m.
     """
     trust: Annotated[float, Ge(0), Le(1000)] = 0.6
     """The descent is believed up to this distance from the filter's mean, over the target's size.
     """
-    hidden: Annotated[float, Ge(0), Le(1)] = 0.5
+    hidden: Share = 0.5
     """Power of the weights in resampling while the target is not seen: 75 particles would gather on
     what hides it, and miss it when it comes out."""
     lock: LockConfig = field(default_factory=LockConfig)
     """When the target counts as hidden or lost."""
     widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""
-    scatter: Annotated[float, Ge(0), Le(1)] = 0.7
+    scatter: Share = 0.7
     """Share of the particles that is strewn over the whole picture while the target is LOST."""
 
     def build(self, rng: np.random.Generator) -> PfSsd:
