@@ -1,7 +1,5 @@
 """The camera of the robot: its settings, and the intrinsics that they and the model give."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Annotated
 

@@ -4,8 +4,6 @@ MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages 
 thing, so this file checks first.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib
 import os

@@ -1,7 +1,5 @@
 """The lens between a rendered pinhole picture and the camera's own, distorted one."""
 
-from __future__ import annotations
-
 from typing import Any, final
 
 import cv2

@@ -2,8 +2,6 @@
 loaded.
 """
 
-from __future__ import annotations
-
 import re
 import stat
 import struct

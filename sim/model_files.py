@@ -2,8 +2,6 @@
 models that are too large are refused before they are loaded.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any, NoReturn

@@ -1,7 +1,5 @@
 """Rotations between matrices and quaternions (w, x, y, z), as MuJoCo converts them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import mujoco

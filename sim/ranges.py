@@ -1,7 +1,5 @@
 """Ranges that several settings share: in each a run ends normally, and each has its unit."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from annotated_types import Ge, Le

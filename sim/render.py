@@ -4,8 +4,6 @@ Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision 
 down, z forward), and nowhere else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -6,8 +6,6 @@ actuator is a `velocity` servo of one joint, and the camera's optical centre is 
 model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The chain of joints from a robot's base to its flange, found in a model of any shape."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from difflib import get_close_matches
 

@@ -1,7 +1,5 @@
 """Velocity drives for a robot whose model has others: their gains follow from its inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

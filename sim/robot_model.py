@@ -2,8 +2,6 @@
 contacts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import chain
 from math import cos, radians, sin

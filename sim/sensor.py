@@ -1,7 +1,5 @@
 """What happens between the light and the numbers: averaging, the lens, brightness, noise."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.camera import CameraConfig

@@ -1,7 +1,5 @@
 """Parts that draw nothing: their settings are the part itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

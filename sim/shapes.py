@@ -1,7 +1,5 @@
 """The scene as plain shapes, for whoever draws it without MuJoCo."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

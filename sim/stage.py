@@ -1,7 +1,5 @@
 """Puts what moves by itself where it is at a time: target, board, second target, lights."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 from operator import or_

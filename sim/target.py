@@ -1,7 +1,5 @@
 """The object to be followed: its model, and the reference rectangle that stands for it."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

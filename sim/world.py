@@ -1,7 +1,5 @@
 """The simulated world: pictures, steps, the robot's posture, and the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

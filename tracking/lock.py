@@ -2,8 +2,6 @@
 trackers.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Settings that several trackers share; a tracker's own `Config` adds to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """A board slides between camera and target, stays there, and slides out again."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 

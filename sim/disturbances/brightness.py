@@ -1,7 +1,5 @@
 """The brightness of the image goes to a factor over a ramp, stays there, and comes back."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 

@@ -1,7 +1,5 @@
 """A second target, the first one's twin, drives straight across the table."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The lamp dims, and a spot light from above brightens a part of the table."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

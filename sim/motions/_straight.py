@@ -1,7 +1,5 @@
 """What drives along a straight line, its nose ahead, has in common."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from math import cos, radians, sin

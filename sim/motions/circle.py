@@ -1,7 +1,5 @@
 """The target drives around a circle, its nose along the tangent."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, pi, sin
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The target drives straight on at constant speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sim.motions._straight import Straight

@@ -2,8 +2,6 @@
 (the experiment of Teuliere, Marchand and Eck, section VI).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sim.motions._straight import Straight

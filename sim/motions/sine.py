@@ -1,7 +1,5 @@
 """The target swings along a straight line, its position a sine of time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi, sin
 from typing import Annotated

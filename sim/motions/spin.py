@@ -1,7 +1,5 @@
 """The target turns on the spot, drives a leg, turns on the spot again, and so on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, radians, sin
 from typing import Annotated

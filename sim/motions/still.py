@@ -1,7 +1,5 @@
 """The target stands still."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sim.motions._straight import Straight

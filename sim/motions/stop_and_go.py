@@ -1,7 +1,5 @@
 """The target drives straight on, stops, and drives on: its speed jumps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """A six-joint arm on a pedestal behind the table, with the camera at its wrist."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """A 6-DOF gantry over the table: three slides, and a wrist whose axes meet in the camera."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """A robot from a file, MJCF or URDF: six joints or more, and a camera at its flange."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

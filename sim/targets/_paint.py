@@ -1,7 +1,5 @@
 """Pictures and colours on models: a box, and the material of a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

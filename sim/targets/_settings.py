@@ -1,7 +1,5 @@
 """What the settings of several targets share: rectangle, colours, and files by name."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from importlib import resources

@@ -1,7 +1,5 @@
 """A mesh of an OBJ or STL file, scaled to a size, in one colour or with a picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, radians, sin
 from typing import Any, Literal

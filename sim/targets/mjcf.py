@@ -1,7 +1,5 @@
 """A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import chain
 

@@ -1,7 +1,5 @@
 """Our trackers in the convention of the GOT-10k toolkit (Huang, Zhao, Huang 2021)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

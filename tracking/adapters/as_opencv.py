@@ -1,7 +1,5 @@
 """Our trackers in OpenCV's convention."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Our trackers for the VOT toolkit's Python integration."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """A tracker that is given pictures one by one, as other toolkits do it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

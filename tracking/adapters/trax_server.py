@@ -1,7 +1,5 @@
 """Our trackers for clients of the TraX protocol: `python -m tracking.adapters.trax_server KIND`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tomllib

@@ -7,8 +7,6 @@ texture's five bins; all other pixels (flat, spots, noise) count as nothing. The
 equation 13 says "otherwise 0": it means discard, not bin 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -15,8 +15,6 @@ The distance is the mean over the nine parts, not the sum: the sum is the same l
 times gamma, under which 300 particles leave an effective sample of two.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.types import Array, Image

@@ -8,8 +8,6 @@ only in pictures where it was found, and never farther than `ANCHOR` from its fi
 (Nummiaro, Koller-Meier, Van Gool 2003).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """A track as a CSV file: a row for each picture, written immediately."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Is the target of another tracker still there? Our histogram, or the tracker's own score."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass, field

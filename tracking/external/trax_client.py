@@ -1,7 +1,5 @@
 """A tracker in a process of its own that speaks the TraX protocol: starts, asks and ends it."""
 
-from __future__ import annotations
-
 import os
 import queue
 import shlex

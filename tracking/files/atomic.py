@@ -4,8 +4,6 @@ A file is written under another name, flushed to the disk, and renamed over an o
 may come from another person: a link at a file's place is replaced, a link to a folder is refused.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

@@ -1,7 +1,5 @@
 """Compiled loops for bin numbers of colours, and for colours without brightness."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled loops for Levenberg's descent on the SSD of the square roots of histograms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.types import Array, Image

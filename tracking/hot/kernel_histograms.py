@@ -4,8 +4,6 @@ A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled loops over weighted samples, which particle filters run in every frame."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

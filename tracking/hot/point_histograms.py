@@ -4,8 +4,6 @@ A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + s
 the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ M is the broadest, layer 0 the last, and the noise shrinks with it. The KAMS pap
 before w_0 is used; here the set that leaves layer 0 is weighed with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum

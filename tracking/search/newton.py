@@ -17,8 +17,6 @@ so dx = -2 J_U^+ e. Four things the paper leaves out matter:
 Colours are binned softly (tetrahedrally) here, which makes O smooth in the state.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 

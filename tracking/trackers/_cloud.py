@@ -1,7 +1,5 @@
 """The skeleton of all particle filters on one model of the target: search, estimate, resample."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import final
 

@@ -1,7 +1,5 @@
 """What the reference trackers made of OpenCV's share: a hue histogram, which judges them."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Annotated

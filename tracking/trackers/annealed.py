@@ -1,7 +1,5 @@
 """Annealed particle filter on one colour histogram (Deutscher, Blake, Reid 2000)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Hybrid of Condensation and mean shift: every particle climbs (Maggio and Cavallaro 2005)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -4,8 +4,6 @@ In each layer of an annealed particle filter every particle climbs to the neares
 weighed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV): a histogram a cell."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any
 

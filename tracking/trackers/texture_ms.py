@@ -1,7 +1,5 @@
 """Mean shift on the joint colour and texture histogram (Ning, Zhang, Zhang, Wu 2009)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, cast
 

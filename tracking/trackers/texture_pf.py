@@ -1,7 +1,5 @@
 """PFJCTH: particle filter on the joint colour and texture histogram (Nagy, Ahmed, Zayed)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sim.ranges import Share

@@ -5,8 +5,6 @@ playlists and other texts could make FFmpeg open more files, and logs of robots 
 FFmpeg gets an open file without its name, so that it reads no addresses and no numbered series.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
