@@ -1,7 +1,7 @@
 """A board slides between camera and target, stays there, and slides out again."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -15,7 +15,7 @@ from sim.types import Effect
 class Config(Settled):
     """When and how fast."""
 
-    props: ClassVar[tuple[str, ...]] = ()
+    props = ()
     start: Time = 4.0
     """When it stands first [s]."""
     duration: Time = 0.5

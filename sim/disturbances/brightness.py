@@ -1,7 +1,7 @@
 """The brightness of the image goes to a factor over a ramp, stays there, and comes back."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -15,7 +15,7 @@ from sim.types import Effect
 class Config(Settled):
     """When, how much and how fast."""
 
-    props: ClassVar[tuple[str, ...]] = ()
+    props = ()
     start: Time = 3.0
     """When the brightness begins to change [s]."""
     factor: Annotated[float, Ge(0), Le(100)] = 0.7

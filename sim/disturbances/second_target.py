@@ -1,7 +1,6 @@
 """A second target, the first one's twin, drives straight across the table."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from sim.motions import line
 from sim.ranges import Degrees, Place, Speed, Time
@@ -13,7 +12,7 @@ from sim.types import Effect
 class Config(Settled):
     """When it comes, and how it drives."""
 
-    props: ClassVar[tuple[str, ...]] = ("second_target",)
+    props = ("second_target",)
     start: Time = 3.0
     """When it appears [s]."""
     duration: Time = 6.0

@@ -1,7 +1,6 @@
 """The lamp dims, and a spot light from above brightens a part of the table."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from sim.types import Effect, Spot
 class Config(Settled):
     """When, where and how bright."""
 
-    props: ClassVar[tuple[str, ...]] = ("spot",)
+    props = ("spot",)
     start: Time = 3.0
     """When the light begins to change [s]."""
     ramp: Interval = 0.5
