@@ -13,10 +13,9 @@ from sim import placement
 from sim.assembly import TARGET, build_model
 from sim.camera import CameraConfig, camera_of
 from sim.geometry import log_se3
-from sim.lens import Lens
+from sim.lens import Lens, Sensor
 from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.robot import CAMERA, Design, Robot
-from sim.sensor import Sensor
 from sim.stage import Disturbance, Motion, Stage
 from sim.start_pose import Reach
 from sim.target import Target
