@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Array, Image
 from tracking.appearance.bins import ColourBins
-from tracking.appearance.model import SampledModel, disc_model
+from tracking.appearance.model import SampledModel, model_of
 from tracking.appearance.reference import Learning
 from tracking.lock import LockConfig
 from tracking.types import Region, State
@@ -37,7 +37,7 @@ class DiscSettings(Learning):
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """The target's appearance: one histogram under an Epanechnikov kernel."""
-        return disc_model(image, region, state, ColourBins(self.levels), self, density=self.density)
+        return model_of(image, region, state, ColourBins(self.levels), self, density=self.density)
 
 
 @dataclass(frozen=True, slots=True)

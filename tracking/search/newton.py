@@ -61,6 +61,7 @@ class KernelModel:
         span: float = 1.0,
         levels: int = 8,
         pixels: int = 2000,
+        inset: float = 0.0,
     ) -> None:
         """Learn the reference histograms.
 
@@ -73,7 +74,9 @@ class KernelModel:
                 sharpens the angle.
             levels: Bins a channel.
             pixels: Larger targets are read at every second, third, ... pixel to stay below this.
+            inset: Share of the region's width and height that is left out, half on each side.
         """
+        region = Region(region.width * (1 - inset), region.height * (1 - inset))
         offsets = (np.arange(per_side) + 0.5) / per_side - 0.5
         u, v = np.meshgrid(offsets * region.width, offsets * region.height)
         centres = np.stack([u.ravel(), v.ravel()], axis=1)

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Image
 from tracking.appearance.bins import ColourBins
-from tracking.appearance.model import SampledModel, cell_model
+from tracking.appearance.model import SampledModel, model_of
 from tracking.settings import PLAIN, Sharpness
 from tracking.trackers import condensation
 from tracking.types import Region, State
@@ -40,7 +40,7 @@ class Config(condensation.Config):
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """The target's appearance: a histogram for each cell."""
-        return cell_model(
+        return model_of(
             image, region, state, ColourBins(self.levels), self,
             per_side=self.cells, density=self.density,
         )  # fmt: skip

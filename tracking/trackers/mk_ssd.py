@@ -56,10 +56,10 @@ class MkSsd:
         """Learn the histograms."""
         check_region(frame, region, state)
         c = self._config
-        inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
         self._kernels = KernelModel(
-            frame.image, inner, state, per_side=c.cells, span=c.span, levels=c.levels
-        )
+            frame.image, region, state,
+            per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
+        )  # fmt: skip
         self._state, self._lock = state, Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 

@@ -20,7 +20,7 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
 from tracking.appearance.bins import ColourBins
-from tracking.appearance.model import cell_model
+from tracking.appearance.model import model_of
 from tracking.appearance.reference import Learning
 from tracking.hot.colour_labels import evened
 from tracking.lock import Lock, LockConfig
@@ -104,14 +104,14 @@ class PfSsd:
         check_region(frame, region, state)
         c, image = self._config, self._view(frame.image)
         self._size = float(np.sqrt(region.area(state)))
-        self._cells = cell_model(
+        self._cells = model_of(
             image, region, state, ColourBins(c.levels), c,
             per_side=c.cells, density=c.density,
         )  # fmt: skip
-        inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
         self._kernels = KernelModel(
-            image, inner, state, per_side=c.cells, span=c.span, levels=c.levels
-        )
+            image, region, state,
+            per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
+        )  # fmt: skip
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state

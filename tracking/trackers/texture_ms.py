@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Image
 from tracking.appearance.local_patterns import THRESHOLD, TextureBins, texture_or_colour
-from tracking.appearance.model import SampledModel, disc_model
+from tracking.appearance.model import SampledModel, model_of
 from tracking.settings import PLAIN
 from tracking.trackers import mean_shift
 from tracking.types import Region, State
@@ -34,7 +34,7 @@ class TextureSettings:
         joint = TextureBins(self.levels, self.threshold)
         bins = texture_or_colour(image, region, state, joint, self.least_texture)
         learning = cast(Any, self)  # the other base of every subclass
-        return disc_model(image, region, state, bins, learning, density=self.density)
+        return model_of(image, region, state, bins, learning, density=self.density)
 
 
 @dataclass(frozen=True, slots=True)
