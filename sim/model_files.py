@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from sim.files import reading
 from sim.model_assets import Assets, package_root
 from sim.quiet import silent_libraries
 from sim.urdf import complete_urdf
@@ -94,6 +95,7 @@ def files_of(path: Path) -> set[Path]:
 
 
 def _read(path: Path, what: str) -> tuple[Element, Assets]:
+    reading.opened(path, what).close()  # refused with its reason, if it is no file
     try:
         root = package_root(path) if path.suffix.lower() == ".urdf" else path.parent.resolve()
         assets = Assets(root)

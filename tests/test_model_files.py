@@ -224,7 +224,7 @@ def test_xml_is_refused_by_its_size(model, monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("none.xml", "No such file or directory"), (".", "it is not a regular file")],
+    [("none.xml", "No such file or directory"), (".", "it is a folder")],
 )
 def test_a_model_that_is_no_file_is_a_sentence(tmp_path, name, reason):
     with pytest.raises(ValueError, match=re.escape(f"cannot read this robot: {reason}")):
