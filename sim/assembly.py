@@ -1,9 +1,5 @@
 """The scene put together: a robot and a target attached to the room, compiled for a camera."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Iterable
 from importlib import resources
 

@@ -1,9 +1,5 @@
 """The camera of the robot: its settings, and the intrinsics that they and the model give."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -12,6 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.distortion import WIDEST, Distortion, Model
+from sim.ranges import Share
 from sim.types import Array, Camera
 
 FOVY = 45.0
@@ -57,7 +54,7 @@ class CameraConfig:
     """Rendered this many times as large and averaged: 2 smooths the edges, and doubles the time."""
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
-    exposure: Annotated[float, Ge(0), Le(1)] = 0.0
+    exposure: Share = 0.0
     """Exposure as a fraction of the frame interval; what moves meanwhile is blurred."""
     subframes: Annotated[int, Ge(2), Le(64)] = 6
     """Pictures that are averaged over the exposure, where there is one."""

@@ -15,8 +15,6 @@ J. Kannala and S. S. Brandt, "A generic camera model and calibration method for 
 wide-angle, and fish-eye lenses", TPAMI 28(8), 2006.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from math import isfinite

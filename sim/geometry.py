@@ -6,8 +6,6 @@ frame.
 
 # pyright: reportAttributeAccessIssue=false
 # LAPACK's functions come from a compiled module without stubs.
-from __future__ import annotations
-
 from math import atan2, sqrt, tan
 
 import numpy as np

@@ -1,10 +1,8 @@
 """The OpenGL that renderers share, and a plain sentence where this machine has none.
 
 MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong
-thing, so this file checks first, without importing MuJoCo.
+thing, so this file checks first.
 """
-
-from __future__ import annotations
 
 import ctypes
 import importlib
@@ -16,8 +14,6 @@ from typing import Any
 from sim.quiet import silent_libraries
 
 APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
-EGL_PLATFORM_DEVICE = 0x313F
-MOST_DEVICES = 16
 CHOSEN_BY = "MUJOCO_GL"
 OFF = ("off", "disable", "disabled", "false", "0")
 ANY = ("", "on", "enable", "enabled", "true", "1", "glfw")
@@ -50,11 +46,11 @@ def backend() -> str:
     if asked == "osmesa":
         _require(*OSMESA)
         return "osmesa"
-    egl = _require("libEGL.so.1", APT)
+    _require("libEGL.so.1", APT)
     if _library("libGL.so.1") is None:
         _require("libOpenGL.so.0", APT)
     with silent_libraries():
-        answers = _has_device(egl)
+        answers = _has_device()
     if not answers:
         raise NoRenderer(
             f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'."
@@ -112,36 +108,17 @@ def _library(name: str) -> ctypes.CDLL | None:
         return None
 
 
-def _require(name: str, remedy: str) -> ctypes.CDLL:
-    library = _library(name)
-    if library is None:
+def _require(name: str, remedy: str) -> None:
+    if _library(name) is None:
         raise NoRenderer(f"The OpenGL library {name} is missing on this machine: run '{remedy}'.")
-    return library
 
 
-def _has_device(egl: ctypes.CDLL) -> bool:
+def _has_device() -> bool:
     """Whether some EGL device can be initialised (needs a DRI driver, which libEGL alone does not
     bring).
     """
-    egl.eglGetProcAddress.restype = ctypes.c_void_p
-    addresses = [
-        egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")
-    ]
-    if None in addresses:
+    try:
+        egl: Any = importlib.import_module("mujoco.egl")
+        return bool(egl.create_initialized_egl_device_display())
+    except Exception:  # of PyOpenGL, where the library has no such functions
         return False
-    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(
-        addresses[0]
-    )
-    display_of = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(
-        addresses[1]
-    )
-    devices = (ctypes.c_void_p * MOST_DEVICES)()
-    found = ctypes.c_int()
-    if not query(MOST_DEVICES, devices, ctypes.byref(found)):
-        return False
-    egl.eglInitialize.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
-    return any(
-        (display := display_of(EGL_PLATFORM_DEVICE, device, None))
-        and egl.eglInitialize(display, None, None)
-        for device in devices[: found.value]
-    )

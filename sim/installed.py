@@ -6,8 +6,6 @@ An installed package adds a tracker with these lines in its pyproject.toml:
     mine = "my_package.my_module:Config"
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import importlib.util

@@ -5,8 +5,6 @@ Dropping a file into one of the folders is all it takes to add a motion, a track
 ... Installed packages add kinds by entry points; see `sim.installed`.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib

@@ -1,6 +1,4 @@
-"""The lens between a rendered pinhole picture and the camera's own, distorted one."""
-
-from __future__ import annotations
+"""From rendered pinhole pictures to the frame: the lens, then averaging, brightness and noise."""
 
 from typing import Any, final
 
@@ -8,14 +6,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.camera import border
-from sim.types import Array, Camera
+from sim.camera import CameraConfig, border
+from sim.types import Array, Camera, Image
 
 SHARP = 0.8
 """On the optical axis the rendered picture has at least this many pixels for one of the camera's.
 """
 LARGEST = 4
 """The rendered picture is at most this many times as wide, and as high."""
+NOISE_MARGIN = 64
+"""The noise tile is this much larger than the image [px], so that it can lie differently in each
+frame.
+"""
 
 
 @final
@@ -56,3 +58,32 @@ def _view(camera: Camera) -> Camera:
     size = np.clip(np.ceil(SHARP * span * (camera.fx, camera.fy)), own, LARGEST * own)
     (fx, fy), (cx, cy) = (size / span).tolist(), (-low * size / span).tolist()
     return Camera(fx, fy, cx, cy, *size.astype(int).tolist())
+
+
+class Sensor:
+    """Makes the frame from pictures of the lens's view."""
+
+    def __init__(self, config: CameraConfig, lens: Lens, rng: np.random.Generator) -> None:
+        self._size = (config.height, config.width)
+        self._lens, self._rng = lens, rng
+        self._noise = None
+        if config.noise > 0:
+            tile = (config.height + NOISE_MARGIN, config.width + NOISE_MARGIN, 3)
+            self._noise = rng.normal(0.0, config.noise, tile).astype(np.float32)
+
+    def develop(self, pictures: list[Image], gain: float) -> Image:
+        """The read-only frame from the pictures (H, W, 3) taken over one exposure.
+
+        The lens bends their mean, once a frame, as it would bend each of them.
+        """
+        if len(pictures) == 1 and gain == 1.0 and self._noise is None:
+            image = self._lens.bend(pictures[0])
+        else:
+            mean = np.asarray(np.mean(pictures, axis=0, dtype=np.float32))
+            light = self._lens.bend(mean) * np.float32(gain)
+            if self._noise is not None:
+                top, left = self._rng.integers(0, NOISE_MARGIN, 2)
+                light += self._noise[top : top + self._size[0], left : left + self._size[1]]
+            image = np.clip(np.rint(light), 0, 255).astype(np.uint8)
+        image.setflags(write=False)
+        return image

@@ -2,8 +2,6 @@
 loaded.
 """
 
-from __future__ import annotations
-
 import re
 import stat
 import struct
@@ -39,18 +37,10 @@ class Assets:
         """Count the model's own file, which the user chose: it may be a link to anywhere.
 
         Raises:
-            ValueError: It cannot be read, or is too large.
+            ValueError: It is too large.
         """
-        try:
-            status = model.stat()
-        except (OSError, ValueError) as error:
-            raise ValueError(
-                getattr(error, "strerror", None) or "no file can have this name"
-            ) from None
-        if not stat.S_ISREG(status.st_mode):
-            raise ValueError("it is not a regular file")
         path = model.resolve()
-        self._count(path, status.st_size)
+        self._count(path, path.stat().st_size)
         return path
 
     def find(self, name: str, *folders: Path) -> Path:

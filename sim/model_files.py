@@ -2,20 +2,16 @@
 models that are too large are refused before they are loaded.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any, NoReturn
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
-from xml.parsers import expat
 
 import mujoco
 import numpy as np
 
+from sim.files import reading
 from sim.model_assets import Assets, package_root
 from sim.quiet import silent_libraries
 from sim.urdf import complete_urdf
@@ -99,6 +95,7 @@ def files_of(path: Path) -> set[Path]:
 
 
 def _read(path: Path, what: str) -> tuple[Element, Assets]:
+    reading.opened(path, what).close()  # refused with its reason, if it is no file
     try:
         root = package_root(path) if path.suffix.lower() == ".urdf" else path.parent.resolve()
         assets = Assets(root)
@@ -131,35 +128,40 @@ def _sentence(path: Path, what: str, reason: str) -> str:
     return f"{path}: cannot read this {what}: {reason}"
 
 
+class _Careful(ElementTree.TreeBuilder):
+    """Elements of a file, refused where they lie too deep, and without a document type, whose
+    entities might be anything.
+    """
+
+    depth = 0
+
+    def doctype(self, *_: Any) -> NoReturn:
+        raise ValueError("has a document type (DTD); its entities are not expanded")
+
+    def start(self, *given: Any) -> Element:
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise ValueError(
+                f"has elements that lie too deep in each other; the limit is {DEEPEST}"
+            )
+        return super().start(*given)
+
+    def end(self, tag: str) -> Element:
+        self.depth -= 1
+        return super().end(tag)
+
+
 def _parsed(path: Path) -> Element:
-    """The elements of a file of XML without a document type, whose entities might be anything."""
+    """The elements of a file of XML."""
     if path.stat().st_size > MOST_TEXT:
         raise ValueError(f"'{path.name}' is too large for XML; the limit is {MOST_TEXT:,} bytes")
-    text, depth = path.read_bytes(), 0
-
-    def refuse(*_: Any) -> NoReturn:
-        raise ValueError(f"'{path.name}' has a document type (DTD); its entities are not expanded")
-
-    def begin(*_: Any) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > DEEPEST:
-            raise ValueError(
-                f"in '{path.name}' elements lie too deep in each other; the limit is {DEEPEST}"
-            )
-
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
     try:
-        parser.Parse(text, True)
-        return ElementTree.fromstring(text)
-    except (expat.ExpatError, ElementTree.ParseError, LookupError) as error:
+        parser = ElementTree.XMLParser(target=_Careful())
+        return ElementTree.fromstring(path.read_bytes(), parser)
+    except (ElementTree.ParseError, LookupError) as error:
         raise ValueError(f"'{path.name}' is no XML: {error}") from None
+    except ValueError as error:
+        raise ValueError(f"'{path.name}' {error}") from None
 
 
 def _expand_includes(tree: Element, assets: Assets, folder: Path) -> None:

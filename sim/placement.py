@@ -2,8 +2,6 @@
 picture.
 """
 
-from __future__ import annotations
-
 from math import atan2, cos, sin, sqrt
 
 import numpy as np

@@ -1,9 +1,5 @@
 """Rotations between matrices and quaternions (w, x, y, z), as MuJoCo converts them."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import mujoco

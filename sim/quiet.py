@@ -1,7 +1,5 @@
 """Silence for libraries in C that write their own messages to the process's stderr."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Generator
 from contextlib import contextmanager, suppress

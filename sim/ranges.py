@@ -1,7 +1,5 @@
 """Ranges that several settings share: in each a run ends normally, and each has its unit."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from annotated_types import Ge, Le
@@ -19,5 +17,7 @@ Length = Annotated[float, Ge(0.001), Le(5)]
 """A length on the table [m]."""
 Speed = Annotated[float, Ge(-5), Le(5)]
 """Of what drives on the table [m/s]; below zero it drives backwards."""
+Share = Annotated[float, Ge(0), Le(1)]
+"""A part of a whole, or a factor that takes away."""
 Degrees = Annotated[float, Ge(-3600), Le(3600)]
 """An angle [deg]: ten turns are enough, and their sine still means something."""

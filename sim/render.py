@@ -4,10 +4,6 @@ Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision 
 down, z forward), and nowhere else.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 
@@ -82,12 +78,10 @@ class OpenGLRenderer:
         self._upside_down = np.empty((height, width, 3), np.uint8)
 
     def close(self) -> None:
-        """Give the GL buffers back."""
         gl.make_current()
         self._context.free()
 
     def render(self, data: mujoco.MjData) -> Image:
-        """A new RGB picture (H, W, 3) of the scene as it is."""
         self._draw(data)
         picture = cv2.flip(self._upside_down, 0)
         if picture.shape[1::-1] != self._size:

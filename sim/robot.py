@@ -6,10 +6,6 @@ actuator is a `velocity` servo of one joint, and the camera's optical centre is 
 model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -33,14 +29,17 @@ STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
 
 
+Damping = Annotated[float, Ge(1e-6), Le(100)]
+
+
 @dataclass(frozen=True, slots=True)
 class Drives:
     """How a camera twist becomes joint rates."""
 
-    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    weakest: Damping = 0.1
     """Near a singular pose: below this smallest singular value of the Jacobian [m/s or rad/s of the
     camera per unit of joint rate] the inverse is damped."""
-    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    damping: Damping = 0.1
     """Damping in a singular pose; the camera then moves less than asked for, and another way."""
     centring: Annotated[float, Ge(0), Le(100)] = 1.0
     """With more than six joints: how fast those with limits move towards the middle between them

@@ -1,9 +1,5 @@
 """The chain of joints from a robot's base to its flange, found in a model of any shape."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 from difflib import get_close_matches
 

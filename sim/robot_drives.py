@@ -1,9 +1,5 @@
 """Velocity drives for a robot whose model has others: their gains follow from its inertia."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

@@ -2,10 +2,6 @@
 contacts.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import chain
 from math import cos, radians, sin
@@ -61,6 +57,7 @@ def make_robot(
         mount: T_flange_camera of one that is added (x right, y down, z forward).
     """
     names = tuple(model.joint(j).name for j in carried.joints)
+    carrier = model.body(carried.body).name
     _check_loops(model, carried)
     _strip(spec, names, keep_drives=has_velocity_drives(model, carried.joints))
     for geom in spec.geoms:
@@ -71,9 +68,12 @@ def make_robot(
         found = model.camera(camera)
         if model.cam_mode[found.id] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
             raise ValueError(f"the camera '{camera}' tracks something; it has to be fixed (mode)")
-        _set_eye(spec, camera, model.body(carried.body).name, found.pos, found.quat)
+        _place_eye(spec, carrier, found.pos, found.quat, camera)
     else:
-        _add_eye(spec, model.body(carried.body).name, carried.pose @ mount)
+        pose = carried.pose @ mount
+        w, x, y, z = quaternion_of(pose.rotation).tolist()
+        # MuJoCo's cameras look along -z, with y up: turned by pi about x, without rounding.
+        _place_eye(spec, carrier, pose.translation, [-x, w, z, -y])
     return names
 
 
@@ -156,25 +156,13 @@ def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> 
         spec.delete(item)
 
 
-def _set_eye(spec: mujoco.MjSpec, camera: str, body: str, pos: Array, quat: Array) -> None:
-    """Call a camera `eye`, and put a site of this name where it is."""
-    for item in [*spec.cameras, *spec.sites]:
-        if item.name == EYE and item.name != camera:
-            spec.delete(item)
-    spec.camera(camera).name = EYE
-    if (site := spec.site(EYE)) is not None:
-        spec.delete(site)
-    spec.body(body).add_site(name=EYE, pos=pos, quat=quat, size=[0.005] * 3, rgba=[0, 0, 0, 0])
-
-
-def _add_eye(spec: mujoco.MjSpec, body: str, pose: Pose) -> None:
-    """Add the camera `eye` to a body, at a pose (x right, y down, z forward)."""
-    w, x, y, z = quaternion_of(pose.rotation).tolist()
-    # MuJoCo's cameras look along -z, with y up: turned by pi about x, without rounding.
-    turned = [-x, w, z, -y]
-    for item in [*spec.cameras, *spec.sites]:
-        if item.name == EYE:
-            spec.delete(item)
-    carrier = spec.body(body)
-    carrier.add_camera(name=EYE, pos=pose.translation, quat=turned)
-    carrier.add_site(name=EYE, pos=pose.translation, quat=turned, size=[0.005] * 3, rgba=[0] * 4)
+def _place_eye(
+    spec: mujoco.MjSpec, body: str, pos: Array, quat: Sequence[float], camera: str = ""
+) -> None:
+    """Call a camera `eye`, or add one to a body, and put a site of this name where it is."""
+    others = [c for c in spec.cameras if c.name == EYE != camera]
+    for item in [*others, *(s for s in spec.sites if s.name == EYE)]:
+        spec.delete(item)
+    eye = spec.camera(camera) if camera else spec.body(body).add_camera(pos=pos, quat=quat)
+    eye.name = EYE
+    spec.body(body).add_site(name=EYE, pos=pos, quat=quat, size=[0.005] * 3, rgba=[0] * 4)

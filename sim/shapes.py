@@ -1,16 +1,12 @@
 """The scene as plain shapes, for whoever draws it without MuJoCo."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from sim.outline import SHOWN
 from sim.quaternion import matrix_of
+from sim.target import SHOWN
 from sim.types import Array, Image, Pose
 
 KINDS = {

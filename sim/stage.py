@@ -1,9 +1,5 @@
 """Puts what moves by itself where it is at a time: target, board, second target, lights."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 from operator import or_
@@ -19,8 +15,8 @@ from sim.types import Effect, Pose
 BOARD, LAMP = "board", "lamp"
 BOARD_NEARNESS = 0.3
 """Where the board crosses the line of sight, as a fraction of the way from target to camera."""
-BELOW = -100.0
-"""Height at which a prop waits [m]: deep enough for one of any height, and too far to be drawn."""
+BELOW = Pose(np.eye(3), np.array([0.0, 0.0, -100.0]))
+"""Where a prop waits: deep enough for one of any height, and too far to be drawn."""
 
 
 class Motion(Protocol):
@@ -75,7 +71,7 @@ class Stage:
         effect = self.effect(time)
         self._place_board(data, effect.board, target, eye)
         if self._has_second:
-            self._put(data, SECOND, effect.second or _below())
+            self._put(data, SECOND, effect.second or BELOW)
         model, spot = self._model, effect.spot
         model.light_diffuse[self._lamp] = self._lamp_diffuse * effect.lamp
         model.light_active[self._spot] = spot is not None
@@ -97,7 +93,3 @@ class Stage:
         index = self._mocap[body]
         data.mocap_pos[index] = pose.translation
         data.mocap_quat[index] = quaternion_of(pose.rotation)
-
-
-def _below() -> Pose:
-    return Pose(np.eye(3), np.array([0.0, 0.0, BELOW]))

@@ -2,24 +2,24 @@
 iteration, and else from many places by quadratic programs with the limits of the joints (mink).
 """
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
 from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.geometry import log_se3
 from sim.render import VISION_FROM_MUJOCO
 from sim.robot_drives import random_joints
 from sim.types import Array, Pose
+
+if TYPE_CHECKING:
+    from sim.robot import Robot
 
 STEPS, TOLERANCE, DAMPING = 200, 1e-10, 1e-3
 """Of the damped iteration."""
@@ -35,20 +35,6 @@ COMFORT = 0.5
 """Room before a limit beyond which more does not count [rad or m]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""
-
-
-class Jointed(Protocol):
-    """What the search needs to know of a robot."""
-
-    model: mujoco.MjModel
-    names: tuple[str, ...]
-    ids: NDArray[np.intp]
-    qpos: NDArray[np.intp]
-    lower: Array
-    upper: Array
-
-    def eye(self, data: mujoco.MjData) -> Pose: ...
-    def jacobian(self, data: mujoco.MjData) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +64,7 @@ class Reach:
 
 
 def reach(
-    robot: Jointed, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
+    robot: Robot, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
 ) -> Reach:
     """Set the joints so that the camera takes a pose, or comes near it; how near.
 
@@ -94,7 +80,7 @@ def reach(
 
 
 def iterate(
-    robot: Jointed, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
+    robot: Robot, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
 ) -> bool:
     """Newton's method, damped, from one place; whether it ends inside the limits."""
     data.qpos[robot.qpos] = home
@@ -114,7 +100,7 @@ def iterate(
 
 
 def _search(
-    robot: Jointed, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
+    robot: Robot, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
 ) -> Reach:
     """Take the most comfortable of several solutions, or the posture that came nearest."""
     rng = np.random.default_rng(0)
@@ -136,7 +122,7 @@ def _search(
 
 
 def _descend(
-    robot: Jointed, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
+    robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
 ) -> float:
     """Walk from a place towards the pose inside the limits; the error that is left."""
     mink: Any = importlib.import_module("mink")  # only now: it takes a second
@@ -163,7 +149,7 @@ def _descend(
     return left
 
 
-def comfort(robot: Jointed, data: mujoco.MjData) -> float:
+def comfort(robot: Robot, data: mujoco.MjData) -> float:
     """How well the robot can move on: far from limits and singular poses, its links neither before
     the camera nor below the table.
     """
@@ -177,7 +163,7 @@ def comfort(robot: Jointed, data: mujoco.MjData) -> float:
     return float(min(room, COMFORT) * weakest) * (0.01 if hidden else 1.0)
 
 
-def _reach(robot: Jointed, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
+def _reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
     error = robot.eye(data).inverse() @ T_world_camera
     angle = _angle(error.rotation)
     q, span = data.qpos[robot.qpos], robot.upper - robot.lower
@@ -196,6 +182,6 @@ def _angle(R: Array) -> float:
     return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
 
 
-def _refresh(robot: Jointed, data: mujoco.MjData) -> None:
+def _refresh(robot: Robot, data: mujoco.MjData) -> None:
     mujoco.mj_kinematics(robot.model, data)
     mujoco.mj_comPos(robot.model, data)

@@ -1,7 +1,5 @@
 """URDF made ready for MuJoCo: with shapes that it draws, meshes that it finds, sound inertias."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,9 +1,5 @@
 """Where a robot can bring its camera, from random postures, and where it should stand then."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import atan2, degrees
 

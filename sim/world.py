@@ -1,9 +1,5 @@
 """The simulated world: pictures, steps, the robot's posture, and the truth."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,10 +13,9 @@ from sim import placement
 from sim.assembly import TARGET, build_model
 from sim.camera import CameraConfig, camera_of
 from sim.geometry import log_se3
-from sim.lens import Lens
+from sim.lens import Lens, Sensor
 from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.robot import CAMERA, Design, Robot
-from sim.sensor import Sensor
 from sim.stage import Disturbance, Motion, Stage
 from sim.start_pose import Reach
 from sim.target import Target

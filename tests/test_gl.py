@@ -22,7 +22,7 @@ def machine_with(monkeypatch, *names, device=True):
 
     monkeypatch.setattr(gl.sys, "platform", "linux")
     monkeypatch.setattr(gl.ctypes, "CDLL", load)
-    monkeypatch.setattr(gl, "_has_device", lambda egl: device)
+    monkeypatch.setattr(gl, "_has_device", lambda: device)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
 
 

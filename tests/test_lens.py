@@ -13,8 +13,7 @@ from sim import placement
 from sim.camera import CameraConfig
 from sim.distortion import Distortion
 from sim.geometry import exp_se3
-from sim.lens import Lens
-from sim.sensor import Sensor
+from sim.lens import Lens, Sensor
 from sim.types import Camera, Pose, Posture
 from tracking.types import Estimate, Region, State, Status, unknown_covariance
 

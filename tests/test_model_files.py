@@ -112,7 +112,7 @@ WRONG = {
     '<?xml version="1.0" encoding="utf-99"?><mujoco/>': (
         "'mine.xml' is no XML: unknown encoding: utf-99"
     ),
-    "<a>" * 300: "in 'mine.xml' elements lie too deep in each other; the limit is 200",
+    "<a>" * 300: "'mine.xml' has elements that lie too deep in each other; the limit is 200",
     '<!DOCTYPE m [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>': (
         "'mine.xml' has a document type (DTD); its entities are not expanded"
     ),
@@ -226,7 +226,7 @@ def test_xml_is_refused_by_its_size(model, monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("none.xml", "No such file or directory"), (".", "it is not a regular file")],
+    [("none.xml", "No such file or directory"), (".", "it is a folder")],
 )
 def test_a_model_that_is_no_file_is_a_sentence(tmp_path, name, reason):
     with pytest.raises(ValueError, match=re.escape(f"cannot read this robot: {reason}")):

@@ -64,16 +64,6 @@ def test_other_systems_and_libraries_render_too(monkeypatch, platform, asked, fo
     assert gl.backend() == found
 
 
-def test_a_library_without_the_extensions_has_no_device():
-    class Address:
-        restype = None
-
-        def __call__(self, _):
-            return None
-
-    assert gl._has_device(SimpleNamespace(eglGetProcAddress=Address())) is False
-
-
 def test_an_empty_window_has_no_texture():
     labels = TextureBins(8, 10.0).label(np.zeros((9, 9, 3), np.uint8), Window(4, 4, 4, 8))
     assert labels.shape == (4, 0)

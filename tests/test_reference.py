@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Labelled
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins, Labelled
 from tracking.appearance.layout import grid
 from tracking.appearance.reference import ANCHOR, RARE, SURROUNDINGS_RATE, Learning, Reference
 from tracking.types import Region, State

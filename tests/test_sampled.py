@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Labelled, Window
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins, Labelled, Window
 from tracking.appearance.layout import disc, grid, histograms, ring
-from tracking.appearance.model import cell_model, disc_model
+from tracking.appearance.model import model_of
 from tracking.appearance.reference import Learning
 from tracking.types import Region, State
 
@@ -13,7 +12,7 @@ REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)
 
 def model(image, **changes):
     learning = Learning(**changes)
-    return cell_model(image, REGION, TRUE, ColourBins(), learning, per_side=3, density=5)
+    return model_of(image, REGION, TRUE, ColourBins(), learning, per_side=3, density=5)
 
 
 def test_bins_are_the_leading_bits_of_red_green_blue():
@@ -85,7 +84,7 @@ def test_contrast_makes_a_shrunken_box_worse():
     region, true = Region(60.0, 40.0), State(80.0, 60.0)
     small = np.array([true.vector, true.vector + [0, 0, 0, -0.2]])
     models = [
-        cell_model(image, region, true, ColourBins(), Learning(contrast=c), per_side=3, density=5)
+        model_of(image, region, true, ColourBins(), Learning(contrast=c), per_side=3, density=5)
         for c in (0.0, 0.5)
     ]
     energies = [cells.energy(cells.label(image), small) for cells in models]
@@ -102,7 +101,7 @@ def test_disc_has_an_epanechnikov_kernel_that_sums_to_one():
 
 
 def test_mean_shift_climbs_to_the_target_and_never_down(smooth_image):
-    model = disc_model(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
+    model = model_of(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
     starts = TRUE.vector + np.array([(4, 0, 0, 0), (-3, 3, 0, 0), (0, -4, 0, 0)])
     image = model.label(smooth_image)
     ends, distances, evaluations = model.climb(image, starts, most=30, tolerance=0.05, reach=20.0)
@@ -122,7 +121,7 @@ def test_one_mean_shift_step_is_the_weighted_mean(smooth_image):
     labels = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
     seen = labels[at[:, 1].astype(int), at[:, 0].astype(int)]
     w = np.sqrt(q[seen] / p[seen])
-    model = disc_model(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
+    model = model_of(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
     image = model.label(smooth_image)
     ends, _, _ = model.climb(image, state.vector[None], most=2, tolerance=0.0, reach=20.0)
     np.testing.assert_allclose(ends[0, :2], w @ at / w.sum(), atol=1e-9)

@@ -171,32 +171,14 @@ def test_a_back_end_that_is_asked_for_must_be_there(monkeypatch, asked, missing)
     gl.check_environment()
 
 
-@pytest.mark.parametrize(("has", "devices", "answers", "expected"), [
-    (True, 2, {1}, True), (True, 2, {2}, False), (True, 0, {0}, False), (True, 2, set(), False),
-    (False, 2, {0}, False),
+@pytest.mark.parametrize(("opened", "expected"), [
+    (lambda: 1, True), (lambda: 0, False),
+    (refusing(AttributeError("eglQueryDevicesEXT")), False),
 ])  # fmt: skip
-def test_a_device_is_one_of_those_listed_that_answers(monkeypatch, has, devices, answers, expected):
-    """A library with functions by address: it lists devices, and initialises displays."""
-
-    class Function:
-        def __call__(self, name):
-            return {b"eglQueryDevicesEXT": 1, b"eglGetPlatformDisplayEXT": 2 if has else None}[name]
-
-    def query(most, places, found):
-        assert most == len(places)
-        places[:devices] = range(10, 10 + devices)
-        found._obj.value = devices
-        return devices > 0
-
-    made = {1: query, 2: lambda platform, device, _: device - 9 if platform == 0x313F else None}
-    monkeypatch.setattr(gl.ctypes, "CFUNCTYPE", lambda *_: made.get)
-
-    class Initialise:
-        def __call__(self, display, *_):
-            return display - 1 in answers
-
-    egl = SimpleNamespace(eglGetProcAddress=Function(), eglInitialize=Initialise())
-    assert bool(gl._has_device(egl)) is expected
+def test_a_device_is_one_that_mujoco_can_open(monkeypatch, opened, expected):
+    egl = SimpleNamespace(create_initialized_egl_device_display=opened)
+    monkeypatch.setitem(gl.sys.modules, "mujoco.egl", egl)
+    assert gl._has_device() is expected
 
 
 def test_series_without_values_have_no_curve():

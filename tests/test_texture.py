@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.appearance.bins import Window
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import ColourBins, Window
 from tracking.appearance.local_patterns import TextureBins, ones_of, texture_or_colour
 from tracking.types import Region, State
 

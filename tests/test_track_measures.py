@@ -22,7 +22,6 @@ def track(states, confidence=None):
         states,
         np.stack([REGION.corners(State(*row)) for row in states]),
         np.ones(n) if confidence is None else np.array(confidence),
-        np.zeros(n, bool),
         np.arange(n, dtype=float),
         np.full(n, 5.0),
     )

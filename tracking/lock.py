@@ -2,8 +2,6 @@
 trackers.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from typing import Annotated
@@ -11,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.ranges import Time
+from sim.ranges import Share, Time
 from sim.types import Array
 from tracking.types import Status
 
@@ -24,7 +22,7 @@ FEW = 10
 class LockConfig:
     """When a distance is too large to be the target."""
 
-    floor: Annotated[float, Ge(0), Le(1)] = 0.25
+    floor: Share = 0.25
     """The threshold is never below this distance."""
     cap: Annotated[float, Ge(0.001), Le(1)] = 0.5
     """The threshold is never above this distance."""

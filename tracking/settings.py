@@ -1,16 +1,15 @@
 """Settings that several trackers share; a tracker's own `Config` adds to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array, Image
-from tracking.appearance.colour import ColourBins
-from tracking.appearance.model import SampledModel, disc_model
+from tracking.appearance.bins import ColourBins
+from tracking.appearance.model import SampledModel, model_of
 from tracking.appearance.reference import Learning
 from tracking.lock import LockConfig
 from tracking.types import Region, State
@@ -27,12 +26,8 @@ class DiscSettings(Learning):
     """One histogram of the target under an Epanechnikov kernel."""
 
     contrast: Annotated[float, Ge(0), Le(100)] = 0.25
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     discriminate: bool = True
-    """Weigh the reference's bins by how well they separate the target from its surroundings."""
-    update: Annotated[float, Ge(0), Le(1)] = 0.05
-    """Share of the target's appearance that is new in each picture where it was found; 0: the first
-    picture decides."""
+    update: Share = 0.05
     levels: Literal[2, 4, 8, 16, 32] = 8
     """Colour bins a channel."""
     density: Annotated[int, Ge(2), Le(256)] = 16
@@ -42,17 +37,7 @@ class DiscSettings(Learning):
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """The target's appearance: one histogram under an Epanechnikov kernel."""
-        return disc_model(image, region, state, ColourBins(self.levels), self, density=self.density)
-
-
-@dataclass(frozen=True, slots=True)
-class ShiftSettings(DiscSettings):
-    """Mean shift on one histogram."""
-
-    steps: Annotated[int, Ge(1), Le(1000)] = 20
-    """Most histograms read in one climb."""
-    tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
-    """A shorter shift ends the climb [px]."""
+        return model_of(image, region, state, ColourBins(self.levels), self, density=self.density)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +54,9 @@ class CloudSettings(DiscSettings):
     """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.0
     """Spread of theta per frame [rad]; 0: the tracker does not turn."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
+    scale_noise: Share = 0.0
     """Spread of ln scale per frame; 0: the tracker keeps its size."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
     estimate: Literal["mean", "best"] = "mean"
     """The weighted mean of the particles, or the best of them."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import floor
-from typing import Annotated, final
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Le
 
-from sim.ranges import Interval, Time
+from sim.ranges import Interval, Share, Time
 from sim.types import Effect
 
 
@@ -17,7 +16,7 @@ from sim.types import Effect
 class Config:
     """How many, and for how long."""
 
-    share: Annotated[float, Ge(0), Le(1)] = 0.2
+    share: Share = 0.2
     """Share of the time in which frames are dropped."""
     length: Interval = 0.03
     """How long one drop lasts at least [s]."""
@@ -39,7 +38,6 @@ class DroppedFrames:
         self._config, self._seed = config, seed
 
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
         c = self._config
         if time < c.start:
             return Effect()

@@ -1,21 +1,18 @@
 """A second target, the first one's twin, drives straight across the table."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import final
-
-import numpy as np
 
 from sim.motions import line
 from sim.ranges import Degrees, Place, Speed, Time
+from sim.settled import Settled
 from sim.types import Effect
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class Config(Settled):
     """When it comes, and how it drives."""
 
+    props = ("second_target",)
     start: Time = 3.0
     """When it appears [s]."""
     duration: Time = 6.0
@@ -29,24 +26,8 @@ class Config:
     speed: Speed = 0.2
     """Speed [m/s]."""
 
-    def build(self, rng: np.random.Generator) -> SecondTarget:
-        """The disturbance; draws nothing."""
-        return SecondTarget(self)
-
-
-@final
-class SecondTarget:
-    """There for a while, driving."""
-
-    props: tuple[str, ...] = ("second_target",)
-
-    def __init__(self, config: Config) -> None:
-        c = self._config = config
-        self._drive = line.Line(line.Config(c.x, c.y, c.heading_deg, c.speed))
-
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
-        since = time - self._config.start
-        if not 0 <= since <= self._config.duration:
+        since = time - self.start
+        if not 0 <= since <= self.duration:
             return Effect()
-        return Effect(second=self._drive.at(since))
+        return Effect(second=line.Config(self.x, self.y, self.heading_deg, self.speed).at(since))

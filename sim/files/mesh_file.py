@@ -1,7 +1,5 @@
 """Triangle meshes from OBJ and STL files: vertices, faces, and where a picture lies on them."""
 
-from __future__ import annotations
-
 import re
 import struct
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A picture file as RGB; its header is read first, so that a huge size is refused early."""
 
-from __future__ import annotations
-
 import re
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reading of files that a user names: only regular files up to a limit of size."""
 
-from __future__ import annotations
-
 import re
 import stat
 from pathlib import Path

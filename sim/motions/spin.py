@@ -1,20 +1,19 @@
 """The target turns on the spot, drives a leg, turns on the spot again, and so on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import Annotated, final
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from sim.ranges import LONGEST, Degrees, Place, Speed
+from sim.settled import Settled
 from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class Config(Settled):
     """Turns and legs."""
 
     x: Place = -0.1
@@ -32,31 +31,17 @@ class Config:
     leg_duration: Annotated[float, Ge(0.1), Le(LONGEST)] = 2.0
     """How long a leg lasts [s]."""
 
-    def build(self, rng: np.random.Generator) -> Spin:
-        """The motion; draws nothing."""
-        return Spin(self)
-
-
-@final
-class Spin:
-    """A polygon with turns in its corners."""
-
-    def __init__(self, config: Config) -> None:
-        self._config = config
-
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
-        c = self._config
-        rounds, rest = divmod(time, c.turn_duration + c.leg_duration)
-        way = complex(c.x, c.y)
+        rounds, rest = divmod(time, self.turn_duration + self.leg_duration)
+        way = complex(self.x, self.y)
         for k in range(int(rounds)):
-            way += c.leg_duration * c.speed * self._direction(k + 1)
-        turned = min(rest / c.turn_duration, 1.0)
+            way += self.leg_duration * self.speed * self._direction(k + 1)
+        turned = min(rest / self.turn_duration, 1.0)
         nose = self._direction(rounds + turned)
-        way += max(rest - c.turn_duration, 0.0) * c.speed * nose
+        way += max(rest - self.turn_duration, 0.0) * self.speed * nose
         return Pose.planar(way.real, way.imag, float(np.angle(nose)))
 
     def _direction(self, turns: float) -> complex:
         """The nose's direction after so many turns."""
-        angle = radians(self._config.heading_deg + turns * self._config.turn_deg)
+        angle = radians(self.heading_deg + turns * self.turn_deg)
         return complex(cos(angle), sin(angle))

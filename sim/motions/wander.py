@@ -50,7 +50,6 @@ class Wander:
         self._begin = float(phases[0])
 
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
         c = self._config
         phi = self._begin + self._sense * 2 * pi * time / c.period
         r = c.radius * (1 + sum(a * cos(k * phi + p) for k, a, p in self._waves))

@@ -1,13 +1,9 @@
 """A six-joint arm on a pedestal behind the table, with the camera at its wrist."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Annotated
-
-from annotated_types import Ge, Le
 
 from sim.ranges import Degrees, Place
+from sim.robot import Damping
 from sim.robots import mjcf
 
 ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)
@@ -18,8 +14,8 @@ ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)
 class Config(mjcf.Config):
     """The kind `mjcf` with this model, its own camera and its home."""
 
-    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.1
-    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    weakest: Damping = 0.1
+    damping: Damping = 0.1
     model: str = "arm.xml"
     camera: str = "eye"
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)

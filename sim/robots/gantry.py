@@ -1,13 +1,9 @@
 """A 6-DOF gantry over the table: three slides, and a wrist whose axes meet in the camera."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Annotated
-
-from annotated_types import Ge, Le
 
 from sim.ranges import Degrees, Place
+from sim.robot import Damping
 from sim.robots import mjcf
 
 
@@ -15,8 +11,8 @@ from sim.robots import mjcf
 class Config(mjcf.Config):
     """The kind `mjcf` with this model, its own camera and its home."""
 
-    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.1
-    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.1
+    weakest: Damping = 0.1
+    damping: Damping = 0.1
     model: str = "gantry.xml"
     camera: str = "eye"
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)

@@ -1,9 +1,5 @@
 """A robot from a file, MJCF or URDF: six joints or more, and a camera at its flange."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +14,7 @@ from annotated_types import Ge, Le, MinLen
 
 from sim.model_files import read_tree, spec_of
 from sim.ranges import Degrees, Place
-from sim.robot import Design, Drives
+from sim.robot import Damping, Design, Drives
 from sim.robot_chain import FEWEST
 from sim.robot_model import camera_chain, drive, make_robot, mount_pose
 from sim.types import Pose
@@ -34,8 +30,8 @@ MENAGERIE, ROOT = "menagerie:", "MENAGERIE_ROOT"
 class Config(Drives):
     """The model, where it stands, and where its camera is."""
 
-    weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.02
-    damping: Annotated[float, Ge(1e-6), Le(100)] = 0.02
+    weakest: Damping = 0.02
+    damping: Damping = 0.02
     model: str = "arm7.xml"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, the
     name of one of ours, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""

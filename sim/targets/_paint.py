@@ -1,9 +1,5 @@
 """Pictures and colours on models: a box, and the material of a picture."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

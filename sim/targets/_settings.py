@@ -1,9 +1,5 @@
 """What the settings of several targets share: rectangle, colours, and files by name."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from importlib import resources
@@ -14,12 +10,10 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.outline import seen_from_above
-from sim.ranges import Length
-from sim.target import Target, outline_site, rectangle
+from sim.ranges import Length, Share
+from sim.target import Target, outline_site, rectangle, seen_from_above
 from sim.types import Array
 
-Share = Annotated[float, Ge(0), Le(1)]
 Colour = str | tuple[Share, Share, Share]
 """As "#rrggbb", or red, green and blue from 0 to 1."""
 HEX = re.compile("#[0-9a-fA-F]{6}")

@@ -1,7 +1,5 @@
 """A box in one colour, or with a picture on each side."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

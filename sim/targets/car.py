@@ -1,9 +1,5 @@
 """A blue toy car of 0.20 x 0.10 m with dark windows and a white stripe on its bonnet."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import resources
 

@@ -1,9 +1,5 @@
 """A mesh of an OBJ or STL file, scaled to a size, in one colour or with a picture."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, radians, sin
 from typing import Any, Literal

@@ -1,9 +1,5 @@
 """A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
 
-# pyright: reportAttributeAccessIssue=false
-# MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import chain
 

@@ -1,7 +1,5 @@
 """A flat picture on the table, its right side at the nose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

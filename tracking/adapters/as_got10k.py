@@ -1,7 +1,5 @@
 """Our trackers in the convention of the GOT-10k toolkit (Huang, Zhao, Huang 2021)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +10,6 @@ import numpy as np
 from sim.files.picture_file import read_image
 from sim.types import Array, Image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 
 
@@ -35,8 +32,7 @@ class Got10kTracker:
         Raises:
             ValueError: The box is empty, or most of it is outside the picture.
         """
-        corners = corners_of(np.array(box, dtype=float)) - 1.0
-        self._follower.start(_array(image), *placement(corners))
+        self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
     def update(self, image: Any) -> Array:
         """The box (4,)."""

@@ -1,14 +1,11 @@
 """Our trackers in OpenCV's convention."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 
 from sim.files.picture_file import rgb
 from tracking.adapters.follower import Follower, Rect
-from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 from tracking.types import Status
 
@@ -26,7 +23,7 @@ class OpenCVTracker:
         Raises:
             ValueError: The rectangle is empty, or most of it is outside the picture.
         """
-        self._follower.start(rgb(image), *placement(corners_of(np.array(rect, dtype=float))))
+        self._follower.start(rgb(image), rect)
 
     def update(self, image: np.ndarray) -> tuple[bool, Rect]:
         """Whether the target is seen, and its box: unlike OpenCV's own, false when it is not."""

@@ -1,7 +1,5 @@
 """Our trackers for the VOT toolkit's Python integration."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,7 +8,6 @@ import numpy as np
 
 from sim.files.picture_file import read_image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 
 
@@ -44,10 +41,10 @@ def run_vot(
         return
     points = getattr(given, "points", None)
     box = () if points else (given.x, given.y, given.width, given.height)
-    corners = corners_of(np.array(points or box, dtype=float).ravel())
     follower = Follower(kind, seed, rate, settings)
     scored = len(inspect.signature(handle.report).parameters) > 1
-    follower.start(read_image(Path(path)), *placement(corners, turned=True))
+    region = np.array(points or box, dtype=float).ravel()
+    follower.start(read_image(Path(path)), region, turned=True)
     while path := handle.frame():
         found, rect = follower.update(read_image(Path(path)))
         if points is None:

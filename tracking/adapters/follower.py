@@ -1,13 +1,13 @@
 """A tracker that is given pictures one by one, as other toolkits do it."""
 
-from __future__ import annotations
-
 from typing import Any
+
+import numpy as np
 
 from sim.types import Frame, Image
 from tracking import create
-from tracking.evaluation.sequences.quadrilateral import boxes
-from tracking.types import Estimate, Region, State
+from tracking.evaluation.sequences.quadrilateral import boxes, corners_of, placement
+from tracking.types import Estimate
 
 Rect = tuple[float, float, float, float]
 """Left, top, width, height [px]."""
@@ -19,11 +19,21 @@ class Follower:
     def __init__(self, kind: str, seed: int, rate: float, settings: dict[str, Any]) -> None:
         self._kind, self._seed, self._rate, self._settings = kind, seed, rate, settings
 
-    def start(self, image: Image, region: Region, state: State) -> None:
-        """Begin anew: a target may be given as often as one likes."""
+    def start(self, image: Image, numbers: Any, *, turned: bool = False) -> None:
+        """Begin anew, as often as one likes, with a box (4,), or coordinates (8,) of corners [px].
+
+        Args:
+            image: The first picture.
+            numbers: Left, top, width, height, or x and y of each corner.
+            turned: Keep the rotation of corners that form a rectangle; else take the upright box.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
+        corners = corners_of(np.array(numbers, dtype=float))
+        self.region, state = placement(corners, turned=turned)
         self._tracker, self._count = create(self._kind, self._seed, **self._settings), 0
-        self.region = region
-        self._tracker.start(self._frame(image), region, state)
+        self._tracker.start(self._frame(image), self.region, state)
 
     def update(self, image: Image) -> tuple[Estimate, Rect]:
         """Find the target, with the upright box around it."""

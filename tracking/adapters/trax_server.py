@@ -1,7 +1,5 @@
 """Our trackers for clients of the TraX protocol: `python -m tracking.adapters.trax_server KIND`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tomllib
@@ -13,7 +11,6 @@ import numpy as np
 from sim.files.picture_file import read_image
 from sim.types import Array, Image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.quadrilateral import corners_of, placement
 from tracking.evaluation.sequences.sources import RATE
 from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
 
@@ -84,8 +81,7 @@ class Session:
         return _state(region, 1.0 - found.distance)
 
     def _begin(self, image: Image, given: Array) -> Message:
-        corners = corners_of(given.ravel())
-        self._follower.start(image, *placement(corners, turned=True))
+        self._follower.start(image, given.ravel(), turned=True)
         self._given, self._boxes = None, given.ndim == 1
         return _state(given, 1.0)
 

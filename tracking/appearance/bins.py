@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Image
+from tracking.hot import colour_labels as hot
 
 Labels = NDArray[np.int16]
 
@@ -68,6 +69,26 @@ class Bins(Protocol):
     def label(self, image: Image, window: Window) -> Labels:
         """Bin numbers (h, w) of the pixels in a window; negative: in no bin."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class ColourBins:
+    """Equal bins in each channel of RGB."""
+
+    levels: int = 8
+    """Bins a channel: a power of two."""
+
+    def __post_init__(self) -> None:
+        if self.levels not in (2, 4, 8, 16, 32):
+            raise ValueError(f"levels must be 2, 4, 8, 16 or 32, not {self.levels}")
+
+    @property
+    def count(self) -> int:
+        return self.levels**3
+
+    def label(self, image: Image, window: Window) -> Labels:
+        bits = self.levels.bit_length() - 1
+        return hot.labels(image, window.left, window.top, window.right, window.bottom, bits)
 
 
 class Labelled:

@@ -7,8 +7,6 @@ texture's five bins; all other pixels (flat, spots, noise) count as nothing. The
 equation 13 says "otherwise 0": it means discard, not bin 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
@@ -16,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Image
-from tracking.appearance.bins import Bins, Labels, Window
-from tracking.appearance.colour import ColourBins
+from tracking.appearance.bins import Bins, ColourBins, Labels, Window
 from tracking.types import Region, State
 
 THRESHOLD = 8.0
@@ -66,7 +63,6 @@ class TextureBins:
 
     @property
     def count(self) -> int:
-        """Number of bins."""
         return self.levels**3 * len(MAJOR)
 
     def label(self, image: Image, window: Window) -> Labels:
@@ -74,10 +70,7 @@ class TextureBins:
         colours = ColourBins(self.levels).label(image, window)
         if colours.size == 0:
             return colours
-        grey = cv2.copyMakeBorder(
-            cv2.cvtColor(_cut(image, window), cv2.COLOR_RGB2GRAY), *_border(image, window),
-            cv2.BORDER_REPLICATE,
-        ).astype(np.float32)  # fmt: skip
+        grey = cv2.cvtColor(_cut(image, window), cv2.COLOR_RGB2GRAY).astype(np.float32)
         ones = ones_of(grey, self.threshold)
         major = (ones >= MAJOR[0]) & (ones <= MAJOR[-1])
         return np.where(major, colours * len(MAJOR) + ones - MAJOR[0], -1).astype(np.int16)
@@ -96,17 +89,8 @@ def texture_or_colour(
 
 
 def _cut(image: Image, window: Window) -> Image:
-    """The window with the pixel around it, as far as the image goes."""
-    top, left = max(window.top - 1, 0), max(window.left - 1, 0)
-    return image[top : window.bottom + 1, left : window.right + 1]
-
-
-def _border(image: Image, window: Window) -> tuple[int, int, int, int]:
-    """How many pixels that leaves missing: top, bottom, left, right."""
+    """The window with a pixel around it; at the image's border, its last pixel again."""
     height, width = image.shape[:2]
-    return (
-        int(window.top == 0),
-        int(window.bottom == height),
-        int(window.left == 0),
-        int(window.right == width),
-    )
+    rows = np.arange(window.top - 1, window.bottom + 1).clip(0, height - 1)
+    columns = np.arange(window.left - 1, window.right + 1).clip(0, width - 1)
+    return image[rows[:, None], columns]

@@ -15,8 +15,6 @@ The distance is the mean over the nine parts, not the sum: the sum is the same l
 times gamma, under which 300 particles leave an effective sample of two.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.types import Array, Image
@@ -104,28 +102,24 @@ class SampledModel:
         return image.around(states, self._radius, reach)
 
 
-def cell_model(
+def model_of(
     image: Image,
     region: Region,
     state: State,
     bins: Bins,
     learning: Learning,
     *,
-    per_side: int,
     density: int,
+    per_side: int | None = None,
 ) -> SampledModel:
-    """The template in per_side^2 cells, with a ring around it."""
-    layout, dense = (grid(region, per_side, d) for d in (density, REFERENCE_DENSITY * density))
-    around = ring(region, learning.ring, per_side * density)
-    reference = Reference(Labelled(image, bins), region, state, dense, learning)
-    return SampledModel(layout, around, bins, reference)
+    """The template with a ring around it: in per_side^2 cells, with `density` points along each
+    side; or under one Epanechnikov kernel, with so many along its diameter.
+    """
 
+    def layout(density: int) -> Layout:
+        return disc(region, density) if per_side is None else grid(region, per_side, density)
 
-def disc_model(
-    image: Image, region: Region, state: State, bins: Bins, learning: Learning, *, density: int
-) -> SampledModel:
-    """The template under one Epanechnikov kernel, with a ring around it."""
-    layout, dense = (disc(region, d) for d in (density, REFERENCE_DENSITY * density))
-    around = ring(region, learning.ring, density)
-    reference = Reference(Labelled(image, bins), region, state, dense, learning)
-    return SampledModel(layout, around, bins, reference)
+    around = ring(region, learning.ring, density * (per_side or 1))
+    dense, labelled = layout(REFERENCE_DENSITY * density), Labelled(image, bins)
+    reference = Reference(labelled, region, state, dense, learning)
+    return SampledModel(layout(density), around, bins, reference)

@@ -8,14 +8,13 @@ only in pictures where it was found, and never farther than `ANCHOR` from its fi
 (Nummiaro, Koller-Meier, Van Gool 2003).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array
 from tracking.appearance.bins import Labelled
 from tracking.appearance.layout import Layout, histograms, ring
@@ -43,7 +42,7 @@ class Learning:
     """Width of that ring, both sides together, over the target's size."""
     discriminate: bool = False
     """Weigh the reference's bins by how well they separate the target from its surroundings."""
-    update: Annotated[float, Ge(0), Le(1)] = 0.0
+    update: Share = 0.0
     """Share of the target's appearance that is new in each picture where it was found; 0: the first
     picture decides."""
 

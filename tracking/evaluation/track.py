@@ -85,8 +85,6 @@ class Track:
     """Corners (n, 4, 2) of the estimate [px]."""
     confidence: Array
     """Confidence (n,), 0..1."""
-    lost: Array
-    """Whether the tracker reported LOST (n,)."""
     milliseconds: Array
     """Time of the tracker (n,) [ms]; the first is that of its start."""
     evaluations: Array
@@ -100,7 +98,6 @@ class Track:
             np.array([(e.state.x, e.state.y, e.state.theta, e.state.scale) for e in found]),
             np.stack([e.outline(region) for e in found]),
             np.array([shot.confidence for shot in shots]),
-            np.array([shot.estimate.status is Status.LOST for shot in shots]),
             np.array([1e3 * shot.seconds for shot in shots]),
             np.array([float(shot.estimate.evaluations) for shot in shots]),
         )

@@ -1,7 +1,5 @@
 """A track as a CSV file: a row for each picture, written immediately."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path
@@ -11,7 +9,7 @@ import numpy as np
 from sim.files import reading
 from tracking.evaluation.track import Shot, Track
 from tracking.files import atomic
-from tracking.types import Region, Status
+from tracking.types import Region
 
 FORMAT = 1
 """Number of the track's format, which its header identifies; it increases with each change."""
@@ -93,7 +91,6 @@ def _track(rows: list[list[str]]) -> Track:
         columns("x", "y", "theta", "scale"),
         columns(*HEADER[CORNERS]).reshape(-1, 4, 2),
         columns("confidence")[:, 0],
-        np.array([row[at["status"]] == Status.LOST.name for row in rows]),
         columns("milliseconds")[:, 0],
         np.full(len(rows), np.nan),
     )

@@ -48,8 +48,8 @@ class Comparison:
     """True x, y, theta, scale (n, 4) if they are known exactly, else None."""
     present: NDArray[np.bool_]
     """Whether the target is in the frame (n,); m of the n frames have it."""
-    errors: Array
-    """Distances (m,) of the centres [px]."""
+    offsets: Array
+    """From the true centres to those found (m, 2) [px]."""
     sizes: Array
     """Width and height (m, 2) of the true upright boxes [px]."""
     overlaps: Array
@@ -67,8 +67,13 @@ class Comparison:
         centres = a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2
         return Comparison(
             track, truth, None if states is None else states[:count], present,
-            np.hypot(*centres.T), b[:, 2:], box_overlaps(a, b), turned_overlaps(seen, true),
+            centres, b[:, 2:], box_overlaps(a, b), turned_overlaps(seen, true),
         )  # fmt: skip
+
+    @property
+    def errors(self) -> Array:
+        """Distances (m,) of the centres [px]."""
+        return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
         """Share of frames (21,) whose upright overlap exceeds each of `OVERLAPS`."""
@@ -142,6 +147,10 @@ def _state_rmse(c: Comparison, column: int) -> float:
     return float(np.sqrt(np.mean((difference / c.states[:, column]) ** 2)))
 
 
+def _relative(c: Comparison) -> Array:
+    return np.hypot(*(c.offsets / np.maximum(c.sizes, 1e-12)).T)
+
+
 H, L = Better.HIGHER, Better.LOWER
 MEASURES = (
     TrackMeasure("auc", "", H, "success: area under the curve of upright box overlap",
@@ -151,7 +160,7 @@ MEASURES = (
     TrackMeasure("precision_20", "", H, "share of frames with an error of at most 20 px",
             lambda c: float(c.precision()[NEAR])),
     TrackMeasure("precision_norm", "", H, "area under the curve of error over the target's size",
-            lambda c: float(np.mean(np.hypot(*_relative(c).T) <= SHARES[:, None]))),
+            lambda c: float(np.mean(_relative(c) <= SHARES[:, None]))),
     TrackMeasure("rmse_px", "px", L, "root mean square error of the centre",
             lambda c: float(np.sqrt(np.mean(c.errors**2)))),
     TrackMeasure("mean_error_px", "px", L, "mean error of the centre",
@@ -173,12 +182,6 @@ MEASURES = (
     TrackMeasure("evaluations", "", L, "mean number of histograms read for a frame",
             lambda c: float(np.mean(c.track.evaluations[1:])) if len(c.errors) > 1 else 0.0),
 )  # fmt: skip
-
-
-def _relative(c: Comparison) -> Array:
-    seen, true = boxes(c.track.corners[: len(c.present)][c.present]), boxes(c.truth[c.present])
-    offsets = seen[:, :2] + seen[:, 2:] / 2 - true[:, :2] - true[:, 2:] / 2
-    return offsets / np.maximum(c.sizes, 1e-12)
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:

@@ -1,7 +1,5 @@
 """Boxes and quadrilaterals of other trackers as states of ours."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

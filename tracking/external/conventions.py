@@ -7,8 +7,6 @@
 | answer of `update` | (ok, box) or a box | a box |
 """
 
-from __future__ import annotations
-
 import inspect
 import reprlib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One of OpenCV's own trackers, made by its name, whose failures become sentences."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 from collections.abc import Sequence

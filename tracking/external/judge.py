@@ -1,14 +1,11 @@
 """Is the target of another tracker still there? Our histogram, or the tracker's own score."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Literal
 
-from annotated_types import Ge, Le
-
+from sim.ranges import Share
 from sim.types import Frame
 from tracking.lock import Lock, LockConfig
 from tracking.settings import DiscSettings
@@ -21,7 +18,7 @@ class JudgeSettings:
 
     judge: Literal["histogram", "score"] = "histogram"
     """Our colour histogram of the region that the tracker gives, or the tracker's own score."""
-    least_score: Annotated[float, Ge(0), Le(1)] = 0.3
+    least_score: Share = 0.3
     """With judge = "score": below this score the target is not seen."""
     follow_size: bool = True
     """Take over the size of the tracker's boxes too, once it has changed."""
@@ -43,6 +40,10 @@ class Judge:
             self._model = DiscSettings().model(frame.image, region, state)
         self._lock = Lock(lock)
 
+    def unseen(self, frame: Frame) -> tuple[float, Status]:
+        """Distance and status of a target that the tracker itself does not find."""
+        return 1.0, self._lock.judge(math.inf, frame.time)
+
     def seen(self, frame: Frame, state: State, score: float | None) -> tuple[float, Status]:
         """Distance and status at a state, with the tracker's score where it has one."""
         if self._by_score:
@@ -54,7 +55,3 @@ class Judge:
         if status is Status.LOCKED:
             self._model.learn(image, state)
         return distance, status
-
-    def unseen(self, frame: Frame) -> tuple[float, Status]:
-        """Distance and status of a target that the tracker itself does not find."""
-        return 1.0, self._lock.judge(math.inf, frame.time)

@@ -1,7 +1,5 @@
 """A tracker in a process of its own that speaks the TraX protocol: starts, asks and ends it."""
 
-from __future__ import annotations
-
 import os
 import queue
 import shlex
@@ -149,23 +147,18 @@ class TraxClient:
         return ValueError(f"TraX server '{self._command}' {what}" + f": {words}" * bool(words))
 
     def _started(self) -> subprocess.Popen[bytes]:
-        try:
-            words = shlex.split(self._command)
-        except ValueError as error:
-            raise self._unstarted(error) from None
-        if not words:
-            raise ValueError("a TraX server needs a command, such as 'python server.py'")
         pipe = subprocess.PIPE
         try:
-            return subprocess.Popen(
-                words, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True,
-                env=os.environ | {"TRAX": "1"},
-            )  # fmt: skip
+            if words := shlex.split(self._command):
+                return subprocess.Popen(
+                    words, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True,
+                    env=os.environ | {"TRAX": "1"},
+                )  # fmt: skip
         except (OSError, ValueError) as error:
-            raise self._unstarted(getattr(error, "strerror", None) or error) from None
-
-    def _unstarted(self, reason: object) -> ValueError:
-        return ValueError(f"TraX server '{self._command}' cannot be started: {reason}")
+            reason = getattr(error, "strerror", None) or error
+            text = f"TraX server '{self._command}' cannot be started: {reason}"
+            raise ValueError(text) from None
+        raise ValueError("a TraX server needs a command, such as 'python server.py'")
 
 
 def _thread(work: Any, *arguments: Any) -> threading.Thread:

@@ -5,8 +5,6 @@ are a program's own output. In versions 1 to 3 `initialize` carries picture and 
 it carries the region, and a `frame` with the picture follows.
 """
 
-from __future__ import annotations
-
 import base64
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A class with `init(image, box)` and `update(image)` as one of our trackers."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 from collections.abc import Callable

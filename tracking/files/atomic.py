@@ -4,13 +4,11 @@ A file is written under another name, flushed to the disk, and renamed over an o
 may come from another person: a link at a file's place is replaced, a link to a folder is refused.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import stat
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -114,13 +112,9 @@ def folder(root: Path, name: str) -> Path:
 
 def _flush_folder(path: Path) -> None:
     """Flush a folder, so that a rename survives a power failure, if the system supports it."""
-    try:
+    with suppress(OSError):  # the system cannot open folders, or this one cannot be read
         opened = os.open(path, os.O_RDONLY)
-    except OSError:  # the system cannot open folders, or this one cannot be read
-        return
-    try:
-        os.fsync(opened)
-    except OSError:
-        pass
-    finally:
-        os.close(opened)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)

@@ -1,7 +1,5 @@
 """Text of CSV files."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Sequence

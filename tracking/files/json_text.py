@@ -1,7 +1,5 @@
 """Values as JSON, without infinity, nan and invalid characters, which JSON does not have."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

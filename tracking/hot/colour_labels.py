@@ -1,16 +1,12 @@
 """Compiled loops for bin numbers of colours, and for colours without brightness."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Image
 from tracking.hot.compiled import compiled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 @compiled()

@@ -2,8 +2,6 @@
 
 # pyright: reportAttributeAccessIssue=false
 # numba's settings are made at run time.
-from __future__ import annotations
-
 import os
 import stat
 import tempfile

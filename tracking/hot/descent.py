@@ -1,9 +1,5 @@
 """Compiled loops for Levenberg's descent on the SSD of the square roots of histograms."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from sim.types import Array, Image
@@ -11,10 +7,10 @@ from tracking.hot.compiled import compiled
 from tracking.hot.kernel_histograms import kernel_histograms
 from tracking.types import LARGEST_LOG
 
-if TYPE_CHECKING:
-    Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]
-    """Half sides of the template [px], centres (K, 2) and half axes of the kernels [px], bins of
-    each channel, and the number of pixels above which only every second, third, ... is read."""
+Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]
+"""Half sides of the template [px], centres (K, 2) and half axes of the kernels [px], bins of
+each channel, and the number of pixels above which only every second, third, ... is read."""
+
 
 FLOOR = 1e-3
 """Added to every bin under the root, whose derivative is infinite at an empty bin."""

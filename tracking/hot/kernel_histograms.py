@@ -4,17 +4,14 @@ A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sim.types import Array, Image
 from tracking.hot.compiled import compiled
 
-if TYPE_CHECKING:
-    Weight = tuple[float, float, float, float, float]
+Weight = tuple[float, float, float, float, float]
 
 
 @compiled(error_model="numpy")

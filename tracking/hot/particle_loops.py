@@ -1,16 +1,12 @@
 """Compiled loops over weighted samples, which particle filters run in every frame."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array
 from tracking.hot.compiled import compiled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 @compiled()
@@ -92,3 +88,28 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
             reached += weights[i]
         drawn[n] = i
     return drawn
+
+
+@compiled()
+def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -> float:
+    """The beta below `highest` for which w^beta has a given effective sample size, by bisection.
+
+    Args:
+        log_likelihood: ln w (N,).
+        target: Effective sample size 1 / sum w^2 of the normalised weights.
+        highest: Largest beta.
+        steps: Number of bisections.
+    """
+    low, high, top = 0.0, highest, np.max(log_likelihood)
+    for _ in range(steps):
+        middle = (low + high) / 2
+        total = squares = 0.0
+        for w in log_likelihood:
+            weight = np.exp(middle * (w - top))
+            total += weight
+            squares += weight * weight
+        if total * total / squares > target:
+            low = middle
+        else:
+            high = middle
+    return low

@@ -4,24 +4,20 @@ A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + s
 the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array
 from tracking.hot.compiled import compiled
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Window = tuple[NDArray[Any], int, int]
-    """Labels (h, w) of a part of the image, and its left and top [px]."""
-    Points = tuple[Array, NDArray[Any], Array]
-    """Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
-    Scratch = tuple[Array, NDArray[Any], NDArray[Any]]
-    """A flat histogram of zeros (K * bins,), and two arrays (P,) for indices of bins."""
+Window = tuple[NDArray[Any], int, int]
+"""Labels (h, w) of a part of the image, and its left and top [px]."""
+Points = tuple[Array, NDArray[Any], Array]
+"""Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
+Scratch = tuple[Array, NDArray[Any], NDArray[Any]]
+"""A flat histogram of zeros (K * bins,), and two arrays (P,) for indices of bins."""
 
 
 @compiled()

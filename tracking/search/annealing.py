@@ -6,8 +6,6 @@ M is the broadest, layer 0 the last, and the noise shrinks with it. The KAMS pap
 before w_0 is used; here the set that leaves layer 0 is weighed with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -15,7 +13,7 @@ from enum import Enum
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import exponents as hot
+from tracking.hot import particle_loops
 from tracking.search.particles import ParticleFilter
 
 BISECTIONS = 40
@@ -48,7 +46,7 @@ class Annealing:
 def exponent(log_likelihood: Array, survival: float) -> float:
     """The beta with which w^beta has an effective sample size of survival * N, by bisection."""
     target = survival * len(log_likelihood)
-    return hot.exponent(log_likelihood, target, LARGEST_BETA, BISECTIONS)
+    return particle_loops.exponent(log_likelihood, target, LARGEST_BETA, BISECTIONS)
 
 
 def anneal(

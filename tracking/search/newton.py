@@ -17,8 +17,6 @@ so dx = -2 J_U^+ e. Four things the paper leaves out matter:
 Colours are binned softly (tetrahedrally) here, which makes O smooth in the state.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 
@@ -45,22 +43,6 @@ class Refined:
     """How often the histograms were computed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Linearisation:
-    """The objective around a state."""
-
-    cost: float
-    gradient: Array
-    """Half of dO/dx (4,)."""
-    curvature: Array
-    """Gauss-Newton approximation (4, 4) of half the Hessian."""
-
-    @property
-    def distance(self) -> float:
-        """The Bhattacharyya distance d_m."""
-        return distance_of(self.cost)
-
-
 def distance_of(cost: float) -> float:
     """The Bhattacharyya distance: O = 2 d_m^2 (equation 6)."""
     return sqrt(min(cost / 2, 1.0))
@@ -79,6 +61,7 @@ class KernelModel:
         span: float = 1.0,
         levels: int = 8,
         pixels: int = 2000,
+        inset: float = 0.0,
     ) -> None:
         """Learn the reference histograms.
 
@@ -91,7 +74,9 @@ class KernelModel:
                 sharpens the angle.
             levels: Bins a channel.
             pixels: Larger targets are read at every second, third, ... pixel to stay below this.
+            inset: Share of the region's width and height that is left out, half on each side.
         """
+        region = Region(region.width * (1 - inset), region.height * (1 - inset))
         offsets = (np.arange(per_side) + 0.5) / per_side - 0.5
         u, v = np.meshgrid(offsets * region.width, offsets * region.height)
         centres = np.stack([u.ravel(), v.ravel()], axis=1)
@@ -105,9 +90,11 @@ class KernelModel:
         """Histograms under the kernels at x (4,), not normalised: as of `hot.kernel_histograms`."""
         return hot.histograms(image, x, self._kernels)
 
-    def linearise(self, image: Image, x: Array) -> Linearisation:
-        """Objective, gradient and curvature at x (4,)."""
-        return Linearisation(*hot.linearise(image, x, self._kernels, self._root_reference))
+    def linearise(self, image: Image, x: Array) -> tuple[float, Array, Array]:
+        """The objective at x (4,), half its gradient (4,) and half its curvature (4, 4), as of
+        Gauss and Newton.
+        """
+        return hot.linearise(image, x, self._kernels, self._root_reference)
 
     def refine(
         self,

@@ -2,8 +2,6 @@
 (Teuliere, Marchand, Eck, sections IV and V; Isard and Blake 1998).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.types import Array

@@ -3,8 +3,6 @@
 Where the camera's own part of it is given (ego), only the rest is remembered.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.types import Array

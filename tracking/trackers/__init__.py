@@ -1,7 +1,5 @@
 """Trackers, one a file, named as in the literature: `Config.build(rng)` gives a `Tracker`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

@@ -1,8 +1,7 @@
 """The skeleton of all particle filters on one model of the target: search, estimate, resample."""
 
-from __future__ import annotations
-
-from typing import Protocol, final
+from collections.abc import Callable
+from typing import final
 
 import numpy as np
 
@@ -15,28 +14,10 @@ from tracking.search.velocity import Velocity
 from tracking.settings import CloudSettings
 from tracking.types import Estimate, Region, State, Status, check_region
 
-
-class Search(Protocol):
-    """How the particles of one frame find the target."""
-
-    def __call__(
-        self,
-        cloud: ParticleFilter,
-        model: SampledModel,
-        image: Labelled,
-        velocity: Array,
-        widen: float,
-    ) -> int:
-        """Move and weigh the particles; the number of histograms that were read.
-
-        Args:
-            cloud: The particles.
-            model: The target's appearance.
-            image: The picture.
-            velocity: The expected change (4,) since the last frame.
-            widen: Factor on all noise.
-        """
-        ...
+Search = Callable[[ParticleFilter, SampledModel, Labelled, Array, float], int]
+"""How the particles of one frame find the target: moves and weighs them, and returns how many
+histograms were read. It is given the particles, the target's appearance, the picture, the expected
+change (4,) since the last frame, and a factor on all noise."""
 
 
 @final

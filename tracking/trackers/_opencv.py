@@ -1,7 +1,6 @@
-"""Hue histograms and a distance, shared by the reference trackers made of OpenCV's."""
+"""What the reference trackers made of OpenCV's share: a hue histogram, which judges them."""
 
-from __future__ import annotations
-
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -10,10 +9,10 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from sim.types import Array, Image
-from tracking.external.boxes import box_of
-from tracking.lock import LockConfig
-from tracking.types import Region, State
+from sim.types import Array, Frame, Image
+from tracking.external.boxes import Box, box_of
+from tracking.lock import Lock, LockConfig
+from tracking.types import Estimate, Region, State, check_region, unknown_covariance
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,3 +76,39 @@ class HueModel:
         hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV).astype(np.uint8)
         low = np.array([0, self._settings.least_saturation, self._settings.least_value])
         return hsv, cv2.inRange(hsv, low, np.array([180, 255, 255])).astype(np.uint8)
+
+
+class HueTracker:
+    """A search of OpenCV's, whose result a hue histogram judges."""
+
+    follows = (False, False)
+    """Whether it follows angle, and size."""
+
+    def __init__(self, config: HueSettings) -> None:
+        self._config = config
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histogram."""
+        check_region(frame, region, state)
+        self._region, self._state, self._lock = region, state, Lock(self._config.lock)
+        self._model = HueModel(frame.image, region, state, self._config)
+        self._begin(frame, box_of(region, state, frame.image))
+
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Search, and judge."""
+        self._state = self._found(frame, ego)
+        distance = self._model.distance(frame.image, self._state)
+        status = self._lock.judge(distance, frame.time)
+        return Estimate(self._state, unknown_covariance(), distance, status, self.follows)
+
+    def _ends(self) -> tuple[int, int, int]:
+        """When OpenCV's mean shift ends."""
+        return cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, self._config.steps, 1
+
+    @abstractmethod
+    def _begin(self, frame: Frame, box: Box) -> None:
+        """Take the first frame, with the target's box."""
+
+    @abstractmethod
+    def _found(self, frame: Frame, ego: Array | None) -> State:
+        """Where the target is; its last state where it is not found."""

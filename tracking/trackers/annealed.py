@@ -1,13 +1,12 @@
 """Annealed particle filter on one colour histogram (Deutscher, Blake, Reid 2000)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array
 from tracking.appearance.bins import Labelled
 from tracking.appearance.model import SampledModel
@@ -33,13 +32,10 @@ class Config(CloudSettings):
     """Particles, histogram, and layers."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
-    """Number of particles."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.3
     """Spread of position in the first layer, over the target's size."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
-    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.015
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
+    velocity_memory: Share = 1.0
+    scale_noise: Share = 0.015
     layers: Annotated[int, Ge(1), Le(50)] = 5
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL

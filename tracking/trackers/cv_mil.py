@@ -12,11 +12,10 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import box_of
+from tracking.external.boxes import Box
 from tracking.external.cv2_tracker import seed_opencv
-from tracking.lock import Lock
-from tracking.trackers._opencv import HueModel, HueSettings
-from tracking.types import Estimate, Region, State, check_region, unknown_covariance
+from tracking.trackers._opencv import HueSettings, HueTracker
+from tracking.types import State
 
 SEED_BITS = 31
 
@@ -31,19 +30,16 @@ class Config(HueSettings):
 
 
 @final
-class CvMil:
+class CvMil(HueTracker):
     """A box of fixed size, found by an online boosted classifier."""
 
     def __init__(self, config: Config, seed: int) -> None:
-        self._config, self._seed = config, seed
+        super().__init__(config)
+        self._seed = seed
 
-    def start(self, frame: Frame, region: Region, state: State) -> None:
+    def _begin(self, frame: Frame, box: Box) -> None:
         """Train the first classifier."""
-        check_region(frame, region, state)
         seed_opencv(self._seed)
-        self._region, self._state, self._lock = region, state, Lock(self._config.lock)
-        box = box_of(region, state, frame.image)
-        self._model = HueModel(frame.image, region, state, self._config)
         self._size = frame.image.shape
         self._mil: Any = cv2.TrackerMIL.create()
         try:
@@ -54,15 +50,13 @@ class CvMil:
                 f"{frame.image.shape[0]} px; MIL needs room around it to learn from"
             ) from None
 
-    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+    def _found(self, frame: Frame, ego: Array | None) -> State:
         """Classify around the last box: OpenCV's tracker takes no ego motion. A picture of another
         size cannot be compared.
         """
-        if frame.image.shape == self._size:
-            found, (x, y, width, height) = self._mil.update(np.ascontiguousarray(frame.image))
-            if found:
-                theta, scale = self._state.theta, self._state.scale
-                self._state = State(x + width / 2, y + height / 2, theta, scale)
-        distance = self._model.distance(frame.image, self._state)
-        status = self._lock.judge(distance, frame.time)
-        return Estimate(self._state, unknown_covariance(), distance, status, follows=(False, False))
+        if frame.image.shape != self._size:
+            return self._state
+        found, (x, y, width, height) = self._mil.update(np.ascontiguousarray(frame.image))
+        if not found:
+            return self._state
+        return State(x + width / 2, y + height / 2, self._state.theta, self._state.scale)

@@ -1,12 +1,11 @@
 """Hybrid of Condensation and mean shift: every particle climbs (Maggio and Cavallaro 2005)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from tracking.trackers import annealed, condensation
 
 PRESETS = {"paper": condensation.FILTER}
@@ -17,11 +16,8 @@ class Config(annealed.Config):
     """One layer with unsharpened weights, constant velocity, and a short climb of each particle."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 100
-    """Number of particles."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
-    """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
+    velocity_memory: Share = 0.5
+    scale_noise: Share = 0.0
     layers: Annotated[int, Ge(1), Le(50)] = 1
     """Number of annealing layers: one is no annealing."""
     schedule: annealed.Schedule = annealed.Schedule.FIXED

@@ -3,8 +3,6 @@
 One histogram, four dimensions: orientation is hardly observable, which is why the paper has nine.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -8,11 +8,12 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array, Frame
 from tracking.appearance.bins import Labelled
 from tracking.lock import Lock
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN, ShiftSettings
+from tracking.settings import PLAIN, DiscSettings
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 SCALE_STEP = 0.1
@@ -26,14 +27,18 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(ShiftSettings):
+class Config(DiscSettings):
     """Histogram and climb."""
 
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 1.0
+    steps: Annotated[int, Ge(1), Le(1000)] = 20
+    """Most histograms read in one climb."""
+    tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
+    """A shorter shift ends the climb [px]."""
+    velocity_memory: Share = 1.0
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
     scale: bool = False
     """Also follow the target's size, by trying 10 % more and less."""
-    confidence: Annotated[float, Ge(0), Le(1)] = 0.0
+    confidence: Share = 0.0
     """Below this 1 - d, eight more climbs begin around the target (that is `sok`); 0: never."""
 
     def build(self, rng: np.random.Generator) -> MeanShift:

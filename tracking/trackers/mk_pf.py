@@ -1,15 +1,14 @@
 """Multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV): a histogram a cell."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Image
-from tracking.appearance.colour import ColourBins
-from tracking.appearance.model import SampledModel, cell_model
+from tracking.appearance.bins import ColourBins
+from tracking.appearance.model import SampledModel, model_of
 from tracking.settings import PLAIN, Sharpness
 from tracking.trackers import condensation
 from tracking.types import Region, State
@@ -23,29 +22,25 @@ class Config(condensation.Config):
     """The particle filter's settings, in four dimensions, and the cells."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 500
-    """Number of particles."""
     gamma: Sharpness = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
     noise: Annotated[float, Ge(0), Le(10)] = 0.08
-    """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
+    scale_noise: Share = 0.02
     """Spread of ln scale per frame."""
     density: Annotated[int, Ge(1), Le(64)] = 5
     """Points along each side of a cell at which a particle reads the image."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Cells along each side: 3 is the paper's nine kernels."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     discriminate: bool = False
-    """Weigh the reference's bins by how well they separate the target from its surroundings."""
-    update: Annotated[float, Ge(0), Le(1)] = 0.0
+    update: Share = 0.0
     """Share of the target's appearance that is new in each picture where it was found."""
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """The target's appearance: a histogram for each cell."""
-        return cell_model(
+        return model_of(
             image, region, state, ColourBins(self.levels), self,
             per_side=self.cells, density=self.density,
         )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array, Frame
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel
@@ -34,7 +35,7 @@ class Config:
     """Share of the region's width and height that the kernels leave out, half on each side."""
     steps: Annotated[int, Ge(1), Le(100)] = 12
     """Most histogram evaluations of one descent."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
     lock: LockConfig = field(default_factory=LockConfig)
     """When the target counts as hidden or lost."""
@@ -55,10 +56,10 @@ class MkSsd:
         """Learn the histograms."""
         check_region(frame, region, state)
         c = self._config
-        inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
         self._kernels = KernelModel(
-            frame.image, inner, state, per_side=c.cells, span=c.span, levels=c.levels
-        )
+            frame.image, region, state,
+            per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
+        )  # fmt: skip
         self._state, self._lock = state, Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 

@@ -2,8 +2,6 @@
 and KCF where OpenCV's additional modules are installed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -17,9 +17,10 @@ from typing import Annotated, Literal, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.colour import ColourBins
-from tracking.appearance.model import cell_model
+from tracking.appearance.bins import ColourBins
+from tracking.appearance.model import model_of
 from tracking.appearance.reference import Learning
 from tracking.hot.colour_labels import evened
 from tracking.lock import Lock, LockConfig
@@ -47,9 +48,9 @@ class Config(Learning):
     """Spread of position per frame, over the target's size."""
     turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
     """Spread of theta per frame [rad]."""
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.02
+    scale_noise: Share = 0.02
     """Spread of ln scale per frame."""
-    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Kernels along each side: 3 is the paper's nine."""
@@ -58,7 +59,6 @@ class Config(Learning):
     density: Annotated[int, Ge(1), Le(64)] = 4
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
     even: bool = False
     """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
     light changes, at the price of telling bright things from dark ones less well."""
@@ -70,21 +70,21 @@ class Config(Learning):
     our car no longer holds its angle against parallax."""
     steps: Annotated[int, Ge(1), Le(100)] = 8
     """Most histogram evaluations of one descent."""
-    occluded: Annotated[float, Ge(0), Le(1)] = 0.6
+    occluded: Share = 0.6
     """The paper's tau: no descent where the filter's mean is farther from the target than this
     distance d_m.
     """
     trust: Annotated[float, Ge(0), Le(1000)] = 0.6
     """The descent is believed up to this distance from the filter's mean, over the target's size.
     """
-    hidden: Annotated[float, Ge(0), Le(1)] = 0.5
+    hidden: Share = 0.5
     """Power of the weights in resampling while the target is not seen: 75 particles would gather on
     what hides it, and miss it when it comes out."""
     lock: LockConfig = field(default_factory=LockConfig)
     """When the target counts as hidden or lost."""
     widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""
-    scatter: Annotated[float, Ge(0), Le(1)] = 0.7
+    scatter: Share = 0.7
     """Share of the particles that is strewn over the whole picture while the target is LOST."""
 
     def build(self, rng: np.random.Generator) -> PfSsd:
@@ -104,14 +104,14 @@ class PfSsd:
         check_region(frame, region, state)
         c, image = self._config, self._view(frame.image)
         self._size = float(np.sqrt(region.area(state)))
-        self._cells = cell_model(
+        self._cells = model_of(
             image, region, state, ColourBins(c.levels), c,
             per_side=c.cells, density=c.density,
         )  # fmt: skip
-        inner = Region(region.width * (1 - c.inset), region.height * (1 - c.inset))
         self._kernels = KernelModel(
-            image, inner, state, per_side=c.cells, span=c.span, levels=c.levels
-        )
+            image, region, state,
+            per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
+        )  # fmt: skip
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state

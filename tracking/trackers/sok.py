@@ -4,13 +4,9 @@ Where 1 - d falls below T, eight more climbs begin on a ring at twice the target
 the nine kernels cover nine times its area; the best of nine is the target.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Annotated
 
-from annotated_types import Ge, Le
-
+from sim.ranges import Share
 from tracking.settings import PLAIN
 from tracking.trackers import mean_shift
 
@@ -21,5 +17,5 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 class Config(mean_shift.Config):
     """Mean shift's settings, with the confidence below which it searches around the target."""
 
-    confidence: Annotated[float, Ge(0), Le(1)] = 0.8
+    confidence: Share = 0.8
     """T: below this 1 - d, eight more climbs begin around the target."""

@@ -1,15 +1,11 @@
 """PFJCTH: particle filter on the joint colour and texture histogram (Nagy, Ahmed, Zayed)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Annotated
 
-from annotated_types import Ge, Le
-
+from sim.ranges import Share
 from tracking.settings import PLAIN
 from tracking.trackers import condensation
-from tracking.trackers._texture import TextureSettings
+from tracking.trackers.texture_ms import TextureSettings
 
 PRESETS = {"paper": PLAIN | {"least_texture": 0.05, "estimate": "mean"}}
 
@@ -18,5 +14,4 @@ PRESETS = {"paper": PLAIN | {"least_texture": 0.05, "estimate": "mean"}}
 class Config(TextureSettings, condensation.Config):
     """The particle filter's settings, and the texture's."""
 
-    scale_noise: Annotated[float, Ge(0), Le(1)] = 0.03
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
+    scale_noise: Share = 0.03

@@ -4,8 +4,6 @@ The file is written in fragments that can be played by themselves, so that a vid
 if the program is killed.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

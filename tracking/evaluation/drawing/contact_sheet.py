@@ -1,7 +1,5 @@
 """Contact sheets: pictures of a sequence in rows, with truth and estimate."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

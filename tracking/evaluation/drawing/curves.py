@@ -1,7 +1,5 @@
 """Success and precision plots over many runs, as usual for trackers (Wu, Lim, Yang 2013)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Plain axes, texts without formulas and PNG files for all figures drawn with matplotlib."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Four corners (4, 2) of a target: from boxes, to boxes, and to a region with its state."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.types import Array

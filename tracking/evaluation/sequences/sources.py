@@ -72,7 +72,6 @@ class Folder:
 
     @property
     def count(self) -> int:
-        """Number of files."""
         return len(self.files)
 
     def __iter__(self) -> Iterator[Picture]:

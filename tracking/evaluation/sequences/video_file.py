@@ -5,10 +5,9 @@ playlists and other texts could make FFmpeg open more files, and logs of robots 
 FFmpeg gets an open file without its name, so that it reads no addresses and no numbered series.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -175,9 +174,7 @@ def _stream(container: InputContainer) -> VideoStream:
 def _counted(container: InputContainer, stream: VideoStream) -> int:
     """Number of frames, counted in a file that does not state it."""
     count = 0
-    try:
+    with suppress(FFmpegError, OSError):
         for packet in container.demux(stream):
             count += packet.size > 0
-    except (FFmpegError, OSError):
-        pass
     return count

@@ -1,7 +1,5 @@
 """Functions of the painted sequences: random textures, and pasting under a similarity."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

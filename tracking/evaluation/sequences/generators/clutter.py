@@ -8,8 +8,6 @@ frame, of 4, 8, 12, 14 px on each axis. The background has 100, 300, 500, 600 di
 target's), in random order. The target covers them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal
 

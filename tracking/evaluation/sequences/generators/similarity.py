@@ -5,8 +5,6 @@ The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curv
 blur. In the middle of the sequence its speed doubles; later a bar hides it completely.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -5,8 +5,6 @@ alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed;
 shrinks as if its distance changed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,0 +1,29 @@
+"""What drives along a straight line, its nose ahead, has in common."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+from sim.ranges import Degrees, Place
+from sim.settled import Settled
+from sim.types import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Straight(Settled):
+    """A drive along a straight line; the nose never turns."""
+
+    x: Place = 0.0
+    """Start [m]."""
+    y: Place = 0.0
+    """Start [m]."""
+    heading_deg: Degrees = 0.0
+    """Direction of the nose, from world x towards y [deg]."""
+
+    @abstractmethod
+    def way(self, time: float) -> float:
+        """How far the target is from its start at a time [s], along its nose [m]."""
+
+    def at(self, time: float) -> Pose:
+        heading, way = radians(self.heading_deg), self.way(time)
+        return Pose.planar(self.x + way * cos(heading), self.y + way * sin(heading), heading)
