@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -159,6 +159,17 @@ def finished_study(tmp_path_factory):
 
 
 @pytest.fixture
+def no_workers(monkeypatch):
+    """`servobench sweep` works in this process: a worker takes two seconds to start."""
+    from servo.batch.ended import one_by_one
+
+    from servo.cli import sweep_command
+
+    monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
+    monkeypatch.setattr(sweep_command, "carry_out", lambda _, tasks, work: one_by_one(tasks, work))
+
+
+@pytest.fixture
 def cluster():
     """Starts a scheduler with workers; gives their processes, the scheduler first, and its
     address.
@@ -191,7 +202,13 @@ def pip():
 
 @pytest.fixture(scope="session")
 def installed(wheel, pip, tmp_path_factory):
-    """A folder with the wheel installed into it."""
+    """A folder with the wheel installed into it, and with the loops that are compiled here."""
     folder = tmp_path_factory.mktemp("installed")
     pip("--target", str(folder), str(wheel))
+    there, here = folder / "tracking" / "hot", ROOT / "tracking" / "hot"
+    for source in here.glob("*.py"):  # of the same time as here, as numba's files have it
+        shutil.copystat(source, there / source.name)
+    (there / "__pycache__").mkdir(exist_ok=True)
+    for loop in (here / "__pycache__").glob("*.nb[ci]"):
+        shutil.copy2(loop, there / "__pycache__")
     return folder

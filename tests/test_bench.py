@@ -106,13 +106,6 @@ def test_other_settings_are_another_run(monkeypatch, capfd, place):
     assert {r["frames"] for r in rows} == {"9"}
 
 
-def test_two_workers_find_what_one_finds(monkeypatch, capfd, place):
-    bench(monkeypatch, capfd)
-    call(monkeypatch, capfd, "mine.toml", "--seeds", "2", "--workers", "2", "--out", "two", "-q")
-    one, two = (without_times(place / name / "runs.csv") for name in ("out", "two"))
-    assert one == two
-
-
 @dataclass(frozen=True)
 class Moody:
     key: str

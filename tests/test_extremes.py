@@ -25,15 +25,15 @@ from sim import kinds
 from sim.ranges import LONGEST
 
 SHORT = """
-camera = { width = 96, height = 72, exposure = 0.5 }
-run.duration = 0.3
+camera = { width = 96, height = 72, exposure = 0.5, subframes = 2 }
+run.duration = 0.26
 goal = { depth_to = 1.2, change_start = 0.05, change_duration = 0.1 }
 start = { x = 5.0, y = -4.0, angle_deg = 5.0 }
 motion.kind = "line"
 motion.x = 0.0
-disturbances = [{ kind = "brightness", factor = 0.0, start = 0.2, ramp = 0.001 }]
+disturbances = [{ kind = "brightness", factor = 0.0, start = 0.13, ramp = 0.001 }]
 """
-"""Ten frames; from the seventh on the picture is black: the controller coasts, holds, searches."""
+"""Eight frames; from the fifth on the picture is black: the controller coasts, holds, searches."""
 EVERYTHING = {
     "gain_far": 1.0, "smooth_start": 1.0, "secondary": ["level", "avoid_limits", "centre"],
     "dof": ["vx", "vy", "vz", "wx", "wy", "wz"], "coast": 0.04, "search_after": 0.04,

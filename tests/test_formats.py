@@ -183,9 +183,11 @@ run.latency = [0, 1]
 """
 
 
+@pytest.mark.usefixtures("no_workers")
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_page_of_each_folder_shows_the_stored_command(kind, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("servo.bench.loop_jobs.SCENARIOS", ("still",))
     (tmp_path / "mine.toml").write_text(MINE)
     (tmp_path / "study.toml").write_text(STUDY)
     line, _ = COMMANDS[kind]

@@ -1,9 +1,11 @@
 """A disk that takes no more: rows come first, one sentence, exit code 1.
 
 `ulimit -f` stands for the full disk: the system then refuses to let any file grow beyond a size.
+Runs, recordings and videos, which other libraries write, are tested in a process of their own.
 """
 
 import json
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +14,8 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+
+from servo.cli import main
 
 BIN = Path(sys.executable).parent / "servobench"
 QUICK = "--set run.duration=2 --set tracker.kind=frozen --set estimator.kind=none --set expect={}"
@@ -24,6 +28,26 @@ def limited(blocks, command, place):
         text=True, check=False,
     )  # fmt: skip
     return ended.returncode, ended.stderr
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capfd):
+    """The same in this process, without stdout."""
+    monkeypatch.chdir(tmp_path)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def call(blocks, command):
+        monkeypatch.setattr(sys, "argv", ["servobench", *command.split(), "-q"])
+        size = limits[0] if blocks is None else blocks << 10
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+        try:
+            with pytest.raises(SystemExit) as ended:
+                main.main()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        return ended.value.code or 0, capfd.readouterr().err
+
+    return call
 
 
 def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
@@ -54,8 +78,8 @@ def pictures(tmp_path):
     return tmp_path
 
 
-def test_a_track_keeps_the_rows_that_fit(pictures):
-    code, err = limited(4, "track seen --tracker frozen --out out", pictures)
+def test_a_track_keeps_the_rows_that_fit(here, pictures):
+    code, err = here(4, "track seen --tracker frozen --out out")
     assert (code, err) == (1, "servobench: out/track.csv: File too large\n")
     rows = (pictures / "out" / "track.csv").read_text().splitlines()
     assert len(rows) > 10
@@ -63,19 +87,19 @@ def test_a_track_keeps_the_rows_that_fit(pictures):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_bench_stops_at_the_first_file_that_does_not_fit(pictures, workers):
-    command = f"bench seen --trackers frozen --out out --workers {workers} --seeds 2"
-    code, err = limited(4, command, pictures)
+def test_a_bench_stops_at_the_first_file_that_does_not_fit(here, pictures, workers):
+    command = "bench seen --trackers frozen --out out --seeds 2 --workers"
+    code, err = here(4, f"{command} {workers}")
     assert code == 1
     assert err.replace("seen-1", "seen-0") == (  # whichever worker is first
         "servobench: out/tracks/frozen/seen-0.csv: File too large; what is in out is whole; the "
         "same command goes on from there\n"
     )
-    assert limited("unlimited", command, pictures) == (0, "")
+    assert here(None, f"{command} 1") == (0, "")
 
 
-def test_papers_stop_likewise(tmp_path):
-    code, err = limited(1, "papers P1-1 --quick --out out --workers 1", tmp_path)
+def test_papers_stop_likewise(here):
+    code, err = here(1, "papers P1-1 --quick --out out --workers 1")
     assert code == 1
     assert err.endswith("what is in out is whole; the same command goes on from there\n")
     assert err.count("\n") == 1

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from servo.cli import main
 from servo.cli.guard import Printer, guarded
 from servo.mistake import LONGEST, Mistake, Refused
 from sim.gl import NoRenderer
@@ -61,45 +62,49 @@ RUN = ("run", "still", "--out", "out", "--no-rerun", *(w for s in SETTINGS for w
 FILES = ["errors.png", "report.json", "steps.parquet", "target_motion.png"]
 
 
-@pytest.mark.parametrize(
-    "where", ["> /dev/full", ">&-", "2>&-", ">&- 2>&-", "> /dev/full 2> /dev/full", "| true"]
-)
-def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, where):
-    words = " ".join(f"'{w}'" for w in (BIN, *RUN))
+def printed(words, where, place, **environment):
+    """Exit code and stderr of a command whose output goes somewhere."""
+    line = " ".join(f"'{w}'" for w in (BIN, *words))
     ended = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {words} {where}"], cwd=tmp_path, capture_output=True,
-        text=True, check=False,
+        ["bash", "-c", f"set -o pipefail; {line} {where}"], cwd=place, capture_output=True,
+        text=True, check=False, env=os.environ | environment,
     )  # fmt: skip
-    assert (ended.returncode, ended.stderr) == (0, "")
+    return ended.returncode, ended.stderr
+
+
+@pytest.mark.parametrize("where", ["> /dev/full", ">&- 2>&-", "| true"])
+def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, where):
+    odd = {"PYOPENGL_PLATFORM": "nonsense", "MPLBACKEND": "nonsense"}  # does not matter either
+    assert printed(RUN, where, tmp_path, **odd) == (0, "")
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES
 
 
-def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path):
+@pytest.mark.parametrize("where", [">&-", "2>&-", "> /dev/full 2> /dev/full"])
+def test_so_does_a_command_that_is_quick_to_start(tmp_path, where):
+    assert printed(("new", "tracker", "mine"), where, tmp_path) == (0, "")
+    assert (tmp_path / "mine" / "README.md").exists()
+
+
+def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "gr\u00fcn.toml").write_text("[run]\nduration = 0.1\n")
-    ended = subprocess.run(
-        [BIN, "run", "gr\u00fcn.toml", "--no-rerun", "--set", "tracker.kind=frozen"], cwd=tmp_path,
-        capture_output=True, check=False, env={"PYTHONIOENCODING": "ascii"},
-    )  # fmt: skip
-    assert (ended.returncode, ended.stderr) == (0, b"")
-    assert b"gr?n, seed 0" in ended.stdout
+    words = ["run", "gr\u00fcn.toml", "--no-rerun", "--set", "tracker.kind=frozen"]
+    monkeypatch.setattr(sys, "argv", ["servobench", *words])
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding="ascii"))
+    stream = sys.stdout
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    stream.flush()
+    assert ended.value.code == 0
+    assert b"gr?n, seed 0" in stream.buffer.getvalue()
 
 
 NO_BACK_END = "MUJOCO_GL=nonsense: there is no such back end: unset it, or use egl."
 
 
-@pytest.mark.parametrize(
-    ("change", "code", "said"),
-    [
-        ({"MUJOCO_GL": "nonsense"}, 2, f"servobench: {NO_BACK_END}\n"),
-        ({"PYOPENGL_PLATFORM": "nonsense", "MPLBACKEND": "nonsense"}, 0, ""),
-    ],
-)
-def test_an_odd_environment_is_a_sentence_or_does_not_matter(tmp_path, change, code, said):
-    ended = subprocess.run(
-        [BIN, *RUN], cwd=tmp_path, capture_output=True, text=True, check=False,
-        env=os.environ | change,
-    )  # fmt: skip
-    assert (ended.returncode, ended.stderr) == (code, said)
+def test_an_odd_environment_is_a_sentence(tmp_path):
+    said = (2, f"servobench: {NO_BACK_END}\n")
+    assert printed(RUN, "", tmp_path, MUJOCO_GL="nonsense") == said
 
 
 def test_no_columns_are_the_usual_ones(tmp_path):

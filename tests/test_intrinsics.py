@@ -64,7 +64,7 @@ SETTINGS = {
 }  # fmt: skip
 
 
-def worst(model, camera, supersample=1, count=60):
+def worst(model, camera, supersample=1, count=30):
     """The largest distance between blobs all over the picture and where they should be [px]."""
     data, lens, found = mujoco.MjData(model), Lens(camera), []
     renderer = OpenGLRenderer(model, "eye", lens.view, supersample)

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from commands import (
     workers_of,
 )
 
+from servo.cli import main
 from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
@@ -27,7 +29,7 @@ from servo.study.plan import StudyFile
 MINE = """# mine
 # Short runs, of kinds that are quick to import.
 scenario = "still"
-seeds = 20
+seeds = 15
 
 [set]
 run.duration = 0.7
@@ -38,8 +40,9 @@ estimator.kind = "none"
 run.latency = [0, 1]
 start.x = { uniform = [-20.0, 20.0] }
 """
-RUNS = 40
+RUNS = 30
 SWEEP = "sweep mine.toml --out out -q"
+TWO = "--workers 2"
 TERM, KILL, STOP, CONT = signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
 
 
@@ -76,8 +79,17 @@ def same_as(undisturbed):
     return pq.read_table("out/results.parquet").drop_columns(TIMED).equals(undisturbed)
 
 
-def test_a_killed_worker_and_a_killed_client_cost_nothing(place, undisturbed):
-    client = begin(SWEEP)
+def go_on(monkeypatch, words):
+    """A command in this process; its exit code."""
+    monkeypatch.setattr(sys, "argv", ["servobench", *words.split()])
+    with pytest.raises(SystemExit) as left:
+        main.main()
+    return left.value.code
+
+
+@pytest.mark.usefixtures("no_workers")
+def test_a_killed_worker_and_a_killed_client_cost_nothing(place, undisturbed, monkeypatch):
+    client = begin(f"{SWEEP} {TWO}")
     wait_for_some(client)
     os.kill(workers_of(client)[0], KILL)
     wait_for_some(client, finished() + 2)
@@ -85,15 +97,16 @@ def test_a_killed_worker_and_a_killed_client_cost_nothing(place, undisturbed):
     assert ended(client) == (-KILL, "")  # and no worker lives on
     before = {path: path.stat().st_mtime_ns for path in Path("out/runs").glob("*.parquet")}
     assert len(before) < RUNS
-    assert ended(begin(f"{SWEEP} --workers 1")) == (0, "")
+    assert go_on(monkeypatch, SWEEP) == 0
     assert {path: path.stat().st_mtime_ns for path in before} == before  # none was run again
     assert same_as(undisturbed)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, TERM, signal.SIGHUP])
-def test_a_sweep_stops_cleanly_and_says_how_to_go_on(place, number):
-    client = begin(f"{SWEEP} --seeds 60")  # so many that it cannot be done before it hears
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_sweep_stops_cleanly_says_how_to_go_on_and_listens_on_loopback_only(place, number):
+    client = begin(f"{SWEEP} {TWO} --seeds 60")  # so many that it cannot be done before it hears
     wait_for_some(client)
+    assert listening(alive(client.pid)) == {"0100007F"}
     os.killpg(client.pid, number)  # as a terminal does: to everybody
     assert ended(client) == (
         128 + number,
@@ -103,39 +116,38 @@ def test_a_sweep_stops_cleanly_and_says_how_to_go_on(place, number):
     assert not list(Path("out/runs").glob(".*.part"))
 
 
-def test_workers_killed_at_their_start_and_all_at_once_are_replaced(place, undisturbed):
-    client = begin(SWEEP)
+def test_workers_that_are_killed_or_stopped_at_their_start_and_later_lose_nothing(
+    place, undisturbed
+):
+    client = begin(f"{SWEEP} {TWO}")
     wait_for(lambda: len(workers_of(client)) == 2)
     for pid in workers_of(client):
         os.kill(pid, KILL)
     wait_for_some(client, 1)
     for pid in workers_of(client):
         os.kill(pid, KILL)
-    assert ended(client) == (0, "")
-    assert same_as(undisturbed)
-
-
-def test_processes_that_are_stopped_for_a_while_lose_nothing(place, undisturbed):
-    client = begin(SWEEP)
-    wait_for_some(client, 1)
+    wait_for_some(client, finished() + 1)
     workers = workers_of(client)
     for some in (workers[:1], workers, [client.pid]):
         for number in (STOP, CONT):
             for pid in some:
                 os.kill(pid, number)
-            time.sleep(0.5)
+            time.sleep(0.2)
     assert ended(client) == (0, "")
     assert same_as(undisturbed)
 
 
-def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(place, undisturbed, cluster):
+@pytest.mark.usefixtures("no_workers")
+def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(
+    place, undisturbed, cluster, monkeypatch
+):
     (scheduler, *workers), address = cluster(2)
     client = begin(f"{SWEEP} --scheduler {address}")
     wait_for_some(client, 1)
     for process in (scheduler, *workers):
         for number in (STOP, CONT):
             process.send_signal(number)
-            time.sleep(0.3)
+            time.sleep(0.2)
     workers[0].terminate()
     wait_for_some(client, finished() + 1)
     scheduler.kill()
@@ -144,23 +156,15 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(place, undist
         f"servobench: the scheduler {address} is gone; {finished()} of {RUNS} runs are finished; "
         "go on with: servobench sweep mine.toml --out out\n",
     )
-    assert ended(begin(f"{SWEEP} --workers 1")) == (0, "")
+    assert go_on(monkeypatch, SWEEP) == 0
     assert same_as(undisturbed)
-
-
-def test_a_sweep_listens_on_nothing_but_loopback(place):
-    client = begin(f"{SWEEP} --seeds 60")
-    wait_for_some(client)
-    assert listening(alive(client.pid)) == {"0100007F"}
-    client.terminate()
-    assert ended(client)[0] == 128 + TERM
 
 
 BUSY = {
     "run": f"run still {QUICK} --set run.duration=600 --out out -q",
     "track": "track pictures --region 10,10,40,40 --tracker frozen --out out -q",
-    "check": f"check still {QUICK} --set expect={{}} --seeds 900 -q",
-    "bench": "bench clutter --trackers frozen --seeds 200 --out out -q",
+    "check": f"check still {QUICK} --set expect={{}} --seeds 900 -q {TWO}",
+    "bench": f"bench clutter --trackers frozen --seeds 200 --out out -q {TWO}",
 }
 SIGNS = {"run": "out/steps.arrows", "track": "out/track.csv", "bench": "out/results/**/*.json"}
 MORE = {"bench": " The same command goes on from there."}
@@ -201,31 +205,32 @@ def test_term_ends_every_command_with_one_line_and_leaves_no_process(place, name
     for _ in range(2):  # as `timeout` does
         os.killpg(client.pid, TERM)
     assert ended(client) == (128 + TERM, f"{STOPPED}{MORE.get(name, '')}\n")
+    assert not list(Path().glob("out/table.csv"))  # of half the runs it would mislead
 
 
-@pytest.mark.parametrize("name", BUSY)
-def test_a_killed_command_leaves_no_process_and_no_half_of_a_file(place, name):
-    client = at_work(name)
+SUITE = """
+[[sequences]]
+kind = "clutter"
+level = "a"
+frames = 40
+
+[[trackers]]
+kind = "sok"
+"""
+
+
+def test_a_killed_bench_goes_on_and_two_workers_find_what_one_finds(place, monkeypatch):
+    Path("suite.toml").write_text(SUITE)
+    words = "bench suite.toml --seeds 8 -q --out"
+    client = begin(f"{words} two {TWO}")
+    wait_for(lambda: len(list(Path("two").glob("results/**/*.json"))) >= 2)
     client.kill()
-    assert ended(client) == (-KILL, "")
-    if name == "run":
-        assert frames_in(Path("out/steps.arrows"))[:30] == list(range(30))
-        assert list(Path("out").rglob(".*.part")) == []
-
-
-def test_a_killed_bench_goes_on_and_gives_the_same_numbers(place):
-    numbers = []
-    for out, killed in (("out", True), ("whole", False)):
-        words = f"bench clutter --trackers frozen --seeds 2 --out {out} -q"
-        if killed:
-            client = begin(words)
-            wait_for(lambda: len(list(Path("out").glob("results/**/*.json"))) >= 2)
-            client.kill()
-            assert ended(client) == (-KILL, "")
-        assert ended(begin(words)) == (0, "")
-        numbers.append(untimed(Path(out) / "runs.csv"))
-    assert numbers[0] == numbers[1]
-    assert len(numbers[0]) == 1 + 2 * 4
+    assert ended(client) == (-KILL, "")  # and no worker lives on
+    assert ended(begin(f"{words} two {TWO}")) == (0, "")
+    assert go_on(monkeypatch, f"{words} one --workers 1") == 0
+    one, two = (untimed(Path(out) / "runs.csv") for out in ("one", "two"))
+    assert one == two
+    assert len(one) == 1 + 8
 
 
 def untimed(path):

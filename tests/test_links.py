@@ -7,44 +7,22 @@ import pytest
 
 from servo.cli import main
 
-STUDY = """# mine
-# A car that stands.
-scenario = "still"
-seeds = 2
-
-[set]
-run.duration = 0.1
-tracker.kind = "frozen"
-estimator.kind = "none"
-"""
+pytestmark = pytest.mark.usefixtures("no_workers")
 
 
 def sweep(monkeypatch, capfd):
-    words = ["servobench", "sweep", "mine.toml", "--out", "out", "--workers", "1"]
+    words = ["servobench", "sweep", "mine.toml", "--out", "out"]
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(SystemExit) as ended:
         main.main()
     return ended.value.code or 0, capfd.readouterr().err
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A folder with both runs; copy it to change it."""
-    there = tmp_path_factory.mktemp("finished")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(there)
-        (there / "mine.toml").write_text(STUDY)
-        patch.setattr(sys, "argv", ["servobench", "sweep", "mine.toml", "--out", "out", "-q"])
-        with pytest.raises(SystemExit):
-            main.main()
-    return there
-
-
 @pytest.fixture
-def place(finished, tmp_path, monkeypatch):
-    shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def place(finished_study, study_place):
+    """The study with its finished runs in `out`."""
+    shutil.copytree(finished_study, study_place / "out")
+    return study_place
 
 
 @pytest.fixture

@@ -200,6 +200,7 @@ def test_a_killed_run_keeps_its_recording_and_its_rows_to_the_last_second(tmp_pa
     rows = recorded(out / "run.rrd")
     images = rows["/world/eye/image", "EncodedImage:blob"]
     frames = frames_in(stream)
+    assert list(out.rglob(".*.part")) == []
     assert pa.ipc.open_stream(str(stream)).read_all()["frame"].to_pylist() == frames
     assert frames == list(range(len(frames)))
     # A second is 30 frames; the recorder's own buffer may hold back a few images more.

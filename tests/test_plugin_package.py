@@ -1,7 +1,6 @@
 """A package from outside with six parts, installed beside the wheel, used without our sources."""
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from commands import one_by_one
 
 PILOT = Path(__file__).parent / "data" / "pilot"
 SCENARIO = """
@@ -47,66 +47,78 @@ def beside(installed, tmp_path_factory, pip):
     return folder / "both"
 
 
-@pytest.fixture
-def call(beside, tmp_path):
-    (tmp_path / "mine.toml").write_text(SCENARIO)
+GAINS = """
+scenario = "mine.toml"
+seeds = 1
+[axes]
+"controller.gain" = [1.0, 2.0]
+"tracker.kind" = ["red", "init_update"]
+[set]
+run.duration = 0.3
+"""
+LINES = {
+    "trackers": "list tracker",
+    "red": "list red",
+    "run": "run mine.toml --quiet --out out",
+    "report": "report out",
+    "check": "check mine.toml --workers 1",
+    "slow": "check mine.toml --set controller.gain=0.1 --workers 1",
+    "bench": "bench clutter --trackers red,servobench-pilot:init_update,frozen --seeds 1 "
+             "--workers 1 --quiet --out bench",
+    "sweep": "sweep gains.toml --workers 1 --out sweep --quiet",
+}  # fmt: skip
 
-    def run(*arguments):
-        code = "from servo.cli.main import main; main()"
-        return subprocess.run(
-            [sys.executable, "-c", code, *arguments], cwd=tmp_path, capture_output=True, text=True,
-            check=False, env=os.environ | {"PYTHONPATH": str(beside), "COLUMNS": "200"},
-        )  # fmt: skip
 
-    return run
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("place")
+    (folder / "mine.toml").write_text(SCENARIO)
+    (folder / "gains.toml").write_text(GAINS)
+    return folder
 
 
-def test_its_kinds_are_listed_with_the_package_and_their_settings(call):
-    listed = [" ".join(line.split()) for line in call("list", "tracker").stdout.splitlines()]
+@pytest.fixture(scope="module")
+def ended(beside, place):
+    """Exit code, stdout and stderr of all commands, by name."""
+    _, *found = one_by_one(LINES.values(), place, beside)
+    return dict(zip(LINES, found, strict=True))
+
+
+def test_its_kinds_are_listed_with_the_package_and_their_settings(ended):
+    listed = [" ".join(line.split()) for line in ended["trackers"][1].splitlines()]
     assert "tracker red (servobench-pilot 0.3.0) Follows whatever is red." in listed
     said = "Template matching, as a class of OpenCV's convention."
     assert f"tracker init_update (servobench-pilot 0.3.0) {said}" in listed
-    assert "tracker.least  90" in call("list", "red").stdout
+    assert "tracker.least  90" in ended["red"][1]
 
 
-def test_all_parts_run_from_a_file_and_are_reported(call, tmp_path):
-    ended = call("run", "mine.toml", "--quiet", "--out", "out")
-    assert (ended.returncode, ended.stderr) == (0, "")
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
+def test_all_parts_run_from_a_file_and_are_reported(ended, place):
+    assert ended["run"][::2] == [0, ""]
+    report = json.loads((place / "out" / "report.json").read_text())
     kinds = {part: report["settings"][part]["kind"] for part in ("tracker", "target", "robot")}
     assert kinds == {"tracker": "red", "target": "cushion", "robot": "slow_gantry"}
     assert report["versions"]["servobench-pilot"] == "0.3.0"
-    columns = pq.read_table(tmp_path / "out" / "steps.parquet").column_names
+    columns = pq.read_table(place / "out" / "steps.parquet").column_names
     assert [c for c in columns if c.startswith("error_xg")]
-    page = call("report", "out")
-    assert (page.returncode, page.stderr) == (0, "")
-    assert "slow_gantry" in (tmp_path / "out" / "report.html").read_text()
+    assert ended["report"][::2] == [0, ""]
+    assert "slow_gantry" in (place / "out" / "report.html").read_text()
 
 
-def test_they_are_checked(call):
-    ended = call("check", "mine.toml", "--workers", "1")
-    assert (ended.returncode, ended.stderr) == (0, "")
-    missed = call("check", "mine.toml", "--set", "controller.gain=0.1", "--workers", "1")
-    assert missed.returncode == 1
+def test_they_are_checked(ended):
+    assert ended["check"][::2] == [0, ""]
+    assert ended["slow"][0] == 1
 
 
-def test_they_are_swept_over_two_workers(call, tmp_path):
-    (tmp_path / "gains.toml").write_text(
-        'scenario = "mine.toml"\nseeds = 1\n[axes]\n"controller.gain" = [1.0, 2.0]\n'
-        '"tracker.kind" = ["red", "init_update"]\n[set]\nrun.duration = 0.3\n'
-    )
-    ended = call("sweep", "gains.toml", "--workers", "2", "--out", "sweep", "--quiet")
-    assert (ended.returncode, ended.stderr) == (0, "")
-    rows = pq.read_table(tmp_path / "sweep" / "results.parquet").to_pylist()
+def test_they_are_swept_by_a_worker(ended, place):
+    assert ended["sweep"][::2] == [0, ""]
+    rows = pq.read_table(place / "sweep" / "results.parquet").to_pylist()
     assert [row["tracker.kind"] for row in rows] == ["red", "init_update"] * 2
     assert {row["version_servobench_pilot"] for row in rows} == {"0.3.0"}
 
 
-def test_they_are_benched(call, tmp_path):
-    ended = call("bench", "clutter", "--trackers", "red,servobench-pilot:init_update,frozen",
-                 "--seeds", "1", "--workers", "1", "--quiet", "--out", "bench")  # fmt: skip
-    assert (ended.returncode, ended.stderr) == (0, "")
-    bench = json.loads((tmp_path / "bench" / "bench.json").read_text())
+def test_they_are_benched(ended, place):
+    assert ended["bench"][::2] == [0, ""]
+    bench = json.loads((place / "bench" / "bench.json").read_text())
     assert bench["versions"]["servobench-pilot"] == "0.3.0"
     assert {"red", "servobench-pilot:init_update", "frozen"} == {
         r["tracker"] for r in bench["runs"]

@@ -120,12 +120,13 @@ def call(monkeypatch, capfd, *arguments):
     return ended.value.code or 0, out, err
 
 
+@pytest.mark.usefixtures("no_workers")
 def test_the_command_says_what_it_runs_again_and_ends_with_the_same_numbers(
     monkeypatch, capfd, folder
 ):
     before = pq.read_table(run_file(folder, 2)).drop_columns(["step_ms", "track_ms"])
     changed_row(folder, 2, servo_rms_px=0.0, seed=9)
-    code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out", "--workers", "1")
+    code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out")
     assert (code, err) == (
         0,
         "servobench: out/runs/000002.parquet: this is not the run's row as it was written (the "

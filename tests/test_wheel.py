@@ -6,16 +6,9 @@ import sys
 import zipfile
 
 import pytest
+from commands import one_by_one
 
 PACKAGES = {"servo", "tracking", "sim", "scenes"}
-
-
-def call(installed, place, *arguments):
-    code = "from servo.cli.main import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments], cwd=place, capture_output=True, text=True,
-        check=False, env=os.environ | {"PYTHONPATH": str(installed)},
-    )  # fmt: skip
 
 
 def test_the_wheel_has_our_packages_with_their_data_and_nothing_else(wheel, root):
@@ -30,21 +23,13 @@ def test_the_wheel_has_our_packages_with_their_data_and_nothing_else(wheel, root
 
 def test_a_run_with_the_installed_wheel(installed, tmp_path):
     changes = ["run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "expect={}"]
-    options = [word for change in changes for word in ("--set", change)]
-    ended = call(installed, tmp_path, "run", "still", "--out", "out", "--quiet", *options)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    options = " ".join(f"--set {change}" for change in changes)
+    lines = [f"run still --out out --quiet {options}", "report out"]
+    files, ran, page = one_by_one(lines, tmp_path, installed)
+    assert files == [str(installed / p / "__init__.py") for p in ("servo", "scenes")]
+    assert ran == [0, "", ""]
     assert (tmp_path / "out" / "steps.parquet").exists()
-    page = call(installed, tmp_path, "report", "out")
-    assert (page.returncode, page.stdout, page.stderr) == (0, "out/report.html\n", "")
-
-
-def test_it_is_the_installed_code_that_runs(installed, tmp_path):
-    code = "import servo, tracking, sim, scenes; print(servo.__file__, scenes.__file__)"
-    ended = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True,
-        env=os.environ | {"PYTHONPATH": str(installed)},
-    )  # fmt: skip
-    assert ended.stdout.split() == [str(installed / p / "__init__.py") for p in ("servo", "scenes")]
+    assert page == [0, "out/report.html\n", ""]
 
 
 @pytest.mark.parametrize(("name", "code"), [("sim.py", 2), ("scenes.py", 2), ("notes.py", 0)])

@@ -1,5 +1,6 @@
 """Commands as processes of their own: begun, killed, stopped and continued, and what they leave."""
 
+import json
 import os
 import signal
 import socket
@@ -24,6 +25,37 @@ def begin(words, cwd=None):
         [BIN / "servobench", *words.split()], cwd=cwd, start_new_session=True, preexec_fn=hear,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
+
+
+ONE_BY_ONE = """
+import contextlib, io, json, sys
+from servo.cli.main import main
+ended = []
+for words in json.loads(sys.argv[1]):
+    out, err, sys.argv = io.StringIO(), io.StringIO(), ["servobench", *words]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main()
+        except SystemExit as end:
+            code = end.code
+    ended.append((code or 0, out.getvalue(), err.getvalue()))
+    import servo, scenes
+print(json.dumps([[servo.__file__, scenes.__file__], *ended]))
+"""
+
+
+def one_by_one(lines, cwd, folder):
+    """Do commands with the packages of a folder, all in one process, which takes a second to start.
+
+    Returns the files of `servo` and `scenes`, then exit code, stdout and stderr of each command.
+    """
+    words = json.dumps([line.split() for line in lines])
+    ended = subprocess.run(
+        [sys.executable, "-c", ONE_BY_ONE, words], cwd=cwd, capture_output=True, text=True,
+        check=False, env=os.environ | {"PYTHONPATH": str(folder), "COLUMNS": "200"},
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (0, "")
+    return json.loads(ended.stdout)
 
 
 def hear():
