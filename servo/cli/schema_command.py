@@ -44,6 +44,15 @@ def sweep_schema() -> Schema:
             "anyOf": [name, {"type": "array", "items": name, "minItems": 1}],
         },
         "set": {"description": "Settings of all runs, by dotted keys.", "type": "object"},
+        "named": {
+            "description": "Axes of groups of settings, by the axis's name and the group's.",
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "minProperties": 1,
+                "additionalProperties": {"type": "object"},
+            },
+        },
         "axes": _axes(),
         "seeds": {
             "description": "How many, from 0 on, or a list.",

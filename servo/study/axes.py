@@ -10,7 +10,8 @@ import numpy as np
 
 from servo.loop.episode import stream
 from servo.mistake import Mistake
-from servo.scenario.catalogue import PLUGINS
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.load import SECTIONS
 from servo.scenario.toml import is_number
 from sim import kinds
 from tracking.external import OF_THE_USER
@@ -19,6 +20,8 @@ SCENARIO = "scenario"
 """Key of the axis of scenarios; the keys of all others are settings."""
 Value = Any
 """Value of a setting, in the types of TOML."""
+Named = dict[str, dict[str, dict[str, Value]]]
+"""Groups of settings, by the name of their axis and their own."""
 SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
 """Axes that are given as [first, last, count]."""
 LAWS = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
@@ -103,6 +106,28 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
+
+
+def named_of(table: dict[str, Any], place: str) -> Named:
+    """Axes whose values are groups of settings with a name, from a table of tables of tables.
+
+    Raises:
+        Mistake: Something is wrong in the table; `place` names its file.
+    """
+    found: Named = {}
+    for axis, groups in table.items():
+        at = f"{place}: named.{axis}"
+        if axis in (*SECTIONS, *PLUGINS, *LISTS, SCENARIO, "seed"):
+            raise Mistake(f"{at}: '{axis}' is a section; give the axis another name")
+        if not isinstance(groups, dict) or not groups or not all(
+            isinstance(group, dict) for group in groups.values()
+        ):  # fmt: skip
+            raise Mistake(f"{at} should be a table of tables of settings, by name")
+        found[axis] = {name: flat(group, f"{at}.{name}") for name, group in groups.items()}
+        for name, group in found[axis].items():
+            for key in group:
+                check_key(key, f"{at}.{name}")
+    return found
 
 
 def check_key(key: str, at: str) -> None:

@@ -17,10 +17,19 @@ from servo.scenario import load as scenarios
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.named_files import digests
 from servo.scenario.toml import assignment, is_number
-from servo.study.axes import ENDS, MOST_VALUES, axes_of, check_apart, check_key, flat
+from servo.study.axes import (
+    ENDS,
+    MOST_VALUES,
+    Axis,
+    axes_of,
+    check_apart,
+    check_key,
+    flat,
+    named_of,
+)
 from servo.study.plan import Base, Study
 
-KEYS = ("scenario", "set", "axes", "seeds", "compare", "expect")
+KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
 MOST_RUNS, MOST_CHECKED, MOST_SCENARIOS = 1_000_000, 2000, 1000
@@ -72,6 +81,11 @@ def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[
         if key in axes:
             raise Mistake(f"{place}: {places[key]}: axes.{key} varies this setting already")
     check_apart(places | {key: f"axes.{key}" for key in axes}, place)
+    for name, groups in named_of(_table(table.get("named", {}), f"{place}: named"), place).items():
+        for key in {key for group in groups.values() for key in group}:
+            if key in places or key in axes:
+                other = places.get(key, f"axes.{key}")
+                raise Mistake(f"{place}: {other}: named.{name} varies this setting already")
     return changed
 
 
@@ -80,12 +94,15 @@ def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: st
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
+    named = named_of(_table(table.get("named", {}), f"{place}: named"), place)
+    groups = tuple(Axis(key, tuple(groups)) for key, groups in named.items())
     bases = _bases(table.get("scenario"), path, place)
     study = Study(
         name=path.stem, title=sentence(path.read_text(encoding="utf-8-sig")), table=table,
         bases=bases, changes=changed, files=digests(table, *(base.table for base in bases)),
-        axes=axes, draws=draws, seeds=_seeds(table.get("seeds", SEEDS), place),
-        compare=None, expect=_expect(table.get("expect", {}), place),
+        axes=(*groups, *axes), named=named, draws=draws,
+        seeds=_seeds(table.get("seeds", SEEDS), place), compare=None,
+        expect=_expect(table.get("expect", {}), place),
     )  # fmt: skip
     if study.size > MOST_RUNS:
         runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"

@@ -17,7 +17,7 @@ from servo.output.versions import versions
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario, Table
 from servo.scenario.toml import assignment, put
-from servo.study.axes import SCENARIO, Axis, Draw, Value
+from servo.study.axes import SCENARIO, Axis, Draw, Named, Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,8 @@ class Run:
     """Whether its contact sheet is kept."""
     files: dict[str, str] = field(default_factory=dict[str, str])
     """Digests of the files that the study names, by path."""
+    named: Named = field(default_factory=dict[str, dict[str, dict[str, Value]]])
+    """Groups of settings that values of `settings` name, by axis and name."""
 
     @property
     def scenario(self) -> str:
@@ -60,8 +62,7 @@ class Run:
         """The scenario's table with all changes."""
         table = copy.deepcopy(self.base.table)
         table.pop("sweep", None)
-        own = {k: v for k, v in self.settings.items() if k != SCENARIO}
-        for key, value in ordered(self.changes | own).items():
+        for key, value in ordered(self.changes | self._own()).items():
             put(table, key, value, self.study)
         put(table, "run.seed", self.seed, self.study)
         return table
@@ -78,9 +79,16 @@ class Run:
 
     def command(self, changes: dict[str, Value]) -> str:
         """The command that repeats this run alone, given the changes of the whole study."""
-        every = changes | {k: v for k, v in self.settings.items() if k != SCENARIO}
-        sets = [f"{k}={_toml(v)}" for k, v in ordered(every).items()]
+        sets = [f"{k}={_toml(v)}" for k, v in ordered(changes | self._own()).items()]
         return command_line("run", self.base.name, seed=self.seed, set=sets)
+
+    def _own(self) -> dict[str, Value]:
+        """The settings of this run alone, those of named groups one by one."""
+        found: dict[str, Value] = {}
+        for key, value in self.settings.items():
+            if key != SCENARIO:
+                found |= self.named[key][value] if key in self.named else {key: value}
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +104,8 @@ class Study:
     changes: dict[str, Value]
     """Settings that all runs have in common."""
     axes: tuple[Axis, ...]
+    named: Named
+    """The groups of settings that the values of some axes name."""
     draws: tuple[Draw, ...]
     seeds: tuple[int, ...]
     compare: str | None
@@ -147,7 +157,8 @@ class Study:
 
     def _run(self, number: int, base: Base, seed: int, settings: dict[str, Value]) -> Run:
         pictured, file = seed == self.seeds[0], f"{self.name}.toml"
-        return Run(number, base, seed, settings, self.changes, file, pictured, self.files)
+        return Run(number, base, seed, settings, self.changes, file, pictured, self.files,
+                   self.named)  # fmt: skip
 
 
 def ordered(settings: dict[str, Value]) -> dict[str, Value]:
