@@ -126,12 +126,12 @@ class Robot:
         self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
         self._jacobians = np.zeros((2, 3, model.nv))
 
-    def posture(self, data: mujoco.MjData, twist: Array) -> Posture:
+    def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
         """What the robot knows of itself, as of the last kinematics; twist is its mean since the
-        last frame.
+        last frame, accepted the mean of what its drives were set to.
         """
-        J = self.jacobian(data)
-        return Posture(self.eye(data), twist, self.joints(data), self.lower, self.upper, J)
+        J, joints = self.jacobian(data), self.joints(data)
+        return Posture(self.eye(data), twist, joints, self.lower, self.upper, J, accepted)
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""

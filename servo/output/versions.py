@@ -16,7 +16,7 @@ OPENCV = (
     "opencv-contrib-python",
 )
 """Distributions of `cv2`: all write into one folder, so that only one can be whole."""
-VERSIONED = ("servobench", "mujoco", "numpy", "numba", *OPENCV, "filterpy", "rerun-sdk")
+VERSIONED = ("servobench", "mujoco", "numpy", "numba", *OPENCV, "rerun-sdk")
 PACKAGES, ENDINGS = ("servo", "tracking", "sim", "scenes"), (".py", ".xml", ".png", ".obj")
 """Packages and files that the digest includes; scenarios are stored with each result."""
 PICTURES = "pictures"
