@@ -1,5 +1,5 @@
 """Estimation over intervals: innovations that are white and as large as expected, hidden targets,
-what the camera itself causes, what limits let through, and the truth for comparison.
+what the camera itself causes, and what limits let through.
 """
 
 import numpy as np
@@ -11,7 +11,6 @@ from servo.controllers.ibvs import Config as Ibvs
 from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
 from servo.features.moments import NOISE
 from servo.loop.episode import Episode
-from servo.loop.loop import Loop
 from servo.scenario.load import load
 from servo.sight import shape_moments
 from servo.types import OwnMotion, Sight
@@ -211,36 +210,6 @@ def test_what_limits_let_through_is_under_way():
     np.testing.assert_allclose(commands.coming(posture), as_asked)
     slowed = commands.coming(posture_of(np.zeros(6), accepted=0.2 * x))
     np.testing.assert_allclose(slowed, [0.2 * x + 0.05 * y, 0.1 * x, -0.4 * x])
-
-
-def test_the_robot_reports_what_its_drives_accept():
-    with Episode(load("still", ["robot.kind=gantry"])) as episode:
-        world = episode.world
-        assert not world.step(np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.1]))
-        accepted = world.posture().accepted
-        np.testing.assert_allclose(accepted, [0.0, 0.0, 0.05, 0.0, 0.0, 0.1], atol=1e-3)
-        assert world.step(np.array([50.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        assert 0 < world.posture().accepted[0] < 5
-
-
-def test_ideal_feed_forward_knows_the_motion_while_its_command_acts():
-    scenario = load("sine", ["estimator.kind=true", "run.duration=1.0", "motion.frequency=0.5"])
-    with Episode(scenario) as episode:
-        steps = list(episode)
-    assert scenario.run.latency == 1
-    for now, later in zip(steps, steps[2:], strict=False):
-        np.testing.assert_allclose(
-            now.prediction.motion[:2], later.target_motion_true[:2], atol=3e-3
-        )
-    scene, first = steps[0].scene, steps[0]
-    loop = Loop(scenario, scene.camera, scene.outline)
-    loop.start(first.frame, scene.region, first.true_state)
-    with pytest.raises(ValueError) as refused:
-        loop.step(first.frame, first.posture)
-    assert str(refused.value) == (
-        "this estimator needs the true motion of the target (motion_true), which only a simulation "
-        "knows; with a real camera choose another one, such as kalman_cv"
-    )
 
 
 def test_ideal_feed_forward_leaves_no_error_in_a_kinematic_loop():

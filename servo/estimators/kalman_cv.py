@@ -31,7 +31,7 @@ from servo.estimators._kalman import (
 from servo.parts import Estimator
 
 RHO = 0.6
-RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.1, 3.0
+RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.04, 3.0
 """Tuned sQ / sR: a slow camera sees a faster changing velocity."""
 
 

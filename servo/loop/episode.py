@@ -129,16 +129,15 @@ class Episode:
         return truth
 
     def _motion_to_come(self, truth: Truth) -> Array | None:
-        """True mean de/dt (k,) of the target's own motion while the next command acts, seen by the
-        camera of now; None unless the estimator needs it.
+        """True mean de/dt (k,) of the target's own motion while the next command acts, seen by a
+        camera that went along with it until then; None unless the estimator needs it.
         """
         if not self.loop.needs_truth:
             return None
         begins, scene = self.scenario.run.latency, self._scene
-        start, end = (
-            scene.true_features(truth.T_world_camera, self.world.target_in(begins + i))
-            for i in (0, 1)
-        )
+        before, after = (self.world.target_in(begins + i) for i in (0, 1))
+        camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
+        start, end = (scene.true_features(camera, target) for target in (before, after))
         return scene.features.error(end, start) / scene.period
 
     def _move(self, twist: Array) -> bool:

@@ -26,7 +26,6 @@ from sim.placement import size_above
 from sim.types import Array, Camera, Frame, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
-
 NO_TRUTH = (
     "this estimator needs the true motion of the target (motion_true), which only a simulation "
     "knows; with a real camera choose another one, such as kalman_cv"

@@ -32,7 +32,7 @@ def assignment(item: str) -> tuple[str, Any]:
     if not equals or not all(keys):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
     value = _value(text.strip())
-    if keys[-1] == "kind" and isinstance(value, bool):  # the estimator "true"
+    if keys == ["estimator", "kind"] and value is True:  # the kind "true"
         value = Trusted(text.strip())
     return ".".join(keys), value
 
