@@ -32,7 +32,7 @@ an unknown error."""
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class TargetModel:
     """How a target moves; all noise is over the measurement's variance."""
 
     M: Array
@@ -53,7 +53,7 @@ class JumpTest(Protocol):
         ...
 
 
-def model_of(motion: Motion, dt: float) -> Model:
+def model_of(motion: TargetModel, dt: float) -> Model:
     """The filter of (e, m, n) at a frame interval [s], for a measurement of variance 1."""
     n = len(motion.r) + 2
     F = _diagonal(1.0, motion.M, PERSISTENT)
@@ -77,7 +77,7 @@ class ErrorFilters:
 
     def __init__(
         self,
-        motion_at: Callable[[float], Motion],
+        motion_at: Callable[[float], TargetModel],
         *,
         predicts: bool = False,
         test: JumpTest | None = None,

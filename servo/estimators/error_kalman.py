@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.estimators._error_filter import ErrorFilters, Motion
+from servo.estimators._error_filter import ErrorFilters, TargetModel
 from servo.estimators._kalman import Ratio, between
 
 AT_30_HZ, AT_5_HZ = 0.03, 3.0
@@ -38,10 +38,10 @@ class Config:
         """The estimator; draws nothing."""
         return ErrorFilters(self.motion, predicts=True)
 
-    def motion(self, dt: float) -> Motion:
+    def motion(self, dt: float) -> TargetModel:
         """How a target moves, at a frame interval [s]."""
         s = (self.acceleration or between(AT_30_HZ, AT_5_HZ, dt)) / dt**4
         Q = np.diag([self.velocity / dt**2, s])
         P = np.diag([0.0, s / (1 - self.rho**2)])
         M = np.array([[1.0, dt], [0.0, self.rho]])
-        return Motion(M, np.array([dt, dt**2 / 2]), Q, P)
+        return TargetModel(M, np.array([dt, dt**2 / 2]), Q, P)

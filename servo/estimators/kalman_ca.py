@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.estimators._error_filter import ErrorFilters, Motion
+from servo.estimators._error_filter import ErrorFilters, TargetModel
 from servo.estimators._filters import Model
 from servo.estimators._kalman import (
     DifferenceFilters,
@@ -79,13 +79,13 @@ class Config:
         )
         return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
 
-    def motion(self, dt: float) -> Motion:
+    def motion(self, dt: float) -> TargetModel:
         """The same model for a filter of the error, at a frame interval [s]."""
         sR, M = difference_variance(1.0, dt), self._F(dt)
         ratio, acceleration = self._ratios(dt)
         Q = sR * np.diag([0.0, ratio, acceleration / dt**2])
         P = sR * np.diag([0.0, ratio / (1 - self.rho**2), 2 / dt**2])
-        return Motion(M, dt * M[0], Q, P)
+        return TargetModel(M, dt * M[0], Q, P)
 
     def _ratios(self, dt: float) -> tuple[float, float]:
         return (

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.estimators._error_filter import ErrorFilters, Motion
+from servo.estimators._error_filter import ErrorFilters, TargetModel
 from servo.estimators._filters import Model
 from servo.estimators._kalman import (
     DifferenceFilters,
@@ -68,9 +68,9 @@ class Config:
         return Model(F, np.zeros(2), np.eye(2)[0], np.diag([0.0, sQ]), sR, P)
 
 
-def motion(dt: float, rho: float, ratio: float | None) -> Motion:
+def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
     """The same model for a filter of the error, at a frame interval [s]."""
     ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
     sQ = ratio * difference_variance(1.0, dt)
     M, P = np.array([[1.0, 1.0], [0.0, rho]]), np.diag([0.0, sQ / (1 - rho**2)])
-    return Motion(M, dt * M[0], np.diag([0.0, sQ]), P)
+    return TargetModel(M, dt * M[0], np.diag([0.0, sQ]), P)
