@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ class Estimator(Protocol):
         """The prediction after a frame.
 
         Args:
-            error: Feature error e_k (k,).
+            error: Feature error e_k (k,); nan for features that were not measured.
             own: What the camera's own motion does to it.
             dt: Time since the last frame [s].
         """
@@ -95,6 +95,17 @@ class Estimator(Protocol):
         """The prediction after a frame in which the target was not seen.
 
         Its error is zero where the estimator predicts none: nothing is servoed then.
+        """
+        ...
+
+
+@runtime_checkable
+class NeedsTruth(Protocol):
+    """An estimator that knows the truth, for comparison: a simulation only has it."""
+
+    def tell(self, motion: Array) -> None:
+        """The true de/dt (k,) of the target's own motion while the next command acts, over
+        `FeatureSet.scales`; before each `update` or `skip`.
         """
         ...
 

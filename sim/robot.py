@@ -129,12 +129,12 @@ class Robot:
         self._jacobians = np.zeros((2, 3, model.nv))
         self._ahead = mujoco.MjData(model)
 
-    def posture(self, data: mujoco.MjData, twist: Array) -> Posture:
+    def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
         """What the robot knows of itself, as of the last kinematics; twist is its mean since the
-        last frame.
+        last frame, accepted the mean of what its drives were set to.
         """
-        J = self.jacobian(data)
-        return Posture(self.eye(data), twist, self.joints(data), self.lower, self.upper, J)
+        J, joints = self.jacobian(data), self.joints(data)
+        return Posture(self.eye(data), twist, joints, self.lower, self.upper, J, accepted)
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""

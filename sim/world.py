@@ -81,7 +81,7 @@ class World:
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
         self._pictures: list[Image] = []
         self._frames = 0
-        self._mean_twist = np.zeros(6)
+        self._mean_twist, self._accepted = np.zeros(6), np.zeros(6)
         self._image: Image | None = None
         self._eye_at = self._set_stage(0.0)
 
@@ -126,7 +126,7 @@ class World:
         slower.
         """
         before = self._eye_at
-        saturated = False
+        saturated, accepted = False, list[Array]()
         for k, until in pairwise(self._moments):
             if k in self._exposed_at:
                 self._set_stage(self.data.time)
@@ -134,6 +134,7 @@ class World:
             if k % self._drive_steps == 0:
                 self.data.ctrl[:], slowed = self.robot.rates(self.data, twist, self._hold)
                 saturated |= slowed
+                accepted.append(self.robot.jacobian(self.data) @ self.data.ctrl)
             mujoco.mj_step(self.model, self.data, until - k)
         if any(self.data.warning[w].number for w in UNSTABLE):
             raise Unstable(
@@ -141,6 +142,7 @@ class World:
                 "for world.physics_rate"
             )
         self._frames += 1
+        self._accepted = np.mean(accepted, axis=0)
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)
         self._mean_twist = log_se3(before.inverse() @ self._eye_at) / self.period
@@ -148,7 +150,7 @@ class World:
 
     def posture(self) -> Posture:
         """What the robot knows of itself as of now."""
-        return self.robot.posture(self.data, self._mean_twist)
+        return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def look(self) -> Frame:
         """The picture as of now; where the camera drops it, the last one again."""
@@ -168,7 +170,11 @@ class World:
 
     def target_before(self) -> Pose:
         """T_world_target one frame interval ago."""
-        return self._stage.target(self.data.time - self.period)
+        return self.target_in(-1)
+
+    def target_in(self, frames: int) -> Pose:
+        """T_world_target after this many frame intervals."""
+        return self._stage.target(self.data.time + frames * self.period)
 
     @property
     def moving(self) -> tuple[str, ...]:

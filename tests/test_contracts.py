@@ -111,6 +111,8 @@ def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
     rest, speed = own(np.zeros(4)), np.array([0.1, -0.1, 0.05, 0.2])
     first = estimator.update(np.zeros(4), rest, 0.1)
     assert first.motion.tolist() == [0.0] * 4
+    if kind == "true":
+        estimator.tell(speed)
     for k in range(1, 60):
         estimator.update(0.1 * k * speed + rng.normal(0, 1e-5, 4), rest, 0.1)
     known = np.zeros(4) if kind == "none" else speed
@@ -138,5 +140,5 @@ def test_an_unknown_kind_lists_what_there_is():
         kinds.config_of("servo.estimators", "magic")
     assert str(refused.value) == (
         "there is no kind 'magic'; there is difference, error_kalman, imm, jump, "
-        "kalman_ca, kalman_cv, none"
+        "kalman_ca, kalman_cv, none, true"
     )

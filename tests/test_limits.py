@@ -90,7 +90,7 @@ ABSURD = {
     "controller.acceleration=5e-324": (
         "controller.acceleration = 5e-324: input should be greater than or equal to 0.001"
     ),
-    "estimator.measure_variance=5e-324": (
+    "estimator={noise='difference', measure_variance=5e-324}": (
         "estimator.measure_variance = 5e-324: input should be greater than or equal to "
         "0.000000000001"
     ),

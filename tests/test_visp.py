@@ -29,6 +29,7 @@ def estimator_of(run):
         "rho": kf["rho"],
         "state_variance": kf["sigma_state"],
         "measure_variance": kf["sigma_measure"],
+        "noise": "difference",
     }
     if run["comp"] == "kf_ca":
         constants["acceleration_variance"] = kf["sigma_state2"]
@@ -45,6 +46,7 @@ def test_closed_loop(visp_run):
         dof=dof,
         feed_forward=("xn", "yn", "an", "theta"),
         matrix=run["L"],
+        interval="end",
         fastest=1e9,
         fastest_turn=1e9,
     )

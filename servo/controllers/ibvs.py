@@ -12,7 +12,6 @@ vx, vy, vz and wz.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import Annotated, Literal, final
 
@@ -24,12 +23,15 @@ from servo.controllers._inverse import Inverse
 from servo.controllers._limits import Limits
 from servo.controllers._secondary import Secondary, twist_of
 from servo.controllers._target_loss import TargetLoss
+from servo.controllers._under_way import UnderWay
 from servo.mistake import unknown
 from servo.parts import FeatureSet, Task
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.ranges import Time
 from sim.types import Array, Posture
 
+FORESEEN = 3.0
+"""Frames for which the matrix is taken to go on changing as it did."""
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
 UNTILTED = ("vx", "vy", "vz", "wz")
 """Degrees of freedom that leave the camera's axis as it is."""
@@ -73,6 +75,9 @@ class Config:
     default those that the feature set names: xn and yn of "moments"."""
     matrix: Literal["current", "desired", "mean"] = "current"
     """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
+    interval: Literal["mean", "end"] = "mean"
+    """Where the matrix is taken for what the camera causes in a frame interval: the mean of both
+    ends, or the end, as in ViSP, which is half a frame off."""
     coast: Time = 1.0
     """How long the estimated motion is still followed while the target is not seen [s]; then hold.
     """
@@ -159,7 +164,9 @@ class Ibvs:
         self._seen, self._matrix_seen = self._goal, self._goal_matrix
         self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)
         self._limits = Limits(c.fastest, c.fastest_turn, c.acceleration, c.acceleration_turn)
-        self._coming = deque([np.zeros(6)] * task.latency, maxlen=task.latency)
+        self._under_way = UnderWay(task.latency)
+        self._before: Array | None = None
+        self._change: Array | None = None
         self._first: Array | None = None
         self._time = 0.0
 
@@ -171,23 +178,48 @@ class Ibvs:
         """The twist for what is seen now; where it is not seen, the estimated motion, then
         none, or a search.
         """
-        if seen is not None:
-            self._known, self._tilt_seen = self._features.known(seen), seen.tilt_known
-            self._seen, self._matrix_seen = self._features.values(seen), self._features.matrix(seen)
+        self._see(seen)
         error, scales = self._features.error(self._seen, self._goal), self._scales
-        relative, L = error / scales, self._matrix_seen / scales[:, None]
-        coming = np.array([L @ twist for twist in self._coming]).reshape(-1, len(error))
-        own = OwnMotion(L @ posture.twist, coming)
+        own = self._own(posture)
         if seen is not None:
-            predicted, mode = self._estimator.update(relative, own, dt), self._loss.seen()
+            measured = np.where(self._known, error / scales, np.nan)
+            predicted, mode = self._estimator.update(measured, own, dt), self._loss.seen()
         else:
             predicted, mode = self._estimator.skip(own, dt), self._loss.wait(dt)
         predicted = predicted.times(scales)
         twist, saturated = self._limits.apply(self._twist(predicted, mode, posture, dt), dt)
-        self._coming.append(twist)
+        self._under_way.add(twist)
         return Command(
             twist, saturated, mode, Trace(self._seen, error, predicted, scales, own.past)
         )
+
+    def _see(self, seen: Sight | None) -> None:
+        """Take over what is seen; `_change` is that of the matrix since the last frame, None unless
+        the same features were known in both.
+        """
+        if seen is None:
+            self._before, self._change = None, None
+            return
+        known_before, self._known = self._known, self._features.known(seen)
+        self._tilt_seen = seen.tilt_known
+        self._seen, self._matrix_seen = self._features.values(seen), self._features.matrix(seen)
+        before, self._before = self._before, self._matrix_seen
+        self._change, same = None, bool((known_before == self._known).all())
+        if before is not None and same and self._config.interval == "mean":
+            self._change = self._matrix_seen - before
+
+    def _own(self, posture: Posture) -> OwnMotion:
+        """What the camera does to the features, over their scales; the matrix is taken in the
+        middle of each interval, where its change is known: going on as it did for those to come.
+        """
+        L = self._matrix_seen / self._scales[:, None]
+        change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
+        coming = [
+            (L + min(i + 0.5, FORESEEN) * change) @ twist
+            for i, twist in enumerate(self._under_way.coming(posture))
+        ]
+        past = (L - 0.5 * change) @ posture.twist
+        return OwnMotion(past, np.array(coming).reshape(-1, len(past)))
 
     def _twist(self, predicted: Prediction, mode: Mode, posture: Posture, dt: float) -> Array:
         """The twist (6,) that the law asks for, before any limit."""

@@ -1,97 +1,156 @@
-"""What the filters on the error itself share: its model, with the camera's motion as known input.
+"""What the filters on the error itself share: the camera's motion is a known input, and the noise
+is on the position.
 
-For each feature, with T the frame interval and u the de/dt that the camera causes:
+For each feature, with T the frame interval, u the de/dt that the camera causes, m the state of the
+target's motion (M its transition, r what it adds to the error in a frame), and n the tracker's
+noise:
 
-    e+ = e + T (u + d) + T^2/2 a    d+ = d + T a + w1    a+ = rho a + w2    measured: e
+    e+ = e + T u + r m    m+ = M m + w    n+ = phi n + w'    measured: e + n
+
+The difference of two such measurements, which equation 18 of Teuliere, Marchand and Eck has, shares
+a noise with the next difference; the error does not.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Protocol, final
 
 import numpy as np
-from annotated_types import Ge, Le
-from filterpy.kalman import KalmanFilter
 
-from servo.estimators._kalman import Ratio, between, blocks
+from servo.estimators._filters import Filters, Flags, Level, Model
+from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
-ORDER = 3
-AT_30_HZ, AT_5_HZ = 0.03, 3.0
-"""Tuned noise of the acceleration: a slow camera sees a faster changing velocity."""
+PERSISTENT = 0.5
+"""phi: the tracker's error against the truth, a frame later, correlates by 0.3 to 0.8."""
 DIFFUSE = 100.0
-"""Standard deviation of the first velocity, in the measurement's per frame."""
+"""Standard deviation of an unknown velocity, in the measurement's per frame; its square is that of
+an unknown error."""
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
-    """Process noise of one feature over the measurement's, per frame."""
+class TargetModel:
+    """How a target moves; all noise is over the measurement's variance."""
 
-    velocity: float
-    """Var(w1) T^2 / R."""
-    acceleration: float
-    """Var(w2) T^4 / R."""
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorSettings:
-    """Constants of the filter."""
-
-    rho: Annotated[float, Ge(0), Le(1)] = 0.95
-    """Memory of the acceleration from frame to frame."""
-    acceleration: Ratio | None = None
-    """Noise of the acceleration over the measurement's, per frame: Var(w2) T^4 / R; by default
-    what suits the camera's rate."""
-    velocity: Annotated[float, Ge(0), Le(1e9)] = 0.0
-    """Noise of the velocity over the measurement's, per frame: Var(w1) T^2 / R."""
-
-    def noise(self, dt: float) -> Noise:
-        """The process noise at a frame interval [s]."""
-        return Noise(self.velocity, self.acceleration or between(AT_30_HZ, AT_5_HZ, dt))
+    M: Array
+    """Transition (m, m) per frame; the first number of the state is de/dt."""
+    r: Array
+    """What it adds to the error in a frame (m,)."""
+    Q: Array
+    """Process noise (m, m) per frame."""
+    P: Array
+    """Covariance at first (m, m), of all but de/dt, which is unknown."""
 
 
-def transition(dt: float, rho: float) -> Array:
-    """F (3, 3) of (e, d, a)."""
-    return np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, rho]])
+class JumpTest(Protocol):
+    """Decides when a feature's filter no longer fits."""
+
+    def jumped(self, normalised: Array) -> Flags:
+        """For each feature (k,), from innovations over their standard deviations."""
+        ...
 
 
-def process_noise(noise: Noise, dt: float) -> Array:
-    """Q (3, 3) of (e, d, a), for a measurement of variance 1."""
-    return np.diag([0.0, noise.velocity / dt**2, noise.acceleration / dt**4])
+def model_of(motion: TargetModel, dt: float) -> Model:
+    """The filter of (e, m, n) at a frame interval [s], for a measurement of variance 1."""
+    n = len(motion.r) + 2
+    F = _diagonal(1.0, motion.M, PERSISTENT)
+    F[0, 1:-1] = motion.r
+    Q = _diagonal(0.0, motion.Q, 1 - PERSISTENT**2)
+    P = _diagonal(DIFFUSE**4, motion.P, 1.0)
+    P[1, 1] += (DIFFUSE / dt) ** 2
+    return Model(F, dt * np.eye(n)[0], np.eye(n)[0] + np.eye(n)[-1], Q, 0.0, P)
 
 
-def error_filter(variance: Array, noise: Noise, rho: float, dt: float) -> KalmanFilter:
-    """One filter over the errors of several features, each a block of three, at rest at zero.
+def _diagonal(error: float, motion: Array, noise: float) -> Array:
+    """The block-diagonal matrix of the three parts of the state."""
+    found = np.diag([error, *np.zeros(len(motion)), noise])
+    found[1:-1, 1:-1] = motion
+    return found
 
-    Args:
-        variance: Of each feature's measurement (n,).
-        noise: Of the process.
-        rho: Memory of the acceleration.
-        dt: Frame interval [s].
+
+@final
+class ErrorFilters:
+    """One filter for each feature; the model is made when the rate is known."""
+
+    def __init__(
+        self,
+        motion_at: Callable[[float], TargetModel],
+        *,
+        predicts: bool = False,
+        test: JumpTest | None = None,
+    ) -> None:
+        """Filters that begin with the first measurement.
+
+        Args:
+            motion_at: The target's motion at a frame interval [s].
+            predicts: Return the error as it will be when the command acts, not as it was seen.
+            test: Finds features whose motion is to be taken anew.
+        """
+        self._motion_at, self._predicts, self._test = motion_at, predicts, test
+
+    def start(self, features: FeatureSet) -> None:
+        """Begin with these features."""
+        self._features, self._level = features, Level(np.square(features.noise))
+        self._begun = np.zeros(len(features.names), dtype=bool)
+        self._filters: Filters | None = None
+
+    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
+        """The first error starts the filter of a feature."""
+        if self._filters is None:
+            self._filters = Filters(model_of(self._motion_at(dt), dt), len(error))
+        f, seen = self._filters, np.isfinite(error)
+        measured = seen & self._begun
+        old = f.x, f.covariance
+        self._advance(f, own)
+        y = self._gap(f, error, seen)
+        ratio, jumped = y**2 / f.S, np.zeros_like(measured)
+        if self._test is not None:
+            normalised = np.where(measured, y / np.sqrt(f.S * self._level.value), 0.0)
+            jumped = measured & self._test.jumped(normalised)
+            f.x, P = old
+            P[jumped, 1, 1] += (DIFFUSE / dt) ** 2
+            f.covariance = P
+            self._advance(f, own)
+        nis = self._level.learn(ratio, measured, but=jumped)
+        f.update(y, seen)
+        self._begun |= seen
+        innovation = np.where(measured, y, np.nan)
+        return Prediction(*self._result(f, np.where(seen, error, 0.0), own), innovation, nis)
+
+    def skip(self, own: OwnMotion, dt: float) -> Prediction:
+        """The prediction, less certain with each frame."""
+        if self._filters is None:
+            none = np.zeros(len(self._begun))
+            return Prediction.unmeasured(none, none)
+        self._advance(self._filters, own)
+        none = np.zeros(len(self._begun))
+        return Prediction.unmeasured(*self._result(self._filters, none, own))
+
+    def _advance(self, f: Filters, own: OwnMotion) -> None:
+        """Predict the features that have begun."""
+        x, P = f.x, f.covariance
+        f.predict(own.past)
+        f.x = np.where(self._begun[:, None], f.x, x)
+        f.covariance = np.where(self._begun[:, None, None], f.covariance, P)
+
+    def _gap(self, f: Filters, error: Array, seen: Flags) -> Array:
+        """Measured minus expected (k,), angles wrapped; zero where nothing was measured."""
+        expected = f.expected
+        return self._features.error(np.where(seen, error, expected), expected)
+
+    def _result(self, f: Filters, error: Array, own: OwnMotion) -> tuple[Array, Array]:
+        if not self._predicts:
+            return error, f.x[:, 1].copy()
+        return look_ahead(f.x, own, f.model)
+
+
+def look_ahead(x: Array, own: OwnMotion, model: Model) -> tuple[Array, Array]:
+    """Error (k,) when the command asked for now begins to act, and the target's mean motion (k,)
+    while it does, from states x (k, n) as of the frame.
     """
-    n, each, R = len(variance), np.eye(len(variance)), np.diag(variance)
-    f = KalmanFilter(dim_x=ORDER * n, dim_z=n, dim_u=n)
-    f.F = blocks(each, transition(dt, rho))
-    f.B = blocks(each, np.array([[dt], [0.0], [0.0]]))  # pyright: ignore[reportAttributeAccessIssue]
-    f.H = blocks(each, np.eye(ORDER)[:1])
-    f.Q, f.R = blocks(R, process_noise(noise, dt)), R
-    f.P = blocks(R, np.diag([1.0, (DIFFUSE / dt) ** 2, noise.acceleration / dt**4]))
-    return f
-
-
-def look_ahead(states: Array, own: OwnMotion, rho: float, dt: float) -> tuple[Array, Array]:
-    """Error (4,) when the command asked for now begins to act, and the target's mean motion (4,)
-    while it does, from states (4, 3) as of the frame.
-    """
-    F, x = transition(dt, rho), states
     for coming in own.coming:
-        x = x @ F.T
-        x[:, 0] += dt * coming
-    return x[:, 0], x[:, 1] + dt / 2 * x[:, 2]
-
-
-def unseen(states: Array, own: OwnMotion, rho: float, dt: float) -> Prediction:
-    """The prediction where nothing was measured."""
-    return Prediction.unmeasured(*look_ahead(states, own, rho, dt))
+        x = x @ model.F.T + np.outer(coming, model.B)
+    return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0]

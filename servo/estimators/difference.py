@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
@@ -32,24 +33,23 @@ class Difference:
 
     def __init__(self, features: FeatureSet) -> None:
         self._features = features
-        self._last: Array | None = None
+        self.forget()
         self.value = np.zeros(len(features.names))
 
-    def measure(self, error: Array, own: Array, dt: float) -> Array:
-        """The difference (k,) after a frame; zero until there are two frames in a row."""
-        if self._last is not None:
-            self.value = self._features.error(error, self._last) / dt - own
+    def measure(self, error: Array, own: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
+        """The difference (k,) after a frame, and for which features it is new: those that were
+        measured, not nan, in this frame and in the last one. The others keep theirs, at first zero.
+        """
+        seen = np.isfinite(error)
+        fresh = seen & np.isfinite(self._last)
+        now, last = (np.where(fresh, e, 0.0) for e in (error, self._last))
+        self.value = np.where(fresh, self._features.error(now, last) / dt - own, self.value)
         self._last = error
-        return self.value
+        return self.value, fresh
 
     def forget(self) -> None:
         """The target was not seen: the next difference begins anew."""
-        self._last = None
-
-    @property
-    def ready(self) -> bool:
-        """Whether an error is at hand from which the next one can be measured."""
-        return self._last is not None
+        self._last = np.full(len(self._features.names), np.nan)
 
 
 @final
@@ -62,7 +62,8 @@ class Plain:
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The last measurement."""
-        return Prediction.unmeasured(error, self._difference.measure(error, own.past, dt))
+        motion, _ = self._difference.measure(error, own.past, dt)
+        return Prediction.unmeasured(np.nan_to_num(error), motion)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The last measurement, kept."""

@@ -2,69 +2,46 @@
 
 A difference of two frames doubles the noise and is half a frame old; this filter has neither fault.
 It knows the commands that are under way, so it predicts the error over the delay, and goes on
-predicting where the target is not seen.
+predicting where the target is not seen. The motion of the target, with T the frame interval:
+
+    d+ = d + T a + w1    a+ = rho a + w2    added to the error in a frame: T d + T^2/2 a
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Annotated
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
+from annotated_types import Ge, Le
 
-from servo.estimators import _error_filter
-from servo.parts import FeatureSet
-from servo.types import OwnMotion, Prediction
-from sim.types import Array
+from servo.estimators._error_filter import ErrorFilters, TargetModel
+from servo.estimators._kalman import Ratio, between
+
+AT_30_HZ, AT_5_HZ = 0.03, 3.0
+"""Tuned noise of the acceleration: a slow camera sees a faster changing velocity."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(_error_filter.ErrorSettings):
+class Config:
     """Constants of the filter."""
 
-    def build(self, rng: np.random.Generator) -> ErrorKalman:
+    rho: Annotated[float, Ge(0), Le(0.999)] = 0.95
+    """Memory of the acceleration from frame to frame."""
+    acceleration: Ratio | None = None
+    """Noise of the acceleration over the measurement's, per frame: Var(w2) T^4 / R; by default
+    what suits the camera's rate."""
+    velocity: Annotated[float, Ge(0), Le(1e9)] = 0.0
+    """Noise of the velocity over the measurement's, per frame: Var(w1) T^2 / R."""
+
+    def build(self, rng: np.random.Generator) -> ErrorFilters:
         """The estimator; draws nothing."""
-        return ErrorKalman(self)
+        return ErrorFilters(self.motion, predicts=True)
 
-
-@final
-class ErrorKalman:
-    """One filter for all features."""
-
-    def __init__(self, config: Config) -> None:
-        self._config = config
-
-    def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
-        self._features = features
-        self._filter: KalmanFilter | None = None
-
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first error starts the filter."""
-        c = self._config
-        if self._filter is None:
-            self._filter = f = _error_filter.error_filter(
-                np.square(self._features.noise), c.noise(dt), c.rho, dt
-            )
-            f.x = np.kron(error, [1.0, 0.0, 0.0])[:, None]
-            return _error_filter.unseen(_states(f), own, c.rho, dt)
-        f = self._filter
-        f.predict(own.past[:, None])
-        expected = f.x[:: _error_filter.ORDER, 0]
-        gap = self._features.error(error, expected)
-        f.update(expected + gap)
-        ahead = _error_filter.look_ahead(_states(f), own, c.rho, dt)
-        return Prediction(*ahead, gap, gap**2 / np.diag(f.S))
-
-    def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction."""
-        if self._filter is None:
-            none = np.zeros(len(self._features.names))
-            return Prediction.unmeasured(none, none)
-        self._filter.predict(own.past[:, None])
-        return _error_filter.unseen(_states(self._filter), own, self._config.rho, dt)
-
-
-def _states(f: KalmanFilter) -> Array:
-    return f.x.reshape(-1, _error_filter.ORDER).copy()
+    def motion(self, dt: float) -> TargetModel:
+        """How a target moves, at a frame interval [s]."""
+        s = (self.acceleration or between(AT_30_HZ, AT_5_HZ, dt)) / dt**4
+        Q = np.diag([self.velocity / dt**2, s])
+        P = np.diag([0.0, s / (1 - self.rho**2)])
+        M = np.array([[1.0, dt], [0.0, self.rho]])
+        return TargetModel(M, np.array([dt, dt**2 / 2]), Q, P)

@@ -1,8 +1,9 @@
-"""Interacting multiple models (Blom, Bar-Shalom 1988) of the error: a target drives smoothly or
-manoeuvres.
+"""Interacting multiple models of the error: a target drives smoothly or manoeuvres.
 
-Both are filters of error_kalman, which see the measured camera motion and predict over the delay;
-the second one lets the velocity jump. How likely each is now decides how much it counts.
+Blom and Bar-Shalom, The Interacting Multiple Model Algorithm for Systems with Markovian Switching
+Coefficients, IEEE Transactions on Automatic Control 33(8), 1988. Both models are those of
+error_kalman; the second one lets the velocity jump. How likely each is now decides how much it
+counts.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
-from filterpy.kalman import IMMEstimator
 
-from servo.estimators import _error_filter
+from servo.estimators import error_kalman
+from servo.estimators._error_filter import look_ahead, model_of
+from servo.estimators._filters import Filters, Flags, Level
 from servo.estimators._kalman import Ratio
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
@@ -22,73 +24,89 @@ from sim.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Config(_error_filter.ErrorSettings):
+class Config(error_kalman.Config):
     """Constants of the smooth model, and the noise of the manoeuvring one."""
 
-    jump: Ratio = 1.0
+    jump: Ratio = 0.3
     """Noise of the velocity of a manoeuvring target over the measurement's, per frame."""
     stay: Annotated[float, Ge(0.5), Le(0.9999)] = 0.95
     """Probability that a target drives on as it does, from frame to frame."""
 
-    def build(self, rng: np.random.Generator) -> Imm:
+    def build(self, rng: np.random.Generator) -> Imm:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The estimator; draws nothing."""
         return Imm(self)
 
 
 @final
 class Imm:
-    """Two models for each feature, mixed for each by itself."""
+    """Two models for each feature, mixed for each by itself; arrays begin with the model (2,)."""
 
     def __init__(self, config: Config) -> None:
-        self._config = config
+        self._config, go = config, 1 - config.stay
+        self._switch = np.array([[config.stay, go], [go, config.stay]])
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
-        self._features = features
-        self._mixtures: list[IMMEstimator] = []
+        k = len(features.names)
+        self._features, self._level = features, Level(np.square(features.noise))
+        self._begun = np.zeros(k, dtype=bool)
+        self._filters: tuple[Filters, ...] = ()
+        self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first error starts the filters."""
-        c = self._config
-        if not self._mixtures:
-            self._mixtures = [self._begin(i, error[i], dt) for i in range(len(error))]
-            return _error_filter.unseen(self._states(), own, c.rho, dt)
-        expected = np.empty_like(error)
-        innovation, nis = np.zeros_like(error), np.zeros_like(error)
-        for i, mixture in enumerate(self._mixtures):
-            mixture.predict(own.past[i : i + 1, None])
-            expected[i] = mixture.x_prior[0, 0]
-        measured = expected + self._features.error(error, expected)
-        for i, mixture in enumerate(self._mixtures):
-            mixture.update(measured[i])
-            y = np.array([f.y[0, 0] for f in mixture.filters])
-            S = np.array([f.S[0, 0] for f in mixture.filters])
-            innovation[i], nis[i] = mixture.mu @ y, mixture.mu @ (y**2 / S)
-        ahead = _error_filter.look_ahead(self._states(), own, c.rho, dt)
-        return Prediction(*ahead, innovation, nis)
+        """The first error starts the filters of a feature."""
+        if not self._filters:
+            self._filters = self._models(dt, len(error))
+        seen = np.isfinite(error)
+        measured = seen & self._begun
+        self._mix_and_predict(own)
+        each = np.array([f.expected for f in self._filters])
+        expected = (self._mu * each).sum(axis=0)
+        z = expected + self._features.error(np.where(seen, error, expected), expected)
+        y, S = z - each, np.array([f.S for f in self._filters])
+        spread = (self._mu * (S + (each - expected) ** 2 / self._level.value)).sum(axis=0)
+        level = self._level.value
+        nis = self._level.learn((z - expected) ** 2 / spread, measured)
+        fits = self._mu * np.exp(-(y**2) / (2 * S * level)) / np.sqrt(S) + 1e-300
+        self._mu = np.where(measured, fits / fits.sum(axis=0), self._mu)
+        for f, gap in zip(self._filters, y, strict=True):
+            f.update(gap, seen)
+        self._begun |= seen
+        innovation = np.where(measured, z - expected, np.nan)
+        return Prediction(*self._ahead(own), innovation, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction."""
-        if not self._mixtures:
-            none = np.zeros(len(self._features.names))
+        """The prediction, less certain with each frame."""
+        if not self._filters:
+            none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
-        for i, mixture in enumerate(self._mixtures):
-            mixture.predict(own.past[i : i + 1, None])
-            mixture.x = mixture.x_prior.copy()
-        return _error_filter.unseen(self._states(), own, self._config.rho, dt)
+        self._mix_and_predict(own)
+        return Prediction.unmeasured(*self._ahead(own))
 
-    def _states(self) -> Array:
-        return np.array([mixture.x[:, 0] for mixture in self._mixtures])
+    def _models(self, dt: float, k: int) -> tuple[Filters, ...]:
+        both = self._config, replace(self._config, velocity=self._config.jump)
+        return tuple(Filters(model_of(c.motion(dt), dt), k) for c in both)
 
-    def _begin(self, feature: int, error: float, dt: float) -> IMMEstimator:
-        c = self._config
-        smooth = c.noise(dt)
-        variance = np.square(self._features.noise[feature : feature + 1])
-        filters = [
-            _error_filter.error_filter(variance, noise, c.rho, dt)
-            for noise in (smooth, replace(smooth, velocity=c.jump))
-        ]
-        for f in filters:
-            f.x = np.array([[error], [0.0], [0.0]])
-        go = 1 - c.stay
-        return IMMEstimator(filters, [0.5, 0.5], np.array([[c.stay, go], [go, c.stay]]))
+    def _ahead(self, own: OwnMotion) -> tuple[Array, Array]:
+        x = sum(m[:, None] * f.x for m, f in zip(self._mu, self._filters, strict=True))
+        return look_ahead(np.asarray(x), own, self._filters[0].model)
+
+    def _mix_and_predict(self, own: OwnMotion) -> None:
+        """Begin each model with what both know, and predict the features that have begun."""
+        x, P = (np.array([getattr(f, name) for f in self._filters]) for name in ("x", "covariance"))
+        coming = np.einsum("ij,ik->jk", self._switch, self._mu)
+        for j, f in enumerate(self._filters):
+            share = (self._switch[:, j, None] * self._mu / coming[j])[..., None]
+            mean = (share * x).sum(axis=0)
+            off = x - mean
+            apart = off[..., :, None] * off[..., None, :] / self._level.value[:, None, None]
+            f.x, f.covariance = mean, (share[..., None] * (P + apart)).sum(axis=0)
+            f.predict(own.past)
+            f.x = _where(self._begun, f.x, x[j])
+            f.covariance = _where(self._begun, f.covariance, P[j])
+        self._mu = np.where(self._begun, coming, self._mu)
+
+
+def _where(flags: Flags, a: Array, b: Array) -> Array:
+    """Rows of a where the flags (k,) are set, else those of b."""
+    return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)

@@ -4,7 +4,7 @@ Two sums for each feature run over the innovation nu, divided by its standard de
 
     g+ = max(0, g+ + nu - drift)    g- = max(0, g- - nu - drift)
 
-Where one passes the threshold the velocity has jumped: the filter begins anew from the measurement.
+Where one passes the threshold the velocity has jumped: the filter takes its velocity anew.
 """
 
 from __future__ import annotations
@@ -14,25 +14,31 @@ from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
-from numpy.typing import NDArray
 
-from servo.estimators import kalman_cv
-from servo.estimators._kalman import FeatureFilters
+from servo.estimators._error_filter import ErrorFilters
+from servo.estimators._filters import Flags
+from servo.estimators._kalman import Memory, Ratio
+from servo.estimators.kalman_cv import RHO, motion
 from sim.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Config(kalman_cv.Config):
+class Config:
     """The filter's constants, and those of the test."""
 
+    rho: Memory = RHO
+    """Memory of the velocity's change from frame to frame."""
+    ratio: Ratio | None = None
+    """sQ / sR, per frame; by default what suits the camera's rate."""
     drift: Annotated[float, Ge(0), Le(1e6)] = 1.0
     """What the innovation may be without being summed, in standard deviations."""
     threshold: Annotated[float, Ge(0.001), Le(1e6)] = 4.0
     """The sum that is a jump, in standard deviations."""
 
-    def build(self, rng: np.random.Generator) -> FeatureFilters:
+    def build(self, rng: np.random.Generator) -> ErrorFilters:
         """The estimator; draws nothing."""
-        return FeatureFilters(self.model, Cusum(self.drift, self.threshold))
+        test = Cusum(self.drift, self.threshold)
+        return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio), test=test)
 
 
 @final
@@ -43,7 +49,7 @@ class Cusum:
         self._drift, self._threshold = drift, threshold
         self._sums = np.zeros((2, 1))
 
-    def jumped(self, normalised: Array) -> NDArray[np.bool_]:
+    def jumped(self, normalised: Array) -> Flags:
         """Where a sum passed the threshold (k,); it is zero again then."""
         both = np.stack([normalised, -normalised])
         self._sums = np.maximum(0.0, self._sums + both - self._drift)

@@ -4,6 +4,8 @@ For each feature by itself, with the plain difference z as measurement and T the
 
     x+ = x + nu + T a    nu+ = rho nu + w1    a+ = a + w2
     F = [[1, 1, T], [0, rho, 0], [0, 0, 1]]    H = [1, 0, 0]    Q = diag(0, sQ, sQ2)    R = sR
+
+By default the same model filters the error itself: see kalman_cv.
 """
 
 from __future__ import annotations
@@ -12,16 +14,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from servo.estimators._error_filter import ErrorFilters, TargetModel
+from servo.estimators._filters import Model
 from servo.estimators._kalman import (
-    FeatureFilters,
+    DifferenceFilters,
     Memory,
-    Model,
+    Noise,
+    Ratio,
     Variance,
     between,
+    check_noise,
     difference_variance,
 )
+from servo.parts import Estimator
+from sim.types import Array
 
-VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ = 0.03, 1.0
+VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ = 0.06, 1.0
 ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ = 3e-3, 0.1
 """Tuned sQ / sR and sQ2 T^2 / sR: a slow camera sees a faster changing velocity."""
 
@@ -32,27 +40,36 @@ class Config:
 
     rho: Memory = 0.5
     """Memory of the velocity's change from frame to frame."""
+    ratio: Ratio | None = None
+    """sQ / sR, per frame; by default what suits the camera's rate."""
+    acceleration_ratio: Ratio | None = None
+    """sQ2 T^2 / sR, per frame; by default what suits the camera's rate."""
+    noise: Noise = "position"
+    """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
     state_variance: Variance | None = None
-    """sQ, per frame [(1/s)^2]; by default what suits the camera's rate."""
+    """sQ, per frame [(1/s)^2], with noise = "difference"; by default from the ratio."""
     acceleration_variance: Variance | None = None
-    """sQ2, per frame [(1/s^2)^2]; by default what suits the camera's rate."""
+    """sQ2, per frame [(1/s^2)^2], with noise = "difference"; by default from the ratio."""
     measure_variance: Variance | None = None
-    """sR [(1/s)^2]; by default that of a good tracker's differences at the camera's rate."""
+    """sR [(1/s)^2], with noise = "difference"; by default that of a good tracker's differences at
+    the camera's rate."""
 
-    def build(self, rng: np.random.Generator) -> FeatureFilters:
+    def __post_init__(self) -> None:
+        check_noise(self.noise, self, "state_variance", "acceleration_variance", "measure_variance")
+
+    def build(self, rng: np.random.Generator) -> Estimator:
         """The estimator; draws nothing."""
-        return FeatureFilters(self.model)
+        if self.noise == "difference":
+            return DifferenceFilters(self.model)
+        return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """The filter of a feature that is measured with this variance, at a frame interval [s]."""
+        """ViSP's filter of a feature that is measured with this variance, at an interval [s]."""
         sR, rho, T = self.measure_variance or difference_variance(variance, dt), self.rho, dt
-        sQ = self.state_variance or sR * between(VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ, dt)
-        sQ2 = self.acceleration_variance or (
-            sR * between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / T**2
-        )
+        ratio, acceleration = self._ratios(dt)
+        sQ = self.state_variance or sR * ratio
+        sQ2 = self.acceleration_variance or sR * acceleration / T**2
         s = sQ / (1 - rho**2)
-        F = np.array([[1.0, 1.0, T], [0.0, rho, 0.0], [0.0, 0.0, 1.0]])
-        Q = np.diag([0.0, sQ, sQ2])
         P = np.array(
             [
                 [sR, 0.0, sR / T],
@@ -60,4 +77,21 @@ class Config:
                 [sR / T, -rho * s / T, (2 * sR + s) / T**2],
             ]
         )
-        return Model(F, Q, sR, P)
+        return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
+
+    def motion(self, dt: float) -> TargetModel:
+        """The same model for a filter of the error, at a frame interval [s]."""
+        sR, M = difference_variance(1.0, dt), self._F(dt)
+        ratio, acceleration = self._ratios(dt)
+        Q = sR * np.diag([0.0, ratio, acceleration / dt**2])
+        P = sR * np.diag([0.0, ratio / (1 - self.rho**2), 2 / dt**2])
+        return TargetModel(M, dt * M[0], Q, P)
+
+    def _ratios(self, dt: float) -> tuple[float, float]:
+        return (
+            self.ratio or between(VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ, dt),
+            self.acceleration_ratio or between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt),
+        )
+
+    def _F(self, T: float) -> Array:
+        return np.array([[1.0, 1.0, T], [0.0, self.rho, 0.0], [0.0, 0.0, 1.0]])

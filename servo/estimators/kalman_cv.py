@@ -1,12 +1,13 @@
 """Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck, equation 19).
 
-ViSP's model; for each feature by itself, with the plain difference z as measurement:
+ViSP's model; for each feature by itself, z its plain difference:
 
     x+ = x + nu    nu+ = rho nu + w
     F = [[1, 1], [0, rho]]    H = [1, 0]    Q = diag(0, sQ)    R = sR
 
-A slow filter is worse than none where the target reverses, so the constants must fit the camera's
-rate: those that are not given come from two tuned rates.
+Two differences in a row share the noise of a position, so R is not white. By default the same model
+filters the error itself, where the noise is. A slow filter is worse than none where the target
+reverses, so the constants must fit the camera's rate: the default comes from two tuned rates.
 """
 
 from __future__ import annotations
@@ -15,17 +16,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from servo.estimators._error_filter import ErrorFilters, TargetModel
+from servo.estimators._filters import Model
 from servo.estimators._kalman import (
-    FeatureFilters,
+    DifferenceFilters,
     Memory,
-    Model,
+    Noise,
+    Ratio,
     Variance,
     between,
+    check_noise,
     difference_variance,
 )
+from servo.parts import Estimator
 
 RHO = 0.6
-RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.03, 3.0
+RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.04, 3.0
 """Tuned sQ / sR: a slow camera sees a faster changing velocity."""
 
 
@@ -35,18 +41,36 @@ class Config:
 
     rho: Memory = RHO
     """Memory of the velocity's change from frame to frame."""
+    ratio: Ratio | None = None
+    """sQ / sR, per frame; by default what suits the camera's rate."""
+    noise: Noise = "position"
+    """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
     state_variance: Variance | None = None
-    """sQ, per frame [(1/s)^2]; by default what suits the camera's rate."""
+    """sQ, per frame [(1/s)^2], with noise = "difference"; by default from the ratio."""
     measure_variance: Variance | None = None
-    """sR [(1/s)^2]; by default that of a good tracker's differences at the camera's rate."""
+    """sR [(1/s)^2], with noise = "difference"; by default that of a good tracker's differences at
+    the camera's rate."""
 
-    def build(self, rng: np.random.Generator) -> FeatureFilters:
+    def __post_init__(self) -> None:
+        check_noise(self.noise, self, "state_variance", "measure_variance")
+
+    def build(self, rng: np.random.Generator) -> Estimator:
         """The estimator; draws nothing."""
-        return FeatureFilters(self.model)
+        if self.noise == "difference":
+            return DifferenceFilters(self.model)
+        return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """The filter of a feature that is measured with this variance, at a frame interval [s]."""
+        """ViSP's filter of a feature that is measured with this variance, at an interval [s]."""
         sR, rho = self.measure_variance or difference_variance(variance, dt), self.rho
-        sQ = self.state_variance or sR * between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
-        F = np.array([[1.0, 1.0], [0.0, rho]])
-        return Model(F, np.diag([0.0, sQ]), sR, np.diag([sR, sQ / (1 - rho**2)]))
+        sQ = self.state_variance or sR * (self.ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt))
+        F, P = np.array([[1.0, 1.0], [0.0, rho]]), np.diag([sR, sQ / (1 - rho**2)])
+        return Model(F, np.zeros(2), np.eye(2)[0], np.diag([0.0, sQ]), sR, P)
+
+
+def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
+    """The same model for a filter of the error, at a frame interval [s]."""
+    ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
+    sQ = ratio * difference_variance(1.0, dt)
+    M, P = np.array([[1.0, 1.0], [0.0, rho]]), np.diag([0.0, sQ / (1 - rho**2)])
+    return TargetModel(M, dt * M[0], np.diag([0.0, sQ]), P)

@@ -31,7 +31,7 @@ class Nothing:
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """No motion."""
-        return Prediction.unmeasured(error, self._zero)
+        return Prediction.unmeasured(np.nan_to_num(error), self._zero)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """No motion."""

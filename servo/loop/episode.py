@@ -150,6 +150,17 @@ class Episode:
             raise PartFailed.by("motion", motion, f"{where}; all must be finite")
         return truth
 
+    def _motion_to_come(self, truth: Truth) -> Array | None:
+        """True mean de/dt (k,) of the target's own motion while the next command acts, seen by a
+        camera that went along with it until then; None unless the estimator needs it.
+        """
+        if not self.loop.needs_truth:
+            return None
+        begins, scene = self.scenario.run.latency, self._scene
+        before, after = (self.world.target_in(begins + i) for i in (0, 1))
+        camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
+        return scene.true_motion(camera, before, after, self.loop.goal_sight)
+
     def _move(self, twist: Array) -> bool:
         try:
             return self.world.step(twist)
@@ -172,7 +183,7 @@ class Episode:
                 frame = world.look()
                 rendering = perf_counter() - began
                 truth = self._truth()
-            command = loop.step(frame, posture)
+            command = loop.step(frame, posture, self._motion_to_come(truth))
             waiting.append(command.twist)
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()
             before, acting = world.target_before(), waiting.popleft()

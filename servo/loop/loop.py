@@ -19,13 +19,18 @@ import numpy as np
 from servo.estimators.difference import Difference
 from servo.loop.part_checks import check_built, check_command, check_estimate
 from servo.loop.part_failed import part_failed
-from servo.parts import Controller, Estimator, FeatureSet, Task
+from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import Command, Picture, Sight
 from sim.placement import size_above
 from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
+
+NO_TRUTH = (
+    "this estimator needs the true motion of the target (motion_true), which only a simulation "
+    "knows; with a real camera choose another one, such as kalman_cv"
+)
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -85,6 +90,11 @@ class Loop:
         """Direction in which the target's nose shall point [rad]."""
         self._sizes: dict[float, float] = {}
 
+    @property
+    def needs_truth(self) -> bool:
+        """Whether the estimator knows the true motion, which `step` must then be given."""
+        return isinstance(self._estimator, NeedsTruth)
+
     def goal_size(self, time: float) -> float:
         """Size that the target shall have at a time [s], in px of the image a metre."""
         depth = self._scenario.goal.depth_at(time)
@@ -124,6 +134,7 @@ class Loop:
         self._estimator.start(self.features)
         self._difference = Difference(self.features)
         self.goal_sight = self._goal_sight(0.0)
+        self._scales = self.features.scales(self.features.values(self.goal_sight))
         self.controller.start(
             Task(
                 self.goal_sight, self.features, self._estimator, self._camera, self._outline,
@@ -131,16 +142,23 @@ class Loop:
             )
         )  # fmt: skip
 
-    def step(self, frame: Frame, posture: Posture) -> Command:
+    def step(self, frame: Frame, posture: Posture, motion_true: Array | None = None) -> Command:
         """Track, and decide how the camera shall move.
 
         Args:
             frame: The next picture; one that is not fresh is not shown to the tracker.
             posture: What the robot knows of itself at the time of the picture.
+            motion_true: de/dt (k,) of the target's own motion while this command acts, for an
+                estimator that needs the truth (`needs_truth`).
 
         Raises:
             PartFailed: A part raised an exception, or gave something that has no meaning.
+            ValueError: The estimator needs the truth, which is not given.
         """
+        if isinstance(self._estimator, NeedsTruth):
+            if motion_true is None:
+                raise ValueError(NO_TRUTH)
+            self._estimator.tell(motion_true / self._scales)
         try:
             return self._step(frame, posture)
         except BaseException as error:
@@ -193,6 +211,6 @@ class Loop:
         if trace is None or self.sight is None:
             self._difference.forget()
             return unknown
-        ready = self._difference.ready
-        found = self._difference.measure(trace.error / trace.scales, trace.own, self._period)
-        return trace.scales * found if ready else unknown
+        errors = trace.error / trace.scales
+        found, fresh = self._difference.measure(errors, trace.own, self._period)
+        return np.where(fresh, trace.scales * found, unknown)

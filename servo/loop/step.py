@@ -50,6 +50,16 @@ class Scene:
         T_camera_target = T_world_camera.inverse() @ T_world_target
         return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
 
+    def true_motion(self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight) -> Array:
+        """Mean de/dt (k,) over a frame interval of a target that goes from one T_world_target to
+        another, seen by a camera that stands.
+        """
+        start, end = (
+            self.features.values(self.true_sight(T_world_camera, target, goal))
+            for target in (before, after)
+        )
+        return self.features.error(end, start) / self.period
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -121,12 +131,8 @@ class Step:
         """
         if self.goal_sight.picture is not None:
             return self._unknown
-        scene, camera = self.scene, self.truth.T_world_camera
-        now, before = (
-            scene.features.values(scene.true_sight(camera, target, self.goal_sight))
-            for target in (self.truth.T_world_target, self.target_before)
-        )
-        return scene.features.error(now, before) / scene.period
+        camera, target = self.truth.T_world_camera, self.truth.T_world_target
+        return self.scene.true_motion(camera, self.target_before, target, self.goal_sight)
 
     @property
     def features(self) -> Array:

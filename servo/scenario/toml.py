@@ -119,7 +119,10 @@ def assignment(item: str) -> tuple[str, Any]:
     keys = [key.strip() for key in path.split(".")]
     if not equals or not all(keys):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
-    return ".".join(keys), _value(text.strip())
+    value = _value(text.strip())
+    if keys == ["estimator", "kind"] and value is True:  # the kind "true"
+        value = Trusted(text.strip())
+    return ".".join(keys), value
 
 
 def put(table: Table, path: str, value: Any, place: str) -> None:

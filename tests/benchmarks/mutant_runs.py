@@ -20,7 +20,7 @@ ROOT = HERE.parents[1]
 BUSY = {"tests/test_ctrl_c.py", "tests/test_study_kills.py"}
 """They send signals in time, which a busy machine can spoil."""
 HEAVY = (
-    "cv2", "filterpy.kalman", "jinja2", "matplotlib.backends.backend_agg", "mujoco", "pydantic",
+    "cv2", "jinja2", "matplotlib.backends.backend_agg", "mujoco", "pydantic",
     "pyarrow.parquet", "rich.progress", "rich.table", "scipy.stats",
 )  # fmt: skip
 """Imported once: the imports take longer than most tests."""

@@ -1,0 +1,133 @@
+"""Small Kalman filters side by side, one for each feature, and the noise level that they learn.
+
+Covariances are relative to a variance of each feature, its level. Gains depend on ratios only, so a
+level changes no estimate; it decides how unlikely an innovation is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+from numpy.typing import NDArray
+
+from sim.geometry import inverse
+from sim.types import Array
+
+Flags = NDArray[np.bool_]
+MEMORY, FIRST = 60, 5
+"""Frames over which a level is learned, and how many of them the given one counts for at first."""
+MOST = 9.0
+"""What one innovation may count for: a target that turns is no noise."""
+LEAST = 0.01
+"""The smallest level, over the given one."""
+
+
+UNMEASURED = 1e12
+"""Variance of what was not measured, over that of its innovation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """The filter of one feature; its state has n numbers."""
+
+    F: Array
+    """Transition per frame (n, n)."""
+    B: Array
+    """What a known input adds per frame (n,)."""
+    H: Array
+    """The measurement (n,)."""
+    Q: Array
+    """Process noise per frame (n, n)."""
+    R: float
+    """Variance of the measurement's white noise."""
+    P: Array
+    """Covariance (n, n) after the first measurement."""
+
+
+@final
+class Filters:
+    """States x (k, n) and covariances (k, n, n) of k features, as the blocks of one filter."""
+
+    def __init__(self, model: Model, count: int) -> None:
+        """States of zero."""
+        self.model, self._all, each = model, np.arange(count), np.eye(count)
+        self._filter = f = KalmanFilter(dim_x=count * len(model.H), dim_z=count, dim_u=count)
+        f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
+        f.F, f.Q, f.P = (blocks(each, block) for block in (model.F, model.Q, model.P))
+        f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
+        f.H = blocks(each, model.H[None])
+        self.x = np.zeros((count, len(model.H)))
+
+    def predict(self, u: Array) -> None:
+        """Go on by a frame, with a known input (k,)."""
+        f = self._filter
+        f.x = self.x.reshape(-1, 1)
+        f.predict(u[:, None])
+        self.x = f.x.reshape(self.x.shape)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariances (k, n, n)."""
+        return self._blocks()[self._all, :, self._all]
+
+    @covariance.setter
+    def covariance(self, blocks: Array) -> None:
+        self._blocks()[self._all, :, self._all] = blocks
+
+    @property
+    def expected(self) -> Array:
+        """What the next measurement should be (k,)."""
+        return self.x @ self.model.H
+
+    @property
+    def S(self) -> Array:
+        """Variance (k,) of the next innovation."""
+        H = self.model.H
+        return (self.covariance @ H) @ H + self.model.R
+
+    def update(self, innovation: Array, measured: Flags) -> None:
+        """Correct the features that were measured, by their innovations (k,)."""
+        f = self._filter
+        f.x = self.x.reshape(-1, 1)
+        f.R = np.diag(np.where(measured, self.model.R, UNMEASURED * self.S))
+        f.update(self.expected + np.where(measured, innovation, 0.0))
+        self.x = f.x.reshape(self.x.shape)
+
+    def _blocks(self) -> Array:
+        """The filter's covariance (k, n, k, n); writing to it changes the filter's."""
+        shape = self.x.shape
+        return self._filter.P.reshape(*shape, *shape)
+
+
+def blocks(each: Array, of_one: Array) -> Array:
+    """The Kronecker product: a block for each feature."""
+    return np.kron(each, of_one).astype(np.float64)
+
+
+@final
+class Level:
+    """Variance (k,) of each feature's noise, learned from innovations, older ones discounted.
+
+    After West and Harrison, Bayesian Forecasting and Dynamic Models, 2nd edition, Springer 1997,
+    sections 4.5 and 10.8: a tracker's noise differs between targets, and between one that rests and
+    one that moves over a ground.
+    """
+
+    def __init__(self, given: Array) -> None:
+        """Begin with these variances (k,)."""
+        self.value, self._least = given.copy(), LEAST * given
+        self._frames = np.full(len(given), float(FIRST))
+
+    def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:
+        """NIS (k,) of innovations whose squares over the filter's variance S are given; nan where
+        nothing was measured. The level changes afterwards, except for those in `but`.
+        """
+        nis = np.where(measured, ratio / self.value, np.nan)
+        learns = measured if but is None else measured & ~but
+        self._frames = np.minimum(self._frames + learns, MEMORY)
+        change = np.where(learns, (np.minimum(nis, MOST) - 1) / self._frames, 0.0)
+        self.value = np.maximum(self.value * (1 + change), self._least)
+        return nis
