@@ -64,7 +64,7 @@ def test_presets_are_the_papers_settings():
             assert getattr(config, "contrast", 0.0) == 0.0
             assert not getattr(config, "discriminate", False)
     papers = {k: kinds.preset("tracking.trackers", k, "paper") for k in TRACKERS if "cv_" not in k
-              and k != "camshift"}  # fmt: skip
+              and k not in ("camshift", "homography")}  # fmt: skip
     assert len(papers) == 12
     assert papers["kams"]["schedule"] == "fixed"
     assert papers["annealed"]["particles"] == papers["condensation"]["particles"] == 40

@@ -12,8 +12,9 @@ from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
 EVERY = [(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
-TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind != "trax"]
-"""Those with a tracker of their own; `test_trax.py` has a server."""
+TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind not in ("tag", "trax")]
+"""Those that follow any target by themselves; `test_trax.py` has a server, and
+`test_tag_tracker.py` a tag."""
 WITH_COVARIANCE = {"annealed", "condensation", "hybrid", "kams", "kernel_pf", "mk_pf", "pf_ssd",
                    "texture_pf"}  # fmt: skip
 """Trackers with particles; the others have no covariance."""

@@ -11,7 +11,7 @@ from sim.types import Frame
 from tracking import create
 from tracking.types import Region, State, Status
 
-KINDS = [kind for kind in kinds.names("tracking.trackers") if kind != "trax"]
+KINDS = [kind for kind in kinds.names("tracking.trackers") if kind not in ("tag", "trax")]
 EXAMPLES = 20
 UHD = (3840, 2160)
 ANY = st.floats(allow_nan=True, allow_infinity=True)

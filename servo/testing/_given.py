@@ -41,13 +41,13 @@ def require(holds: object, sentence: str) -> None:
         raise BrokenContract(sentence)
 
 
-def contract(check: Callable[[Any], None]) -> Callable[[Any], None]:
+def contract(check: Callable[..., None]) -> Callable[..., None]:
     """A check in which an exception of the part itself is a sentence too."""
 
     @functools.wraps(check)
-    def checked(part: Any) -> None:
+    def checked(*part: Any, **more: Any) -> None:
         try:
-            check(part)
+            check(*part, **more)
         except BrokenContract:
             raise
         except Exception as error:
@@ -86,18 +86,44 @@ def built(config: Any, methods: tuple[str, ...], seed: int = 0) -> Any:
     return found
 
 
-def film(count: int, gone_after: int | None = None) -> Iterator[Frame]:
-    """A two-coloured target that drifts over a textured ground; gone later if asked."""
+def film(
+    count: int, gone_after: int | None = None, picture: Image | None = None
+) -> Iterator[Frame]:
+    """A target that drifts over a textured ground, gone later if asked: of two colours, or what a
+    picture (H, W, 3) shows, 40 px wide.
+    """
     rng = np.random.default_rng(3)
     ground = cv2.GaussianBlur(rng.integers(60, 140, (120, 160, 3)).astype(np.uint8), (0, 0), 2)
     for k in range(count):
         image = ground.astype(np.uint8)
         if gone_after is None or k < gone_after:
-            box = cv2.boxPoints(((79.5 + k, 59.5), (40, 20), float(np.degrees(0.3))))
-            cv2.fillConvexPoly(image, np.round(box).astype(int), (30, 60, 220))
-            cv2.circle(image, (86 + k, 62), 5, (240, 240, 60), -1)
+            if picture is None:
+                _paint(image, k)
+            else:
+                _show(picture, image, k)
         image.setflags(write=False)
         yield Frame(image, k * 0.1, k)
+
+
+def region_of(picture: Image | None) -> Region:
+    """The region of the target in `film`."""
+    if picture is None:
+        return REGION
+    return Region(REGION.width, REGION.width * picture.shape[0] / picture.shape[1])
+
+
+def _paint(image: Image, shift: int) -> None:
+    box = cv2.boxPoints(((79.5 + shift, 59.5), (40, 20), float(np.degrees(0.3))))
+    cv2.fillConvexPoly(image, np.round(box).astype(int), (30, 60, 220))
+    cv2.circle(image, (86 + shift, 62), 5, (240, 240, 60), -1)
+
+
+def _show(picture: Image, image: Image, shift: int) -> None:
+    height, width = picture.shape[:2]
+    ends = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+    corners = region_of(picture).corners(FIRST) + (shift - 0.5, -0.5)
+    H = cv2.getPerspectiveTransform(ends.astype(np.float32), corners.astype(np.float32))
+    cv2.warpPerspective(picture, H, image.shape[1::-1], image, borderMode=cv2.BORDER_TRANSPARENT)
 
 
 def posture() -> Posture:

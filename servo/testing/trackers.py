@@ -11,15 +11,15 @@ import numpy as np
 
 from servo.testing._given import (
     FIRST,
-    REGION,
     BrokenContract,
     built,
     config_of,
     contract,
     film,
+    region_of,
     require,
 )
-from sim.types import Frame
+from sim.types import Frame, Image
 from tracking.types import Estimate, Region, Status, Tracker
 
 FOLDER = "tracking.trackers"
@@ -30,10 +30,14 @@ ODD = {"black": ((120, 160, 3), 0), "white": ((120, 160, 3), 255), "tiny": ((7, 
 @dataclass(frozen=True, slots=True)
 class _Subject:
     config: Any
+    picture: Image | None
+
+    def film(self, count: int, gone_after: int | None = None) -> Iterator[Frame]:
+        return film(count, gone_after, self.picture)
 
     def begun(self, first: Frame) -> Tracker:
         tracker = built(self.config, ("start", "update"))
-        tracker.start(first, REGION, FIRST)
+        tracker.start(first, region_of(self.picture), FIRST)
         return tracker
 
     def track(self, frames: Iterable[Frame]) -> Iterator[Estimate]:
@@ -44,16 +48,17 @@ class _Subject:
 
 
 @contract
-def check_tracker(tracker: Any) -> None:
+def check_tracker(tracker: Any, picture: Image | None = None) -> None:
     """Check that a tracker keeps the contract of `tracking.types.Tracker`.
 
     Args:
         tracker: Its `Config`, its kind, "module:Name", or a class that `tracking.wrap` takes.
+        picture: What the target shows (H, W, 3), for a tracker that follows certain targets only.
 
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    subject = _Subject(config_of(FOLDER, tracker))
+    subject = _Subject(config_of(FOLDER, tracker), picture)
     _check_estimates(subject)
     _check_repetition(subject)
     _check_buffer(subject)
@@ -64,7 +69,7 @@ def check_tracker(tracker: Any) -> None:
 
 def _check_estimates(subject: _Subject) -> None:
     try:
-        found = list(subject.track(film(6)))
+        found = list(subject.track(subject.film(6)))
     except ValueError as error:
         if "read-only" in str(error):
             raise BrokenContract("it writes into frame.image; work on a copy") from error
@@ -90,7 +95,7 @@ def _check_estimate(e: Any) -> None:
 
 
 def _check_repetition(subject: _Subject) -> None:
-    once, again = ([e.state for e in subject.track(film(6))] for _ in range(2))
+    once, again = ([e.state for e in subject.track(subject.film(6))] for _ in range(2))
     require(once == again, "the same pictures gave other states the second time; draw random "
             "numbers from the generator given to build(rng) only")  # fmt: skip
 
@@ -100,19 +105,21 @@ def _check_buffer(subject: _Subject) -> None:
 
     def reused() -> Iterator[Frame]:
         buffer = np.empty((120, 160, 3), np.uint8)
-        for frame in film(6):
+        for frame in subject.film(6):
             buffer[:] = frame.image
             yield Frame(buffer, frame.time, frame.index)
             buffer[:] = 0
 
-    plain, other = ([e.state for e in subject.track(frames)] for frames in (film(6), reused()))
+    plain, other = (
+        [e.state for e in subject.track(frames)] for frames in (subject.film(6), reused())
+    )
     require(plain == other, "the states differ where the caller uses one buffer for all pictures; "
             "keep copies, and compare no arrays by identity")  # fmt: skip
 
 
 def _check_odd_pictures(subject: _Subject) -> None:
     for name, (size, level) in ODD.items():
-        tracker = subject.begun(next(film(1)))
+        tracker = subject.begun(next(subject.film(1)))
         for k in range(1, 4):
             try:
                 _check_estimate(tracker.update(Frame(np.full(size, level, np.uint8), k * 0.1, k)))
@@ -126,7 +133,7 @@ def _check_odd_pictures(subject: _Subject) -> None:
 
 
 def _check_loss(subject: _Subject) -> None:
-    *_, last = subject.track(film(30, gone_after=8))
+    *_, last = subject.track(subject.film(30, gone_after=8))
     require(last.status is not Status.LOCKED, "the status is LOCKED two seconds after the target "
             "has gone; a robot would follow nothing: report UNSURE or LOST")  # fmt: skip
 
@@ -134,7 +141,7 @@ def _check_loss(subject: _Subject) -> None:
 def _check_refusal(subject: _Subject) -> None:
     tracker = built(subject.config, ("start", "update"))
     try:
-        tracker.start(next(film(1)), Region(0.0, 20.0), FIRST)
+        tracker.start(next(subject.film(1)), Region(0.0, 20.0), FIRST)
     except ValueError:
         return
     raise BrokenContract(

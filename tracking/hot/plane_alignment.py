@@ -1,0 +1,147 @@
+"""Compiled loop of the direct alignment of a plane: Gauss, Newton, inverse compositional.
+
+A point x of the template, in a unit square, is seen at H x; pixel (i, j) has its centre at
+(j + 0.5, i + 0.5).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sim.types import Array
+from tracking.hot.compiled import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TUKEY = 4.685
+"""Residuals beyond so many robust standard deviations have no weight."""
+LEAST_SIGMA = 1.0
+"""The residuals' standard deviation is taken for at least this [grey levels]."""
+USUAL = 0.8
+"""Mean weight where all points but the noise are the template's."""
+LARGEST_STEP, LARGEST_GAIN = 0.7, 10.0
+"""A descent with a larger step has failed; the light is never changed by more."""
+LEAST_SEEN, FEWEST = 0.4, 12
+"""With a smaller share of the template in the picture, or fewer points, nothing is aligned."""
+
+
+@compiled(error_model="numpy")
+def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
+    """Brightness (n,) where points (n, 2) are seen, between pixels; nan outside the picture."""
+    height, width = image.shape
+    seen = np.empty(len(points))
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+        u = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w - 0.5
+        v = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w - 0.5
+        if not (w > 0.0 and u >= 0.0 and v >= 0.0 and u < width - 1 and v < height - 1):
+            seen[i] = np.nan
+            continue
+        j, k = int(u), int(v)
+        a, b = u - j, v - k
+        seen[i] = (1 - b) * ((1 - a) * image[k, j] + a * image[k, j + 1]) + b * (
+            (1 - a) * image[k + 1, j] + a * image[k + 1, j + 1]
+        )
+    return seen
+
+
+@compiled(error_model="numpy")
+def tukey(error: Array) -> Array:
+    """Tukey's weights (n,), 0..1, of errors (n,) over their robust standard deviation."""
+    known = error[~np.isnan(error)]
+    limit = TUKEY * max(1.4826 * float(np.median(np.abs(known))), LEAST_SIGMA)
+    weights = np.zeros(len(error))
+    for i in range(len(error)):
+        if abs(error[i]) < limit:  # nan is not
+            weights[i] = (1.0 - (error[i] / limit) ** 2) ** 2
+    return weights
+
+
+@compiled(error_model="numpy")
+def normal_equations(
+    error: Array, weights: Array, rows: Array, template: Array, gain: float
+) -> tuple[Array, Array]:
+    """Curvature (10, 10) and gradient (10,) of weighted squares of errors (n,), for the eight
+    parameters of the homography, gain and bias; rows (n, 8) are the template's derivatives.
+    """
+    A, g, row = np.zeros((10, 10)), np.zeros(10), np.empty(10)
+    for i in range(len(error)):
+        w = weights[i]
+        if w == 0.0:
+            continue
+        for p in range(8):
+            row[p] = gain * rows[i, p]
+        row[8], row[9] = template[i], 1.0
+        for p in range(10):
+            g[p] += w * row[p] * error[i]
+            for q in range(p + 1):
+                A[p, q] += w * row[p] * row[q]
+    for p in range(10):
+        for q in range(p):
+            A[q, p] = A[p, q]
+        A[p, p] = A[p, p] * (1.0 + 1e-9) + 1e-6
+    return A, g
+
+
+@compiled(error_model="numpy")
+def likeness(seen: Array, template: Array, weights: Array) -> float:
+    """Weighted correlation of two brightnesses (n,), less where many points have little weight."""
+    total, mean, expected = 1e-12, 0.0, 0.0
+    for i in range(len(seen)):
+        if weights[i] > 0.0:
+            total += weights[i]
+            mean += weights[i] * seen[i]
+            expected += weights[i] * template[i]
+    mean, expected = mean / total, expected / total
+    own, known, shared = 1e-12, 1e-12, 0.0
+    for i in range(len(seen)):
+        if weights[i] > 0.0:
+            a, b = seen[i] - mean, template[i] - expected
+            own += weights[i] * a * a
+            known += weights[i] * b * b
+            shared += weights[i] * a * b
+    return shared / np.sqrt(own * known) * min(1.0, total / (USUAL * len(seen)))
+
+
+@compiled(error_model="numpy")
+def align(
+    image: NDArray[np.float32], begin: Array, light: Array, level: Any, most: int, tolerance: float
+) -> tuple[Array, Array, float]:
+    """Find H (3, 3) with I(H x) = gain T(x) + bias.
+
+    Args:
+        image: Brightness (height, width).
+        begin: H at first.
+        light: Gain and bias at first.
+        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8).
+        most: Largest number of steps.
+        tolerance: After a step with all parts below this the descent ends.
+
+    Returns:
+        The new H, the new light, and the likeness there; 0 where the template left the picture.
+    """
+    points, template, rows = level
+    at, gain, bias = begin, light[0], light[1]
+    k = 0
+    while True:
+        seen = sample(image, at, points)
+        if (~np.isnan(seen)).sum() < max(LEAST_SEEN * len(seen), FEWEST):
+            return at, light, 0.0
+        error = seen - gain * template - bias
+        weights = tukey(error)
+        if k >= most:
+            return at, np.array([gain, bias]), likeness(seen, template, weights)
+        A, g = normal_equations(error, weights, rows, template, gain)
+        d = np.linalg.solve(A, g)
+        size = np.max(np.abs(d[:8]))
+        if not size < LARGEST_STEP:
+            return at, light, 0.0
+        gain, bias = min(max(gain + d[8], 1.0 / LARGEST_GAIN), LARGEST_GAIN), bias + d[9]
+        step = np.array([[1 + d[0], d[1], d[2]], [d[3], 1 + d[4], d[5]], [d[6], d[7], 1.0]])
+        at = at @ np.linalg.inv(step)
+        at = at / at[2, 2]
+        k = most if size < tolerance else k + 1

@@ -1,0 +1,189 @@
+"""A textured plane aligned directly, brightness by brightness, with eight degrees of freedom.
+
+Baker, Matthews 2004, "Lucas-Kanade 20 Years On: A Unifying Framework" (International Journal of
+Computer Vision 56(3)), inverse compositional; Tukey's weights as in Hager, Belhumeur 1998,
+"Efficient Region Tracking with Parametric Models of Geometry and Illumination" (TPAMI 20(10)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, final
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from sim.types import Array, Frame, Image
+from tracking.external.boxes import convex
+from tracking.hot import plane_alignment
+from tracking.lock import Lock, LockConfig
+from tracking.search.velocity import Velocity
+from tracking.trackers._plane import SQUARE, homography, state_of, through
+from tracking.types import (
+    FARTHEST,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
+
+Level = tuple[int, Array, Array, Array]
+"""How many points a template has; those (n, 2) that were seen, their brightness (n,), and its
+derivatives (n, 8)."""
+Aligned = tuple[Array, Array, float]
+"""Corners (4, 2), gain and bias of the light (2,), likeness 0..1."""
+COARSE = 4
+"""The first alignment reads every so many points of the template along each side."""
+STILL = 2e-4
+"""A step that moves the corners by less, over the side, is the last."""
+AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+SURE = 0.95
+"""Where the target is less alike, the coarse descent is perhaps misled by what hides it."""
+LARGEST_GROWTH = 2.0
+"""From picture to picture no target grows or shrinks by more."""
+SPREAD = np.array([0.3, 0.3, 0.3, 0.1])
+"""Where a target that is not seen is searched around its last place: standard deviations of x and y
+over its size, of the angle [rad] and of ln scale."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Template and descent."""
+
+    points: Annotated[int, Ge(16), Le(200)] = 60
+    """Points of the template along each side."""
+    steps: Annotated[int, Ge(1), Le(100)] = 12
+    """Most steps of a descent, on each of two levels."""
+    velocity_memory: Annotated[float, Ge(0), Le(1)] = 0.5
+    """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
+    tries: Annotated[int, Ge(0), Le(1000)] = 15
+    """Places around the last one at which a target that is not seen is searched in a frame."""
+    lock: LockConfig = field(default_factory=lambda: LockConfig(floor=0.2, cap=0.3))
+    """When the target counts as hidden or lost; the distance is 1 - the robust correlation, less
+    the hidden share."""
+
+    def build(self, rng: np.random.Generator) -> Homography:
+        """The tracker; it draws where it searches."""
+        return Homography(self, rng)
+
+
+@final
+class Homography:
+    """Two descents a frame, on a coarse and on the full template."""
+
+    def __init__(self, config: Config, rng: np.random.Generator) -> None:
+        self._config, self._rng = config, rng
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the template."""
+        check_region(frame, region, state)
+        self._region, self._state = region, state
+        self._corners, self._light = region.corners(state), np.array([1.0, 0.0])
+        self._lock = Lock(self._config.lock)
+        self._velocity = Velocity(state, self._config.velocity_memory)
+        n = self._config.points
+        self._levels = [self._learn(frame.image, side) for side in (n // COARSE, n)]
+
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Predict and descend; a target that is not seen is waited for, and searched, where it was
+        seen last.
+        """
+        change, followed = self._velocity.step(ego), self._lock.locked
+        expected = _moved(self._corners, self._state, change if followed else ego)
+        before = state_of(expected, self._region, self._state)
+        corners, light, found = self._descend(frame.image, expected, before)
+        grown = np.log(state_of(corners, self._region, before).scale / before.scale)
+        if abs(grown) > np.log(LARGEST_GROWTH):
+            found = 0.0
+        status = self._lock.judge(1.0 - found, frame.time)
+        seen = status is Status.LOCKED
+        if seen:
+            self._corners, self._light = corners, light
+        else:
+            self._corners = _moved(self._corners, self._state, ego)
+        self._state = state_of(self._corners, self._region, before)
+        if seen and not followed:
+            self._velocity = Velocity(self._state, self._config.velocity_memory)
+        self._velocity.learn(self._state, seen=seen)
+        return Estimate(
+            self._state, unknown_covariance(), 1.0 - found, status, corners=self._corners
+        )
+
+    def _descend(self, image: Image, expected: Array, state: State) -> Aligned:
+        """The best of coarse descents from where the target is expected, and around it if it was
+        not seen, after a fine one.
+        """
+        begins = [expected]
+        if not self._lock.locked:
+            size = float(np.sqrt(self._region.area(state)))
+            spread = SPREAD * (size, size, 1, 1)
+            draws = self._rng.normal(0.0, spread, (self._config.tries, 4))
+            begins += [_moved(expected, state, draw) for draw in draws]
+        coarse, fine = self._levels
+        aligned = [self._align(image, begin, self._light, coarse) for begin in begins]
+        corners, light, found = max(aligned, key=_likeness)
+        best = self._align(image, corners, light, fine) if found > 0 else aligned[0]
+        if best[2] < SURE and self._lock.locked:
+            best = max(best, self._align(image, expected, self._light, fine), key=_likeness)
+        return best
+
+    def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Aligned:
+        part, to_part = _part(image, corners, level[0])
+        begin, steps = to_part @ homography(SQUARE, corners), self._config.steps
+        H, light, found = plane_alignment.align(part, begin, light, level[1:], steps, STILL)
+        aligned = through(np.linalg.inv(to_part) @ H, SQUARE)
+        if found > 0 and (np.abs(aligned) <= FARTHEST).all() and convex(aligned):
+            return aligned, light, found
+        return corners, light, 0.0
+
+    def _learn(self, image: Image, side: int) -> Level:
+        """The template and its derivatives, of this many points along each side."""
+        middle = (np.arange(side) + 0.5) / side - 0.5
+        points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
+        part, to_part = _part(image, self._corners, len(points))
+        H = to_part @ homography(SQUARE, self._corners)
+        seen = plane_alignment.sample(part, H, points)
+        step = 0.5 / side
+        there = [plane_alignment.sample(part, H, points + d) for d in step * AROUND]
+        gx, gy = (there[0] - there[1]) / (2 * step), (there[2] - there[3]) / (2 * step)
+        (x, y), slope = points.T, gx * points[:, 0] + gy * points[:, 1]
+        rows = np.column_stack([gx * x, gx * y, gx, gy * x, gy * y, gy, -slope * x, -slope * y])
+        hidden = np.isnan(seen) | np.isnan(rows).any(axis=1)
+        return side**2, points[~hidden], seen[~hidden], rows[~hidden]
+
+
+def _likeness(aligned: Aligned) -> float:
+    return aligned[2]
+
+
+def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32], Array]:
+    """The picture around a quadrangle, so small that it has about `count` pixels there; and the
+    matrix (3, 3) that takes the picture's coordinates to its own.
+    """
+    size, ends = np.ptp(corners, axis=0), np.array(image.shape[1::-1])
+    low = np.clip(corners.min(axis=0) - size / 2, 0, ends - 1).astype(int)
+    high = np.clip(corners.max(axis=0) + size / 2 + 1, low + 1, ends).astype(int)
+    along, down = corners[2] - corners[0], corners[3] - corners[1]
+    area = abs(float(along[0] * down[1] - along[1] * down[0])) / 2
+    shrink = int(np.clip(np.sqrt(area / count), 1, (high - low).min()))
+    width, height = ((high - low) // shrink).tolist()
+    cut = image[low[1] :, low[0] :][: height * shrink, : width * shrink]
+    grey = cv2.cvtColor(np.ascontiguousarray(cut), cv2.COLOR_RGB2GRAY)
+    grey = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
+    smooth = cv2.GaussianBlur(grey, (3, 3), 0).astype(np.float32)
+    x, y = (-low / shrink).tolist()
+    return smooth, np.array([[1 / shrink, 0, x], [0, 1 / shrink, y], [0, 0, 1.0]])
+
+
+def _moved(corners: Array, state: State, change: Array | None) -> Array:
+    """Corners (4, 2) after a change (4,) of (x, y, theta, ln scale) of their state."""
+    if change is None:
+        return corners
+    x, y, turn, grown = change.tolist()
+    c, s = np.exp(grown) * np.cos(turn), np.exp(grown) * np.sin(turn)
+    at = np.array([state.x, state.y])
+    return (corners - at) @ np.array([[c, s], [-s, c]]) + at + (x, y)

@@ -1,0 +1,202 @@
+"""An AprilTag of the family 36h11, found anew in each picture, its edges fitted by lines.
+
+Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wang, Olson 2016,
+"AprilTag 2: Efficient and robust fiducial detection" (IROS), as OpenCV's aruco module has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from sim.types import Array, Frame, Image
+from tracking.trackers._plane import SQUARE, homography, state_of, through
+from tracking.types import (
+    SMALLEST_SIDE,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
+
+Grey = NDArray[np.uint8]
+CELLS = 8
+"""Cells along a side of the black square."""
+ALIKE = 0.1
+"""A region whose corners are this near to the black square's, over its side, is the square."""
+AROUND = 0.5
+"""The tag is first searched where it was, and this share of its box around it."""
+ENOUGH = 50.0
+"""A tag that was larger [px] is searched in a smaller picture: its edges are fitted afterwards."""
+CONTRAST = 0.25
+"""Half of an edge at least is this strong, over the range of brightness around all edges: where the
+border of the picture cuts the tag off there is no edge."""
+ALONG, ACROSS = np.linspace(0.06, 0.94, 40), np.linspace(-1.0, 1.0, 15)
+"""Where an edge is sampled: along it, over its length; and across it, over `REACH` cells."""
+REACH = 0.8
+"""How far from an edge it is sampled, in cells: beyond are other edges."""
+FARTHEST = 3.0
+"""How far from an edge it is sampled at most [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Which tag."""
+
+    id: Annotated[int, Ge(0), Le(586)] | None = None
+    """Number of the tag in its family; by default that of the tag nearest the region."""
+
+    def build(self, rng: np.random.Generator) -> Tag:
+        """The tracker; draws nothing."""
+        return Tag(self)
+
+
+@final
+class Tag:
+    """Reports the region's corners, which keep their place in the tag's plane."""
+
+    def __init__(self, config: Config) -> None:
+        self._id = config.id
+        options = cv2.aruco.DetectorParameters()
+        # Its quadrangles are found by AprilTag's own method; OpenCV's misses upright tags.
+        options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
+        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+        self._detector = cv2.aruco.ArucoDetector(family, options)
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Find the tag, and the region in its plane.
+
+        Raises:
+            ValueError: The region is none, or no tag is seen.
+        """
+        check_region(frame, region, state)
+        grey = _grey(frame.image)
+        found = self._nearest(grey, np.array([state.x, state.y]), self._id)
+        if found is None:
+            number = "" if self._id is None else f" with id = {self._id}"
+            raise ValueError(f"no AprilTag 36h11{number} is seen in the first picture")
+        self._seen: Array | None
+        self._number, self._seen = found
+        self._region, self._state = region, state
+        self._rectangle = _in_plane(self._seen, region, state)
+
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Find the tag near where it was, else anywhere."""
+        grey, expected = _grey(frame.image), self._state.moved(ego)
+        place, found = np.array([expected.x, expected.y]), None
+        if self._seen is not None:
+            around = self._seen + place - (self._state.x, self._state.y)
+            found = self._nearest(grey, place, self._number, around)
+        if found is None:
+            found = self._nearest(grey, place, self._number)
+        if found is None:
+            self._state, self._seen = expected, None
+            return Estimate(expected, unknown_covariance(), 1.0, Status.LOST)
+        self._seen = found[1]
+        corners = through(homography(SQUARE, self._seen), self._rectangle)
+        self._state = state_of(corners, self._region, expected)
+        return Estimate(self._state, unknown_covariance(), 0.0, Status.LOCKED, corners=corners)
+
+    def _nearest(
+        self, grey: Grey, place: Array, number: int | None, around: Array | None = None
+    ) -> tuple[int, Array] | None:
+        """Number and corners (4, 2) of the tag nearest to a place (2,), of this number if given;
+        searched around a quadrangle if that is given.
+        """
+        low, high = np.zeros(2, int), np.array(grey.shape[::-1])
+        if around is not None:
+            margin = AROUND * np.ptp(around, axis=0)
+            low = np.clip(around.min(axis=0) - margin, 0, high).astype(int)
+            high = np.clip(around.max(axis=0) + margin, 0, high).astype(int)
+        shrink = 1 if around is None else max(1, int(np.ptp(around, axis=0).min() / ENOUGH))
+        width, height = ((high - low) // shrink).tolist()
+        if min(width, height) < SMALLEST_SIDE:
+            return None
+        part = grey[low[1] :, low[0] :][: height * shrink, : width * shrink]
+        part = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
+        seen, numbers, _ = self._detector.detectMarkers(part)
+        found = [
+            (int(n), corners[0].astype(np.float64) * shrink + low)
+            for corners, n in zip(seen, np.ravel(numbers), strict=False)  # None if there is none
+            if number in (None, int(n))
+        ]
+        if not found:
+            return None
+        number, corners = min(found, key=lambda tag: np.hypot(*(tag[1].mean(axis=0) - place)))
+        fitted = _fitted(grey, corners)
+        return None if fitted is None else (number, fitted)
+
+
+def _grey(image: Image) -> Grey:
+    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
+
+
+def _in_plane(seen: Array, region: Region, state: State) -> Array:
+    """Corners (4, 2) of the region in the plane of a tag, whose black square is `SQUARE` there.
+
+    It is a rectangle there, too: of the region's centre, direction, area and ratio of sides.
+    """
+    to_plane = homography(seen, SQUARE)
+    centre, nose = through(to_plane, np.array([[0, 0], [np.cos(state.theta), np.sin(state.theta)]])
+                           + (state.x, state.y))  # fmt: skip
+    near = through(to_plane, region.corners(state))
+    along, down = near[2] - near[0], near[3] - near[1]
+    area = abs(along[0] * down[1] - along[1] * down[0]) / 2
+    ahead = (nose - centre) / np.hypot(*(nose - centre))
+    half = np.sqrt(area * np.array([region.width / region.height, region.height / region.width]))
+    found = centre + (SQUARE * half) @ np.array([ahead, (-ahead[1], ahead[0])])
+    turned = [np.roll(SQUARE, k, axis=0) for k in range(4)]
+    square = min(turned, key=lambda corners: float(np.abs(corners - found).max()))
+    return square if np.abs(square - found).max() < ALIKE else found
+
+
+def _fitted(grey: Grey, corners: Array) -> Array | None:
+    """Where the lines through the four edges (dark inside, bright outside) meet (4, 2) [px].
+
+    Along each edge the brightness is sampled across it; where it rises, weighed by how much, is the
+    edge. A line is fitted to these places by weighted least squares, twice. None where an edge is
+    missing.
+    """
+    better = corners
+    for _ in range(2):
+        along = np.roll(better, -1, axis=0) - better
+        length = np.maximum(np.hypot(*along.T), 1.0)
+        out = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+        cell = np.minimum(np.roll(length, 1), np.roll(length, -1)) / CELLS
+        across = np.minimum(REACH * cell, FARTHEST)[:, None] * ACROSS
+        points = (
+            better[:, None, None]
+            + ALONG[:, None, None] * along[:, None, None]
+            + across[:, None, :, None] * out[:, None, None]
+        ).astype(np.float32) - np.float32(0.5)
+        u, v = points.reshape(-1, len(ACROSS), 2).transpose(2, 0, 1)
+        light = cv2.remap(grey, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        rise = np.maximum(np.diff(light.reshape(4, len(ALONG), -1).astype(float), axis=2), 0.0)
+        weight = rise.sum(axis=2)
+        if (np.median(weight, axis=1) <= CONTRAST * np.ptp(light)).any():
+            return None
+        middle = (across[:, None, 1:] + across[:, None, :-1]) / 2
+        offset = (rise * middle).sum(axis=2) / np.maximum(weight, 1.0)
+        better = _crossings(better, along, out, offset, weight)
+    return better if np.abs(better - corners).max() <= 2 * FARTHEST else None
+
+
+def _crossings(corners: Array, along: Array, out: Array, offset: Array, weight: Array) -> Array:
+    """Where the lines meet that fit offsets (4, n) of edges, weighed."""
+    total = weight.sum(axis=1)
+    t, s = weight @ ALONG / total, (weight * offset).sum(axis=1) / total
+    spread = ALONG - t[:, None]
+    slope = (weight * spread * offset).sum(axis=1) / (weight * spread**2).sum(axis=1)
+    on = corners + t[:, None] * along + s[:, None] * out
+    direction = along + slope[:, None] * out
+    before, ahead = np.roll(direction, 1, axis=0), on - np.roll(on, 1, axis=0)
+    cross = before[:, 0] * direction[:, 1] - before[:, 1] * direction[:, 0]
+    part = (ahead[:, 0] * direction[:, 1] - ahead[:, 1] * direction[:, 0]) / cross
+    return np.roll(on, 1, axis=0) + part[:, None] * before
