@@ -135,7 +135,10 @@ class Robot:
         last frame.
         """
         J = self.jacobian(data)
-        return Posture(self.eye(data), twist, self.joints(data), self.lower, self.upper, J)
+        return Posture(
+            self.eye(data), twist, self.joints(data), self.lower, self.upper, J, self.slowest,
+            self.fastest,
+        )  # fmt: skip
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,6 +105,10 @@ class Posture:
     """Their upper limits (n,); inf where there is none."""
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
+    slowest: Array | float = -math.inf
+    """Least joint rates (n,) [m/s or rad/s]: the largest ones backwards."""
+    fastest: Array | float = math.inf
+    """Largest joint rates (n,) [m/s or rad/s]."""
 
     @property
     def down(self) -> Array:
