@@ -20,6 +20,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
+from servo.controllers._guard import Allowed, Guard, Wanted
 from servo.controllers._inverse import Inverse
 from servo.controllers._limits import Limits
 from servo.controllers._secondary import Secondary, twist_of
@@ -140,8 +141,9 @@ def _fed_forward(config: Config, features: FeatureSet) -> Array:
 class Ibvs:
     """The law, and what it must remember between frames."""
 
-    def __init__(self, config: Config) -> None:
-        self._config = c = config
+    def __init__(self, config: Config, guard: Guard | None = None) -> None:
+        """Build it; a guard may change each twist that follows what is seen."""
+        self._config, self._guard = (c := config), guard
         self._tilt_seen = False
         self._weights = np.array(c.weights)
 
@@ -153,6 +155,8 @@ class Ibvs:
         """
         c, self._features, self._estimator = self._config, task.features, task.estimator
         self._fed = _fed_forward(c, self._features)
+        if self._guard is not None:
+            self._guard.start(task)
         self.aim(task.goal)
         self._scales = self._features.scales(self._goal)
         self._known = self._features.known(task.goal)
@@ -183,29 +187,39 @@ class Ibvs:
         else:
             predicted, mode = self._estimator.skip(own, dt), self._loss.wait(dt)
         predicted = predicted.times(scales)
-        twist, saturated = self._limits.apply(self._twist(predicted, mode, posture, dt), dt)
+        asked = self._twist(predicted, mode, posture, dt, seen)
+        twist, saturated = self._limits.apply(asked.twist, dt)
         self._coming.append(twist)
         return Command(
-            twist, saturated, mode, Trace(self._seen, error, predicted, scales, own.past)
-        )
+            twist, saturated or bool(asked.limits), mode,
+            Trace(self._seen, error, predicted, scales, own.past), asked.limits, asked.violated,
+        )  # fmt: skip
 
-    def _twist(self, predicted: Prediction, mode: Mode, posture: Posture, dt: float) -> Array:
-        """The twist (6,) that the law asks for, before any limit."""
+    def _twist(
+        self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
+    ) -> Allowed:
+        """The twist that the law asks for, before limits of speed; a guard has approved it."""
         if mode is Mode.HOLDING:
-            return np.zeros(6)
+            return Allowed(np.zeros(6))
         if mode is Mode.SEARCHING:
-            return self._loss.search(dt)
+            return Allowed(self._loss.search(dt))
         c, inverse = self._config, self._inverse()
         ahead = inverse.pseudo @ predicted.error
         gain = adaptive_gain(c, ahead)
-        twist = -gain * ahead - inverse.pseudo @ (self._fed * predicted.motion)
+        target = inverse.pseudo @ (self._fed * predicted.motion)
+        twist = -gain * ahead - target
         if c.smooth_start > 0:
             self._first = gain * ahead if self._first is None else self._first
             twist = twist + self._first * np.exp(-c.smooth_start * self._time)
             self._time += dt
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
-        return twist
+        if self._guard is None:
+            return Allowed(twist)
+        L = (inverse.L / self._scales[:, None])[self._known]
+        way = sum(self._coming, start=np.zeros(6)) * dt
+        moves = inverse.moves & (self._weights > 0)
+        return self._guard.allowed(Wanted(twist, target, L, moves, way, seen, posture, dt))
 
     def _inverse(self) -> Inverse:
         """Over the known features and the degrees of freedom that may move: while the depth or the
