@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from schemes import features_of, pose_of, seen_in
-from servoing import METRIC, posture_of
+from servoing import PAPER, posture_of
 
 from servo.controllers import ibvs, qp
 from servo.controllers._bounds import view_bounds
@@ -186,11 +186,11 @@ def test_a_limited_twist_changes_the_features_most_nearly_as_wanted():
     """One active limit has a closed form: H^-1 of the joint's row, scaled to meet the limit."""
     sight = seen_in(pose_of([0.3, 0.1, 1.1], [0.2, -0.1, 0.3]), GOAL)
     sight = replace(sight, angle_known=False)
-    wanted = law(ibvs, sets=METRIC).command(sight, STILL, DT).twist
+    wanted = law(ibvs, sets=PAPER).command(sight, STILL, DT).twist
     i = int(wanted.argmax())
     rates = np.where(np.arange(6) == i, wanted[i] - 0.05, np.inf)
-    limited = law(sets=METRIC).command(sight, replace(at_joints(np.zeros(6)), fastest=rates), DT)
-    L = (METRIC.matrix(sight) / limited.trace.scales[:, None])[[0, 1, 2]]
+    limited = law(sets=PAPER).command(sight, replace(at_joints(np.zeros(6)), fastest=rates), DT)
+    L = (PAPER.matrix(sight) / limited.trace.scales[:, None])[[0, 1, 2]]
     moves = [0, 1, 2, 3, 4]  # the angle, which alone moves wz, is not known
     step = np.linalg.inv(L[:, moves].T @ L[:, moves] + qp.DAMPING * np.eye(5))[:, i]
     expected = wanted[moves] - 0.05 * step / step[i]
@@ -224,7 +224,7 @@ def test_what_may_not_move_stays():
     command = controller.command(ASIDE, at_joints(np.zeros(6), rate=0.05), DT)
     np.testing.assert_array_equal(command.twist[[1, 2, 3, 4]], 0.0)
     assert command.limits == ("joint 1",)
-    weighed = law(weights=(1.0, 1.0, 1.0, 0.0, 0.0, 1.0))
+    weighed = law(scheme="hybrid", weights=(1.0, 1.0, 1.0, 0.0, 0.0, 1.0))
     command = weighed.command(ASIDE, at_joints(np.zeros(6), rate=0.05), DT)
     np.testing.assert_array_equal(command.twist[3:5], 0.0)
 
