@@ -181,8 +181,13 @@ class Command:
     twist: Array
     """Camera twist (6,) in the camera frame [m/s, rad/s]."""
     saturated: bool = False
-    """Whether a limit of speed or acceleration changed the twist."""
+    """Whether a limit changed the twist."""
     mode: Mode = Mode.SERVOING
     """What the controller is doing."""
     trace: Trace | None = None
     """How it came to this; None for a controller without features."""
+    limits: tuple[str, ...] = ()
+    """Names of the limits that changed the twist, where the controller knows them, such as "view
+    left", "joint 2" or "speed"."""
+    violated: tuple[str, ...] = ()
+    """Those among them that no twist could keep: this one violates them least."""

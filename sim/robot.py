@@ -134,7 +134,10 @@ class Robot:
         last frame, accepted the mean of what its drives were set to.
         """
         J, joints = self.jacobian(data), self.joints(data)
-        return Posture(self.eye(data), twist, joints, self.lower, self.upper, J, accepted)
+        return Posture(
+            self.eye(data), twist, joints, self.lower, self.upper, J, accepted, self.slowest,
+            self.fastest,
+        )  # fmt: skip
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,6 +108,10 @@ class Posture:
     accepted: Array | None = None
     """Mean camera twist (6,) that the drives took over since the last frame of what was asked for,
     after the limits of the joints; None: the robot does not report it."""
+    slowest: Array | float = -math.inf
+    """Least joint rates (n,) [m/s or rad/s]: the largest ones backwards."""
+    fastest: Array | float = math.inf
+    """Largest joint rates (n,) [m/s or rad/s]."""
 
     @property
     def down(self) -> Array:

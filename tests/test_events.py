@@ -44,6 +44,12 @@ def test_limits_come_and_go_once(step):
     assert events(None, step) == []
 
 
+def test_a_view_that_cannot_be_kept_is_an_event(step):
+    leaving = replace(step, command=replace(step.command, violated=("view left",)))
+    assert events(step, leaving) == events(None, leaving) == [Event.LEAVING]
+    assert events(leaving, leaving) == []
+
+
 def doing(step, mode):
     return replace(step, command=replace(step.command, mode=mode))
 

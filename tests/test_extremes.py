@@ -49,7 +49,8 @@ REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
            "fy needs fx", "coefficients, not 0", "coefficients need a distortion",
            "there is no body or site 'xn'", "there is no camera 'xn'", "give either camera",
            "cannot read this robot model", "a home has 6 values", "speed has 2 values",
-           "cannot read this calibration", "this is not shipped", "a colour is")  # fmt: skip
+           "cannot read this calibration", "this is not shipped", "a colour is",
+           "nothing is left of a picture")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
 
@@ -96,7 +97,7 @@ def base(place, kind):
         names = {f.name for f in dataclasses.fields(kinds.config_of(LISTS[place], kind))}
         table[place] = [{"kind": kind} | {k: v for k, v in EARLY.items() if k in names}]
     elif place in PLUGINS:
-        table[place] = {"kind": kind} | (EVERYTHING if kind == "ibvs" else {})
+        table[place] = {"kind": kind} | (EVERYTHING if kind in ("ibvs", "qp") else {})
     return table
 
 

@@ -141,7 +141,7 @@ def test_the_manuals_name_every_scenario_study_measure_and_kind():
     asked += [(servo, kinds.names(folders[part])) for part in ("features", "estimator")]
     missing = [word for text, words in asked for word in words if f"`{word}`" not in text]
     assert not missing
-    assert {"ibvs", "hold"} == {*kinds.names(folders["controller"])}
+    assert {"ibvs", "qp", "hold"} == {*kinds.names(folders["controller"])}
 
 
 def test_every_test_that_keeps_a_promise_exists():

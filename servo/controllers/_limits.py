@@ -30,17 +30,17 @@ class Limits:
 
     def apply(self, twist: Array, dt: float) -> tuple[Array, bool]:
         """The twist (6,) that is allowed now, and whether it differs from the one asked for."""
-        allowed = twist / max(1.0, _excess(twist, self._speed, self._turn))
+        allowed = twist / max(1.0, excess(twist, self._speed, self._turn))
         if self._most_change is not None:
             change = allowed - self._last
-            hurry = _excess(change, *(dt * most for most in self._most_change))
+            hurry = excess(change, *(dt * most for most in self._most_change))
             if hurry > 1.0:
                 allowed = self._last + change / hurry
         self._last = allowed
         return allowed, bool((allowed != twist).any())
 
 
-def _excess(twist: Array, speed: float, turn: float) -> float:
+def excess(twist: Array, speed: float, turn: float) -> float:
     """How many times as fast as allowed."""
     vx, vy, vz, wx, wy, wz = twist.tolist()
     return max(hypot(vx, vy, vz) / speed, hypot(wx, wy, wz) / turn)

@@ -13,122 +13,35 @@ vx, vy, vz and wz.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, final
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Le
-from numpy.typing import NDArray
 
+from servo.controllers._guard import Allowed, Guard, Wanted
 from servo.controllers._inverse import Inverse
+from servo.controllers._law_settings import LawSettings, adaptive_gain
 from servo.controllers._limits import Limits
-from servo.controllers._secondary import Secondary, twist_of
+from servo.controllers._secondary import twist_of
 from servo.controllers._target_loss import TargetLoss
 from servo.controllers._under_way import UnderWay
 from servo.mistake import unknown
 from servo.parts import FeatureSet, Task
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
-from sim.ranges import Time
 from sim.types import Array, Posture
 
 FORESEEN = 3.0
 """Frames for which the matrix is taken to go on changing as it did."""
-Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
-UNTILTED = ("vx", "vy", "vz", "wz")
-"""Degrees of freedom that leave the camera's axis as it is."""
 PRESETS = {"paper": {"gain": 1.0, "dof": list(DOF), "feed_forward": ["xn", "yn", "an", "theta"]}}
 """The law as Teuliere, Marchand and Eck print it."""
-Weight = Annotated[float, Ge(0), Le(1e6)]
-Gain = Annotated[float, Ge(1e-6), Le(1000)]
-Limit = Annotated[float, Ge(1e-6), Le(100)]
-LimitOfChange = Annotated[float, Ge(1e-3), Le(1e6)]
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class Config(LawSettings):
     """The control law."""
-
-    gain: Gain = 2.0
-    """lambda [1/s], at the goal; with one frame of delay and period T the loop is unstable from
-    lambda T = 1 on.
-    """
-    gain_far: Gain | None = None
-    """lambda far from the goal [1/s], for a gain that adapts; by default it is the same."""
-    gain_slope: Annotated[float, Ge(0), Le(1e6)] = 30.0
-    """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there."""
-    smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
-    """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t); 0: the
-    camera starts at once.
-    """
-    dof: tuple[Dof, ...] | None = None
-    """Parts of the camera twist that may move; by default all six where there are six features or
-    more and the tilt of the target's plane is seen, else vx, vy, vz, wz."""
-    weights: tuple[Weight, Weight, Weight, Weight, Weight, Weight] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-    """How readily each part of the twist moves, where several could; 0.1 on wx and wy keeps a
-    camera with all six almost level."""
-    secondary: tuple[Secondary, ...] = ()
-    """What the motions that change no feature are used for: "level" (optical axis straight down),
-    "avoid_limits" (of the joints), "centre" (joints to the middles of their ranges)."""
-    secondary_gain: Gain = 1.0
-    """Gain of the secondary tasks [1/s]."""
-    feed_forward: tuple[str, ...] | None = None
-    """Features whose target motion is compensated; those that do not move only add noise. By
-    default those that the feature set names: xn and yn of "moments"."""
-    matrix: Literal["current", "desired", "mean"] = "current"
-    """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
-    interval: Literal["mean", "end"] = "mean"
-    """Where the matrix is taken for what the camera causes in a frame interval: the mean of both
-    ends, or the end, as in ViSP, which is half a frame off."""
-    coast: Time = 1.0
-    """How long the estimated motion is still followed while the target is not seen [s]; then hold.
-    """
-    search_after: Time | None = None
-    """How long the camera holds before it searches the target on a spiral [s]; by default it never
-    does.
-    """
-    search_speed: Limit = 0.1
-    """Speed of the camera while it searches [m/s]."""
-    fastest: Limit = 0.6
-    """Largest speed of the camera [m/s]."""
-    fastest_turn: Limit = 2.0
-    """Largest angular speed of the camera [rad/s]."""
-    acceleration: LimitOfChange | None = None
-    """Largest acceleration of the camera [m/s^2]; by default the drives' own."""
-    acceleration_turn: LimitOfChange | None = None
-    """Largest angular acceleration of the camera [rad/s^2]; by default the drives' own."""
-
-    def __post_init__(self) -> None:
-        for name in ("dof", "secondary", "feed_forward"):
-            given = getattr(self, name) or ()
-            twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
-            if twice is not None:
-                raise ValueError(f"{name} has '{twice}' twice")
-        if not any(weight for name, weight in zip(DOF, self.weights, strict=True)
-                   if name in _chosen(self.dof)):  # fmt: skip
-            raise ValueError(
-                "dof and weights let no part of the twist move; for a camera that stands still "
-                'set controller.kind = "hold"'
-            )
 
     def build(self, rng: np.random.Generator) -> Ibvs:
         """The controller; draws nothing."""
         return Ibvs(self)
-
-
-def _chosen(dof: tuple[Dof, ...] | None, default: tuple[str, ...] = UNTILTED) -> tuple[str, ...]:
-    return default if dof is None else dof
-
-
-def adaptive_gain(config: Config, ahead: Array) -> float:
-    """lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf, as in ViSP.
-
-    Args:
-        config: l0 is its gain, linf its gain_far, l0' its gain_slope.
-        ahead: L# e (6,); x is its largest part.
-    """
-    if config.gain_far is None or config.gain_far == config.gain:
-        return config.gain
-    x, span = float(np.abs(ahead).max()), config.gain - config.gain_far
-    return span * float(np.exp(-config.gain_slope * x / abs(span))) + config.gain_far
 
 
 def _fed_forward(config: Config, features: FeatureSet) -> Array:
@@ -145,8 +58,9 @@ def _fed_forward(config: Config, features: FeatureSet) -> Array:
 class Ibvs:
     """The law, and what it must remember between frames."""
 
-    def __init__(self, config: Config) -> None:
-        self._config = c = config
+    def __init__(self, config: Config, guard: Guard | None = None) -> None:
+        """Build it; a guard may change each twist that follows what is seen."""
+        self._config, self._guard = (c := config), guard
         self._tilt_seen = False
         self._weights = np.array(c.weights)
 
@@ -158,6 +72,8 @@ class Ibvs:
         """
         c, self._features, self._estimator = self._config, task.features, task.estimator
         self._fed = _fed_forward(c, self._features)
+        if self._guard is not None:
+            self._guard.start(task)
         self.aim(task.goal)
         self._scales = self._features.scales(self._goal)
         self._known = self._features.known(task.goal)
@@ -187,11 +103,13 @@ class Ibvs:
         else:
             predicted, mode = self._estimator.skip(own, dt), self._loss.wait(dt)
         predicted = predicted.times(scales)
-        twist, saturated = self._limits.apply(self._twist(predicted, mode, posture, dt), dt)
+        asked = self._twist(predicted, mode, posture, dt, seen)
+        twist, saturated = self._limits.apply(asked.twist, dt)
         self._under_way.add(twist)
         return Command(
-            twist, saturated, mode, Trace(self._seen, error, predicted, scales, own.past)
-        )
+            twist, saturated or bool(asked.limits), mode,
+            Trace(self._seen, error, predicted, scales, own.past), asked.limits, asked.violated,
+        )  # fmt: skip
 
     def _see(self, seen: Sight | None) -> None:
         """Take over what is seen; `_change` is that of the matrix since the last frame, None unless
@@ -221,39 +139,42 @@ class Ibvs:
         past = (L - 0.5 * change) @ posture.twist
         return OwnMotion(past, np.array(coming).reshape(-1, len(past)))
 
-    def _twist(self, predicted: Prediction, mode: Mode, posture: Posture, dt: float) -> Array:
-        """The twist (6,) that the law asks for, before any limit."""
+    def _twist(
+        self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
+    ) -> Allowed:
+        """The twist that the law asks for, before limits of speed; a guard has approved it."""
         if mode is Mode.HOLDING:
-            return np.zeros(6)
+            return Allowed(np.zeros(6))
         if mode is Mode.SEARCHING:
-            return self._loss.search(dt)
+            return Allowed(self._loss.search(dt))
         c, inverse = self._config, self._inverse()
         ahead = inverse.pseudo @ predicted.error
         gain = adaptive_gain(c, ahead)
-        twist = -gain * ahead - inverse.pseudo @ (self._fed * predicted.motion)
+        target = inverse.pseudo @ (self._fed * predicted.motion)
+        twist = -gain * ahead - target
         if c.smooth_start > 0:
             self._first = gain * ahead if self._first is None else self._first
             twist = twist + self._first * np.exp(-c.smooth_start * self._time)
             self._time += dt
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
-        return twist
+        if self._guard is None:
+            return Allowed(twist)
+        L = (inverse.L / self._scales[:, None])[self._known]
+        way = sum(self._under_way.coming(posture), start=np.zeros(6)) * dt
+        moves = inverse.moves & (self._weights > 0)
+        return self._guard.allowed(Wanted(twist, target, L, moves, way, seen, posture, dt))
 
     def _inverse(self) -> Inverse:
         """Over the known features and the degrees of freedom that may move: while the depth or the
         angle is not known, the part of the twist that it alone controls is zero.
         """
-        moves = self._moves()
+        six = self._tilt_seen and len(self._known) >= len(DOF)
+        moves = self._config.moves(six=six)
         if not self._known.all():
             for name, dof in self._features.sole_dof.items():
                 moves[DOF.index(dof)] &= self._known[self._features.names.index(name)]
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
-
-    def _moves(self) -> NDArray[np.bool_]:
-        """The degrees of freedom (6,) that may move."""
-        six = self._tilt_seen and len(self._known) >= len(DOF)
-        chosen = _chosen(self._config.dof, DOF if six else UNTILTED)
-        return np.array([name in chosen for name in DOF])
 
     def _chosen_matrix(self) -> Array:
         match self._config.matrix:

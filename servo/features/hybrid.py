@@ -9,8 +9,8 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import point_rows
 from servo.features._rotation import SOLE_DOF, WithRotation, rotation_rows, theta_u
+from servo.sight.point_rows import point_rows
 from servo.types import Sight
 from sim.types import Array
 

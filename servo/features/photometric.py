@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.features._points import point_rows
+from servo.sight.point_rows import point_rows
 from servo.types import Picture, Sight
 from sim.types import Array
 

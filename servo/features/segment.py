@@ -7,7 +7,8 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners, corner_rows, corners_of, whole_turn
+from servo.features._points import OfCorners, whole_turn
+from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
 

@@ -21,6 +21,7 @@ class Event(Enum):
     SEARCHING = Mode.SEARCHING.value
     SATURATED = "A limit slows the camera."
     FREE = "No limit slows the camera any more."
+    LEAVING = "The camera cannot keep the whole target in its view."
 
 
 STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}
@@ -41,6 +42,8 @@ def events(before: Step | None, step: Step) -> list[Event]:
     was = before is not None and _slowed(before)
     if _slowed(step) != was:
         found.append(Event.FREE if was else Event.SATURATED)
+    if step.command.violated and not (before and before.command.violated):
+        found.append(Event.LEAVING)
     return found
 
 

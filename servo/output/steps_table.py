@@ -85,8 +85,11 @@ def quantities(
                 lambda s: s.margins, joints, units),
         _single("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
         _single("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
-        _single("command_saturated", "a limit of speed or acceleration changed it",
-                lambda s: s.command.saturated, FLAG),
+        _single("command_saturated", "a limit changed it", lambda s: s.command.saturated, FLAG),
+        _single("command_limits", "limits that changed it, where the controller names them",
+                lambda s: ", ".join(s.command.limits), TEXT),
+        _single("command_violated", "those of them that it does not keep",
+                lambda s: ", ".join(s.command.violated), TEXT),
         _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
         _single("visible", "fraction of target seen", lambda s: s.truth.visible),
         *(_single(TIMED + stage, f"wall-clock time: {stage}", attrgetter(f"seconds.{stage}"))

@@ -16,7 +16,7 @@
 | plots/tilt | optical axis against straight down [deg] |
 | plots/distance, plots/ess | Bhattacharyya distance; effective sample size |
 | plots/ms | stage times |
-| events | occluded, lost, coasting, searching, found again, saturated |
+| events | occluded, lost, coasting, searching, found again, saturated (which limits) |
 
 Timelines: `frame` and `sim_time`. Data is sent in columns once a second, because log calls for each
 entity and frame would take half as long as rendering.
@@ -53,7 +53,7 @@ FRUSTUM = 0.15
 STAGES = ("render", "track", "control", "physics")
 MOTIONS = ("measured", "estimated", "true")
 LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
-    (Event.OCCLUDED, Event.SATURATED, Event.HOLDING, Event.SEARCHING), "WARN"
+    (Event.OCCLUDED, Event.SATURATED, Event.LEAVING, Event.HOLDING, Event.SEARCHING), "WARN"
 )
 
 
@@ -94,7 +94,9 @@ class RerunLog:
         for event in events(self._before, step):
             self._rec.set_time("frame", sequence=step.frame.index)
             self._rec.set_time("sim_time", duration=step.frame.time)
-            text = f"{event.name}: {event.value}"
+            names = {Event.SATURATED: step.command.limits, Event.LEAVING: step.command.violated}
+            which = ", ".join(names.get(event, ()))
+            text = f"{event.name}: {event.value}" + f" ({which})" * bool(which)
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
         self._steps.append(step)

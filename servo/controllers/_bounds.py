@@ -1,0 +1,120 @@
+"""Linear bounds on a camera twist, of its speed, of joints and of the view, each with its name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from servo.sight.point_rows import corner_rows, corners_of
+from servo.types import Sight
+from sim.geometry import inverse_if_strong
+from sim.types import Array, Camera, Posture
+
+SINGULAR = 0.01
+"""Singular values of a robot's Jacobian below this share of the largest count as zero."""
+STEP = 1e-6
+"""Step of the differences that tell how a lens bends normalised coordinates."""
+NEVER = 1e30
+"""A bound that is none, as DAQP has it."""
+SIDES = (*[("view left", "view right")] * 4, *[("view top", "view bottom")] * 4)
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """lower <= A v <= upper, for camera twists v (6,)."""
+
+    A: Array
+    """(m, 6)."""
+    lower: Array
+    """(m,)."""
+    upper: Array
+    """(m,)."""
+    names: tuple[tuple[str, str], ...]
+    """Of each lower and upper bound."""
+
+    def __add__(self, other: Bounds) -> Bounds:
+        return Bounds(
+            np.concatenate([self.A, other.A]),
+            np.concatenate([self.lower, other.lower]),
+            np.concatenate([self.upper, other.upper]),
+            self.names + other.names,
+        )
+
+    def excess(self, v: Array) -> Array:
+        """How far a twist (6,) is outside (m,): below a lower bound negative, inside zero."""
+        at = self.A @ v
+        return at - at.clip(self.lower, self.upper)
+
+    def names_at(self, sides: Array) -> tuple[str, ...]:
+        """Names of the upper bounds where sides (m,) are positive, of the lower where negative."""
+        found = (self.names[i][int(sides[i] > 0)] for i in np.flatnonzero(sides))
+        return tuple(dict.fromkeys(found))
+
+
+def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
+    """Of each part of the twist by itself [m/s, rad/s]: the box around all twists that are slow
+    enough.
+    """
+    most = np.repeat([fastest, fastest_turn], 3)
+    return Bounds(np.eye(6), -most, most, (("speed", "speed"),) * 6)
+
+
+def joint_bounds(posture: Posture, way: Array, margin: float, gain: float) -> Bounds | None:
+    """Of the joint rates J# v that drives make of a twist; a joint that stands always keeps them.
+
+    Args:
+        posture: The robot.
+        way: What the camera still moves (6,) before the twist acts [m, rad].
+        margin: Way to the limits that is kept [m or rad].
+        gain: How fast a joint may use up the rest [1/s].
+
+    Returns:
+        None where the posture has no joints, or no Jacobian that can be used.
+    """
+    p, J = posture, posture.jacobian
+    if J.size == 0 or not np.isfinite(J).all():
+        return None
+    A = _inverse_of(J)
+    q = p.joints + A @ way
+    back = (gain * (p.lower + margin - q)).clip(-NEVER, 0.0)
+    on = (gain * (p.upper - margin - q)).clip(0.0, NEVER)
+    joints = [f"joint {i + 1}" for i in range(len(q))]
+    names = tuple(zip(joints, joints, strict=True))
+    return Bounds(A, np.maximum(back, p.slowest), np.minimum(on, p.fastest), names)
+
+
+def _inverse_of(J: Array) -> Array:
+    """J# (n, 6), without what is singular."""
+    plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
+    return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
+
+
+def view_bounds(
+    seen: Sight, way: Array, target: Array, camera: Camera, margin: float, gain: float
+) -> Bounds:
+    """Of the target's corners, towards the sides of the picture [px/s].
+
+    Args:
+        seen: The target.
+        way: What the camera still moves (6,) before the twist acts [m, rad].
+        target: The target's own motion, as the twist (6,) of a camera that sees it move so.
+        camera: Picture and lens.
+        margin: Way to the sides that is kept [px].
+        gain: How fast a corner may use up the rest [1/s].
+    """
+    pixels, A = camera.to_pixels(corners_of(seen)), _pixel_rows(seen, camera)
+    at, drift = pixels.T.ravel() + A @ way, A @ target
+    size = np.repeat([camera.width, camera.height], 4)
+    return Bounds(A, gain * (margin - at) - drift, gain * (size - margin - at) - drift, SIDES)
+
+
+def _pixel_rows(seen: Sight, camera: Camera) -> Array:
+    """Interaction matrix (8, 6) of the corners in the picture [px]: four rows of u, four of v."""
+    rows = corner_rows(seen)
+    if camera.distortion is None:
+        return np.concatenate([camera.fx * rows[0], camera.fy * rows[1]])
+    corners = corners_of(seen)
+    here, there = camera.to_pixels(corners), camera.to_pixels(corners + STEP * np.eye(2)[:, None])
+    by_x, by_y = (there - here).transpose(0, 2, 1).reshape(2, 8, 1) / STEP
+    return by_x * np.tile(rows[0], (2, 1)) + by_y * np.tile(rows[1], (2, 1))

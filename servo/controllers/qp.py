@@ -1,0 +1,142 @@
+"""The law of `ibvs` inside limits of speed, joints and view (control barrier functions, Ames et al.
+2019), by one quadratic programme a frame.
+
+With v* the twist that `ibvs` asks for, and L the interaction matrix of the features:
+
+    minimise |L (v - v*)|^2 + damping |v - v*|^2, so that
+    |v_i| <= fastest, |w_i| <= fastest_turn                                          (speed)
+    joint_gain (lower - q) <= J# v <= joint_gain (upper - q), and the joints' rates  (joints)
+    dh/dt >= -view_gain h, for the way h of each corner to each side of the picture  (view)
+
+Where nothing limits it, v is v*. With the last line h is a control barrier function: it decays
+exponentially at most, and stays positive. Speed and joints are hard limits, which a camera that
+stands keeps; the view is soft, so that each programme has a solution: where the view cannot be
+kept, the squares of the violations are least. At last the whole twist is shortened to `fastest` and
+`fastest_turn`, and by the limits of acceleration, which the programme does not know.
+
+It decides about the next moment only, so it may stop at the side of the view, away from the goal.
+
+Ames, Coogan, Egerstedt, Notomista, Sreenath, Tabuada 2019 (Control barrier functions: theory and
+applications, European Control Conference). Solved by DAQP: Arnstrom, Bemporad, Axehill 2022 (A dual
+active-set solver for embedded quadratic programming using recursive LDL^T updates, IEEE
+Transactions on Automatic Control 67).
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# DAQP has no stubs.
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import daqp
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from servo.controllers import ibvs
+from servo.controllers._bounds import Bounds, joint_bounds, speed_bounds, view_bounds
+from servo.controllers._guard import Allowed, Wanted
+from servo.controllers._limits import excess
+from servo.parts import Task
+from sim.types import Array
+
+SOFT = 8
+"""DAQP's flag of a constraint that may be violated."""
+DAMPING = 1e-3
+"""Weight of a change of the twist, over that of a change of the features."""
+EXACT = 1e-9
+"""Largest excess over a bound that rounding explains."""
+LEAVING = 1.0
+"""A corner that is faster than the view allows by more than this violates it [px/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config(ibvs.Config):
+    """The law of `ibvs`, and its limits."""
+
+    margin: Annotated[float, Ge(0), Le(1e4)] = 10.0
+    """Way between the target's corners and the sides of the picture that is kept [px]."""
+    view_gain: Annotated[float, Ge(0.01), Le(1000)] = 5.0
+    """How fast a corner may use up its way to a side [1/s]; at most the frame rate counts."""
+    joint_margin: Annotated[float, Ge(0), Le(10)] = 0.02
+    """Way to the joints' limits that is kept [m or rad]; the robot itself stops at 0.01."""
+    joint_gain: Annotated[float, Ge(0.01), Le(1000)] = 5.0
+    """How fast a joint may use up its way to a limit [1/s]; at most the frame rate counts. The
+    robot slows the whole motion from 8 on."""
+
+    def build(self, rng: np.random.Generator) -> ibvs.Ibvs:
+        """The controller; draws nothing."""
+        return ibvs.Ibvs(self, Programme(self))
+
+
+@final
+class Programme:
+    """The quadratic programme of a frame."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._speed = speed_bounds(config.fastest, config.fastest_turn)
+
+    def start(self, task: Task) -> None:
+        """Begin a task.
+
+        Raises:
+            ValueError: The margin leaves nothing of the picture.
+        """
+        self._camera, margin = task.camera, self._config.margin
+        width, height = task.camera.width, task.camera.height
+        if margin >= min(width, height) / 2:
+            raise ValueError(
+                f"controller.margin = {margin:g}: nothing is left of a picture of {width} x "
+                f"{height} px; it should be less than {min(width, height) / 2:g}"
+            )
+
+    def allowed(self, wanted: Wanted) -> Allowed:
+        """The twist that changes the features most nearly as wanted, inside the limits."""
+        fast = max(1.0, excess(wanted.twist, self._config.fastest, self._config.fastest_turn))
+        law, limits = wanted.twist / fast, ("speed",) * (fast > 1.0)
+        hard, view = self._bounds(wanted)
+        bounds = hard if view is None else hard + view
+        over = bounds.excess(law)
+        # What is not a number passes: the loop then names the part that it came from.
+        if not (wanted.moves.any() and (np.abs(over) > EXACT).any()):
+            return Allowed(law, limits)
+        sense = np.zeros(len(over), np.intc)
+        sense[len(hard.A) :] = SOFT
+        change, active = _change(wanted, bounds, law, sense)
+        names = dict.fromkeys((*limits, *bounds.names_at(active)))
+        if view is None:
+            return Allowed(law + change, tuple(names))
+        left = view.excess(law + change)
+        violated = view.names_at(left * (np.abs(left) > LEAVING))
+        return Allowed(law + change, tuple(names), violated)
+
+    def _bounds(self, wanted: Wanted) -> tuple[Bounds, Bounds | None]:
+        """Hard bounds, and those of the view where the target is seen with its corners."""
+        c, seen, rate, view = self._config, wanted.seen, 1 / wanted.dt, None
+        gains = min(c.joint_gain, rate), min(c.view_gain, rate)
+        joints = joint_bounds(wanted.posture, wanted.way, c.joint_margin, gains[0])
+        if seen is not None and seen.corners is not None:
+            view = view_bounds(seen, wanted.way, wanted.target, self._camera, c.margin, gains[1])
+        return self._speed if joints is None else self._speed + joints, view
+
+
+def _change(
+    wanted: Wanted, bounds: Bounds, law: Array, sense: NDArray[np.intc]
+) -> tuple[Array, Array]:
+    """The least change (6,) of a twist with which it keeps its bounds, and their multipliers (m,).
+
+    Where DAQP finds none, the camera stands; it then keeps all hard bounds.
+    """
+    L, A = wanted.L[:, wanted.moves], np.ascontiguousarray(bounds.A[:, wanted.moves])
+    n, at = L.shape[1], bounds.A @ law
+    H = L.T @ L + DAMPING * np.eye(n)
+    found, _, flag, info = daqp.solve(
+        H, np.zeros(n), A, bounds.upper - at, bounds.lower - at, sense
+    )
+    if flag <= 0:
+        return -law, bounds.excess(law)
+    change = np.zeros(6)
+    change[wanted.moves] = found
+    return change, info["lam"]
