@@ -135,8 +135,8 @@ class Robot:
         """
         J, joints = self.jacobian(data), self.joints(data)
         return Posture(
-            self.eye(data), twist, joints, self.lower, self.upper, J, accepted, self.slowest,
-            self.fastest,
+            self.eye(data), twist, joints, self.lower, self.upper, J, self.slowest, self.fastest,
+            accepted,
         )  # fmt: skip
 
     def joints(self, data: mujoco.MjData) -> Array:

@@ -105,13 +105,13 @@ class Posture:
     """Their upper limits (n,); inf where there is none."""
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
-    accepted: Array | None = None
-    """Mean camera twist (6,) that the drives took over since the last frame of what was asked for,
-    after the limits of the joints; None: the robot does not report it."""
     slowest: Array | float = -math.inf
     """Least joint rates (n,) [m/s or rad/s]: the largest ones backwards."""
     fastest: Array | float = math.inf
     """Largest joint rates (n,) [m/s or rad/s]."""
+    accepted: Array | None = None
+    """Mean camera twist (6,) that the drives took over since the last frame of what was asked for,
+    after the limits of the joints; None: the robot does not report it."""
 
     @property
     def down(self) -> Array:

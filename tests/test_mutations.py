@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.controllers import ibvs
+from servo.controllers import _law_settings, ibvs
 from servo.features import _interaction, moments
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise, violations
 from servo.scenario.load import load
 from servo.sight import estimate_to_sight
+from servo.types import Plane
 from sim.robot import Robot
 from sim.world import World
 
@@ -53,7 +54,7 @@ def test_a_command_that_acts_a_frame_later_than_the_controller_knows(monkeypatch
 
 
 def test_the_wrong_degrees_of_freedom(monkeypatch):
-    monkeypatch.setattr(ibvs, "DOF", ("vx", "vy", "vz", "wz", "wy", "wx"))
+    monkeypatch.setattr(_law_settings, "DOF", ("vx", "vy", "vz", "wz", "wy", "wx"))
     assert missed("still")
 
 
@@ -80,11 +81,10 @@ def test_theta_measured_with_y_up(monkeypatch):
 
 def test_a_depth_that_is_three_times_too_large(monkeypatch):
     """The translations' gain is off by beta = 3; compensation is stable below 2 only."""
-    right = estimate_to_sight.EstimateToSight._scaled
     monkeypatch.setattr(
         estimate_to_sight.EstimateToSight,
-        "_scaled",
-        lambda self, plane: right(self, type(plane)(*(plane.vector / 3))),
+        "_with_depth_factor",
+        lambda self, sight: replace(sight, plane=Plane(*(sight.plane.vector / 3))),
     )
     assert missed("still")
 
@@ -92,8 +92,8 @@ def test_a_depth_that_is_three_times_too_large(monkeypatch):
 def test_a_joint_that_drives_the_wrong_way(monkeypatch):
     right = Robot.rates
 
-    def reversed_yaw(self, data, twist):
-        rates, limited = right(self, data, twist)
+    def reversed_yaw(self, *given):
+        rates, limited = right(self, *given)
         return rates * [1, 1, 1, -1, 1, 1], limited
 
     monkeypatch.setattr(Robot, "rates", reversed_yaw)

@@ -1,0 +1,115 @@
+"""A part of the schemes broken on purpose, one at a time: the reference vectors must notice."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from schemes import features_of, pose_of, seen_in
+from servoing import posture_of
+
+from servo.controllers import ibvs
+from servo.controllers._inverse import Inverse
+from servo.estimators import none
+from servo.features import hybrid, points, pose
+from servo.parts import Task
+from servo.sight import planar_pose
+from servo.types import DOF
+from sim.types import Camera
+
+CASES = json.loads((Path(__file__).parent / "data" / "schemes_vectors.json").read_text())["cases"]
+"""Tilted targets, seen from beside the goal."""
+CAMERA = Camera(600.0, 600.0, 320.0, 240.0, 640, 480)
+FAR = 1e-3
+"""A broken part is off by more than this, in some entry."""
+
+
+def situations():
+    for case in CASES:
+        goal = seen_in(pose_of(case["t_star"], case["thetau_star"]))
+        yield case["schemes"], goal, seen_in(pose_of(case["t"], case["thetau"]), goal)
+
+
+def off(scheme):
+    """How far the matrix is from the reference's, largest over the cases."""
+    sets = features_of(scheme)
+    return max(
+        np.abs(sets.matrix(seen) - expected[scheme]["L"]).max()
+        for expected, _, seen in situations()
+    )
+
+
+def step_off(scheme, matrix):
+    """How far one step of the law is from the reference's."""
+    found = []
+    for expected, goal, seen in situations():
+        sets, rng = features_of(scheme), np.random.default_rng(0)
+        law = ibvs.Config(gain=1.0, dof=DOF, matrix=matrix, fastest=100, fastest_turn=100).build(
+            rng
+        )
+        estimator = none.Config().build(rng)
+        estimator.start(sets)
+        law.start(Task(goal, sets, estimator, CAMERA, np.zeros((4, 3))))
+        twist = law.command(seen, posture_of(np.zeros(6)), 0.04).twist
+        found.append(np.abs(twist - expected[scheme][f"v_{matrix}"]).max())
+    return max(found)
+
+
+def test_unbroken_parts_agree():
+    assert max(off(s) for s in ("points", "pose_cdMc", "pose_cMo", "hybrid")) < 1e-9
+    assert step_off("points", "mean") < 1e-9
+
+
+@pytest.mark.parametrize(("module", "scheme"), [(pose, "pose_cdMc"), (hybrid, "hybrid")])
+@pytest.mark.parametrize("wrong", [lambda w: np.eye(3), lambda w: right(w).T], ids=["I", "Lw'"])
+def test_a_wrong_matrix_of_the_rotation(monkeypatch, module, scheme, wrong):
+    monkeypatch.setattr(module, "rotation_rows", wrong)
+    assert off(scheme) > FAR
+
+
+right = pose.rotation_rows
+
+
+def test_swapped_rows(monkeypatch):
+    rows = points.corner_rows
+    monkeypatch.setattr(points, "corner_rows", lambda sight: rows(sight)[::-1])
+    assert off("points") > FAR
+
+
+def test_the_depth_of_the_centre_for_all_corners(monkeypatch):
+    def rows(sight):
+        (x, y), Z = sight.corners.T, sight.pose.translation[2]
+        return points_rows(x, y, np.full(4, 1 / Z))
+
+    from servo.sight.point_rows import point_rows as points_rows
+
+    monkeypatch.setattr(points, "corner_rows", rows)
+    assert off("points") > FAR
+
+
+def test_the_mean_of_inverses_in_place_of_the_inverse_of_the_mean(monkeypatch):
+    def inverse(law):
+        of = (Inverse.of(L, np.full(8, True), np.full(6, True), np.ones(6))
+              for L in (law._matrix_seen, law._goal_matrix))  # fmt: skip
+        pseudo = sum(each.pseudo for each in of) / 2
+        return Inverse(pseudo, law._matrix_seen, np.full(6, True))
+
+    monkeypatch.setattr(ibvs.Ibvs, "_inverse", inverse)
+    assert step_off("points", "mean") > FAR
+
+
+def test_a_sign_in_the_choice_between_the_two_poses(monkeypatch):
+    """The pose of each case, tilted by tens of degrees, and once more from what is expected."""
+    size = (0.2, 0.1)
+
+    def flipped():
+        found = 0
+        for _, _, seen in situations():
+            near = planar_pose.planar_pose(seen.corners, size, seen.pose)
+            found += np.linalg.norm(near.rotation - seen.pose.rotation) > 0.1
+        return found
+
+    assert flipped() == 0
+    surprise = planar_pose._surprise
+    monkeypatch.setattr(planar_pose, "_surprise", lambda *given: -1e9 * surprise(*given))
+    assert flipped() == len(CASES)
