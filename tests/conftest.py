@@ -161,8 +161,7 @@ def finished_study(tmp_path_factory):
 @pytest.fixture
 def no_workers(monkeypatch):
     """`servobench sweep` works in this process: a worker takes two seconds to start."""
-    from servo.batch.ended import one_by_one
-
+    from servo.batch.workers import one_by_one
     from servo.cli import sweep_command
 
     monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
