@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from servo.mistake import Mistake
 from servo.report import files
+from servo.study.perform import CAMERA, CORNERS
 from servo.study.plan import FailureFile, StudyFile
 from servo.study.store import FAILURES, RESULTS, RUNS
 from sim.types import Array
 from tracking.evaluation.statistics import Interval, bootstrap
 
-SERIES, SHEET, TIME = ("servo_error_px", "tracking_error_px", "on_target"), "sheet", "time_s"
+SERIES = ("servo_error_px", "tracking_error_px", "on_target", *CAMERA, *CORNERS)
+SHEET, TIME = "sheet", "time_s"
 SUCCESS = "success"
 NEEDED = ("run", "outcome", SUCCESS)
 Row = dict[str, Any]

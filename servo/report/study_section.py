@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from servo.loop.run_measures import MEANINGS, Outcome
-from servo.report import page, study_time
+from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
 from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
 from servo.report.words import NOTHING, Badge, Cell, Table, Tone, cut, listed, shown, spread
@@ -17,7 +17,8 @@ from servo.study.results import COMPARED, Compared, comparisons, grouped, missed
 MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
-"""Measures in the tables; the files have all of them."""
+WAYS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
+"""Measures in the tables, of studies and of those that show ways; the files have all of them."""
 SURE = 0.05
 
 
@@ -43,6 +44,7 @@ def section(folder: Path) -> Section:
 def _shown(study: StudyResults) -> list[Block]:
     return [
         *_compared(study),
+        *_paths(study),
         *_figures("Over time", study_time.figures(study)),
         *_figures("Against the axes", study_time.against(study)),
         *_figures("Over two axes", study_time.heat_maps(study)),
@@ -106,11 +108,11 @@ def _compared(study: StudyResults) -> list[Block]:
     rows: list[list[Cell]] = []
     for name, group in groups.items():
         ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
-        medians = [shown(median(group, m)) for m in COLUMNS]
+        medians = [shown(median(group, m)) for m in _columns(study)]
         rows.append(
             [name, str(len(group)), spread(interval(group, SUCCESS)), *map(str, ended), *medians]
         )
-    head = (study.compared or "runs", "runs", "success (95 %)", *outcomes, *COLUMNS)
+    head = (study.compared or "runs", "runs", "success (95 %)", *outcomes, *_columns(study))
     note = "Outcomes are counts of runs, measures are medians over runs."
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None
@@ -124,6 +126,10 @@ def _compared(study: StudyResults) -> list[Block]:
     return [Block("Compared", points=_sure(pairs), tables=tables)]
 
 
+def _columns(study: StudyResults) -> tuple[str, ...]:
+    return WAYS if study_paths.shows(study) else COLUMNS
+
+
 def _sure(pairs: Sequence[Compared]) -> list[str]:
     found = [c for c in pairs if c.p_holm < SURE and c.test.wins > c.test.losses]
     return [
@@ -131,6 +137,15 @@ def _sure(pairs: Sequence[Compared]) -> list[str]:
         f"(p = {c.p_holm:.2g} after Holm)."
         for c in found[:MOST_LISTED]
     ]
+
+
+def _paths(study: StudyResults) -> list[Block]:
+    found = study_paths.paths(study)
+    text = (
+        "Above, the camera's way around the target [m]; below, the corners' ways in the picture "
+        "[px]. Rings are starts, dots are ends; of the first seed."
+    )
+    return [Block("Ways of the camera and of the corners", [text], pictures=found)] if found else []
 
 
 def _figures(title: str, figures: list[Figure]) -> list[Block]:
@@ -160,10 +175,10 @@ def _cells(study: StudyResults) -> Block:
     found = grouped(list(study.axes), study.rows)
     rows = (
         [*(shown(v) for v in settings.values()), str(len(group)),
-         *(spread(interval(group, name)) for name in (SUCCESS, *COLUMNS))]
+         *(spread(interval(group, name)) for name in (SUCCESS, *_columns(study)))]
         for settings, group in found
     )  # fmt: skip
-    head = (*study.axes, "runs", "success", *COLUMNS)
+    head = (*study.axes, "runs", "success", *_columns(study))
     block = page.rows_of("cells", head, rows, len(found), range(len(study.axes)))
     return replace(block, text=["Means with 95 % bootstrap intervals.", *block.text])
 

@@ -30,6 +30,10 @@ from tracking.files.json_text import number
 
 Row = dict[str, Any]
 TILES, JPEG_QUALITY = 8, 80
+CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
+"""The camera's place in the target's frame: x along the nose, y to its right, z into the table."""
+CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
+"""Projected corners of the target's reference rectangle."""
 TIMED = ("step_ms", "track_ms")
 """Columns of measured times, which differ when a run is repeated."""
 
@@ -99,7 +103,10 @@ def version_columns() -> dict[str, str]:
 
 def _series(steps: list[Step]) -> dict[str, list[Any]]:
     errors = [s.tracking_error for s in steps]
+    places = np.array([s.sight_true.pose.inverse().translation for s in steps])
+    corners = np.array([s.truth.corners.ravel() for s in steps])
     return {
+        **dict(zip((*CAMERA, *CORNERS), np.hstack([places, corners]).T.tolist(), strict=True)),
         "time_s": [s.frame.time for s in steps],
         "servo_error_px": [s.servo_error for s in steps],
         "tracking_error_px": errors,
@@ -117,7 +124,8 @@ MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "
 """Bounds that a run did not keep; numbers are texts, because a bound on the outcome is a word."""
 MOST_BYTES = 100_000_000
 SERIES = {"time_s": FLOATS, "servo_error_px": FLOATS, "tracking_error_px": FLOATS,
-          "on_target": FLAGS, "sheet": pa.binary()}  # fmt: skip
+          "on_target": FLAGS, **dict.fromkeys((*CAMERA, *CORNERS), FLOATS),
+          "sheet": pa.binary()}  # fmt: skip
 """Columns of a run's own file that are not in the table of all runs."""
 
 
