@@ -45,7 +45,7 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class CameraImage:
     """A picture and the camera that took it."""
 
     image: Image
@@ -73,7 +73,7 @@ class Sight:
     """Its pose, where one was measured; else the pose is what corners and plane say."""
     goal: Sight | None = None
     """How it shall be seen; None in the goal itself."""
-    picture: Picture | None = None
+    picture: CameraImage | None = None
     """What the camera saw; None where nobody needs it."""
 
     @property

@@ -125,7 +125,7 @@ def test_estimators_are_judged_by_their_bounds_rate_by_rate(tmp_path):
     assert not missed.holds
     assert "constant rms at 30 Hz, kalman_cv: 1.62 px instead of 1.5" in missed.measured
     rates = [row[1] for row in kept.table]
-    assert rates.count("30 Hz") == rates.count("5 Hz") == 9  # seven estimators, two bounds
+    assert rates.count("30 Hz") == rates.count("5 Hz") == 10  # eight estimators, two bounds
     assert cv2.imread(str(kept.figures[0])).std() > 10
 
 

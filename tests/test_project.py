@@ -58,7 +58,7 @@ def test_files_and_functions_stay_short(files):
 
 def test_no_module_and_no_class_has_the_name_of_another(root, files):
     """`Config` is what every kind has, `types` what every package has; robots and targets may both
-    be of the kind `mjcf`, targets and trackers of the kind `tag`.
+    be of the kind `mjcf`, targets and trackers `tag`, trackers and features `hybrid`.
     """
     found = Counter()
     for path in (f for f in files if f.suffix == ".py" and "tests" not in f.parts):
@@ -66,7 +66,7 @@ def test_no_module_and_no_class_has_the_name_of_another(root, files):
         body = ast.parse(path.read_text()).body
         found.update(node.name for node in body if isinstance(node, ast.ClassDef))
     twice = {name for name, count in found.items() if count > 1}
-    assert twice == {"__init__", "types", "Config", "mjcf", "tag"}
+    assert twice == {"__init__", "types", "Config", "mjcf", "tag", "hybrid"}
 
 
 def test_a_room_has_few_layers_below_it(root):

@@ -14,7 +14,7 @@ from servo.controllers.ibvs import Config
 from servo.estimators import none
 from servo.features.photometric import brightness, brightness_matrix
 from servo.parts import Task
-from servo.types import DOF, Picture, Plane, Prediction
+from servo.types import DOF, CameraImage, Plane, Prediction
 from sim.geometry import exp_se3
 from sim.types import Camera, Pose
 
@@ -78,7 +78,7 @@ def test_photometric_matrix_and_step(luminance_case):
     camera = Camera(case["px"], case["py"], case["u0"] + 0.5, case["v0"] + 0.5,
                     case["cols"], case["rows"])  # fmt: skip
     now, goal = (
-        Picture(np.repeat(np.array(case[name], np.uint8)[..., None], 3, axis=2), camera)
+        CameraImage(np.repeat(np.array(case[name], np.uint8)[..., None], 3, axis=2), camera)
         for name in ("I", "I_star")
     )
     L, L_star = (brightness_matrix(p, case["Z"]) for p in (now, goal))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.sight.point_rows import point_rows
-from servo.types import Picture, Sight
+from servo.types import CameraImage, Sight
 from sim.types import Array
 
 BORDER = 10
@@ -88,12 +88,12 @@ class PhotometricFeatures:
         return np.ones(6)
 
 
-def brightness(picture: Picture) -> Array:
+def brightness(picture: CameraImage) -> Array:
     """Grey values (h, w) of the pixels that count."""
     return _inside(_grey(picture))
 
 
-def brightness_matrix(picture: Picture, depth: float) -> Array:
+def brightness_matrix(picture: CameraImage, depth: float) -> Array:
     """The interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the rows of
     the pixels as points (Collewet and Marchand 2011, equation 9).
 
@@ -119,7 +119,7 @@ def brightness_matrix(picture: Picture, depth: float) -> Array:
     return -(Ix[:, None] * Lx + Iy[:, None] * Ly)
 
 
-def _grey(picture: Picture) -> Array:
+def _grey(picture: CameraImage) -> Array:
     return cv2.cvtColor(picture.image, cv2.COLOR_RGB2GRAY).astype(np.float64)
 
 
@@ -131,7 +131,7 @@ def _depth(sight: Sight) -> float:
     return 1 / sight.plane.C
 
 
-def _picture(sight: Sight) -> Picture:
+def _picture(sight: Sight) -> CameraImage:
     if sight.picture is None:
         raise ValueError("there is no picture of the goal; give Loop.start one")
     return sight.picture

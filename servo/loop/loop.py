@@ -22,7 +22,7 @@ from servo.loop.part_failed import part_failed
 from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
-from servo.types import Command, Picture, Sight
+from servo.types import CameraImage, Command, Sight
 from sim.placement import size_above
 from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
@@ -119,7 +119,7 @@ class Loop:
             ValueError: The region is none, or a setting does not fit the features.
         """
         scenario = self._scenario
-        self._goal_picture = None if goal is None else Picture(goal, self._camera)
+        self._goal_picture = None if goal is None else CameraImage(goal, self._camera)
         try:
             self.tracker.start(frame, region, state)
         except ValueError as error:
@@ -187,7 +187,7 @@ class Loop:
         goal = self.goal_sight
         if self._goal_picture is None:
             return self._to_sight.see(self.estimate, posture, goal)
-        return replace(goal, picture=Picture(frame.image, self._camera), goal=goal)
+        return replace(goal, picture=CameraImage(frame.image, self._camera), goal=goal)
 
     def _goal_sight(self, time: float) -> Sight:
         length, width = np.ptp(self._outline[:, :2], axis=0) * self.goal_size(time)

@@ -89,7 +89,8 @@ def check_command(
     if not isinstance(command, Command):
         what = f"command returned {type(command).__name__} instead of a Command"
         raise PartFailed.by("controller", config, what)
-    if np.shape(command.twist) == (6,) and np.isfinite(command.twist).all():
+    shown = np.zeros(0) if command.trace is None else command.trace.error
+    if np.shape(command.twist) == (6,) and np.isfinite([*command.twist, *shown]).all():
         return command
     given = {} if sight is None else {"features": parts["features"][1].values(sight)}
     if (trace := command.trace) is not None:

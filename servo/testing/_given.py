@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from servo.sight.exact import object_frame, plane_in, sight_of
-from servo.types import Picture, Sight
+from servo.types import CameraImage, Sight
 from sim import kinds
 from sim.installed import Trusted
 from sim.types import Camera, Frame, Image, Pose, Posture
@@ -146,7 +146,7 @@ def seen_from(T_room_camera: Pose, T_room_target: Pose, *, pixels: bool) -> Sigh
 
 def _seen(T_room_camera: Pose, T_room_target: Pose, pixels: bool) -> Sight:
     T_camera_object = T_room_camera.inverse() @ T_room_target @ object_frame(OUTLINE)
-    picture = Picture(_textured(T_camera_object), CAMERA) if pixels else None
+    picture = CameraImage(_textured(T_camera_object), CAMERA) if pixels else None
     return replace(sight_of(T_camera_object, OUTLINE), picture=picture)
 
 
