@@ -82,7 +82,7 @@ class Homography:
         """Learn the template."""
         check_region(frame, region, state)
         self._region, self._state = region, state
-        self._corners, self._light = region.corners(state), np.array([1.0, 0.0])
+        self._corners, self._light = region.first_corners(state), np.array([1.0, 0.0])
         self._lock = Lock(self._config.lock)
         self._velocity = Velocity(state, self._config.velocity_memory)
         n = self._config.points

@@ -146,7 +146,7 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
     to_plane = homography(seen, SQUARE)
     centre, nose = through(to_plane, np.array([[0, 0], [np.cos(state.theta), np.sin(state.theta)]])
                            + (state.x, state.y))  # fmt: skip
-    near = through(to_plane, region.corners(state))
+    near = through(to_plane, region.first_corners(state))
     along, down = near[2] - near[0], near[3] - near[1]
     area = abs(along[0] * down[1] - along[1] * down[0]) / 2
     ahead = (nose - centre) / np.hypot(*(nose - centre))
