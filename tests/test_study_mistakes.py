@@ -38,6 +38,22 @@ BAD = {
         "where run.latency = 500: still.toml: run.latency = 500: input should be less than or "
         "equal to 100",
     ),
+    "a section as a name": (
+        STILL + "named.start.near = { start.x = 1.0 }",
+        "named.start: 'start' is a section; give the axis another name",
+    ),
+    "groups that are none": (
+        STILL + "named.scheme = { a = 1 }",
+        "named.scheme should be a table of tables of settings, by name",
+    ),
+    "a group and an axis": (
+        STILL + "named.scheme.a = { run.latency = 1 }\naxes.run.latency = [1]",
+        "axes.run.latency: named.scheme varies this setting already",
+    ),
+    "a wrong setting in a group": (
+        STILL + "named.scheme.a = { run.latncy = 1 }",
+        "where scheme = a: still.toml: run: there is no key 'latncy'; did you mean 'latency'?",
+    ),
     "too few numbers": (
         STILL + "axes.start.x = { uniform = [1.0] }",
         "axes.start.x.uniform: this takes a list of 2",

@@ -48,6 +48,8 @@ GREEN, RED, WHITE, AMBER = (60, 220, 90), (240, 60, 50), (255, 255, 255), (255, 
 GREY = (130, 130, 140)
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, AMBER, WHITE, GREY, GREEN, RED)
+WAY_RADIUS = 0.004
+"""Half the thickness of the camera's way [m]."""
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
@@ -81,6 +83,8 @@ class RerunLog:
         self._before: Step | None = None
         self._steps: list[Step] = []
         self._jpegs: list[bytes] = []
+        self._way: list[Array] = []
+        self._corners: list[Array] = []
         self._log_scene()
         self._name_series()
 
@@ -142,6 +146,7 @@ class RerunLog:
         ]
         self._send_pictures(steps, jpegs, index)
         self._send_numbers(steps, index)
+        self._log_ways(steps)
 
     def _send_pictures(
         self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
@@ -180,6 +185,16 @@ class RerunLog:
         )
         for i, path in enumerate(self._moving):
             self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
+
+    def _log_ways(self, steps: list[Step]) -> None:
+        """The ways so far, as lines without a time: of the camera, of the corners in the image."""
+        self._way += [s.truth.T_world_camera.translation for s in steps]
+        self._corners += [s.truth.corners for s in steps]
+        way = rr.LineStrips3D([np.array(self._way)], colors=AMBER, radii=WAY_RADIUS)
+        self._rec.log("world/way", way, static=True)
+        corners = np.stack(self._corners, axis=1)
+        ways = rr.LineStrips2D(list(corners), colors=AMBER, radii=archetypes.LINE_RADIUS / 2)
+        self._rec.log(f"{IMAGE}/way", ways, static=True)
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
         columns = rr.Transform3D.columns(
