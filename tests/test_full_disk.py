@@ -17,6 +17,8 @@ import pytest
 
 from servo.cli import main
 
+pytestmark = pytest.mark.processes
+
 BIN = Path(sys.executable).parent / "servobench"
 QUICK = "--set run.duration=2 --set tracker.kind=frozen --set estimator.kind=none --set expect={}"
 

@@ -26,6 +26,8 @@ from servo.study.parse import load
 from servo.study.perform import TIMED, perform
 from servo.study.plan import StudyFile
 
+pytestmark = pytest.mark.processes
+
 MINE = """# mine
 # Short runs, of kinds that are quick to import.
 scenario = "still"

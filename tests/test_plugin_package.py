@@ -10,6 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from commands import one_by_one
 
+pytestmark = pytest.mark.processes
+
 PILOT = Path(__file__).parent / "data" / "pilot"
 SCENARIO = """
 [run]
