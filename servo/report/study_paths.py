@@ -62,7 +62,7 @@ def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
     most = 1.1 * np.max([np.abs(way).max(axis=0) for way in arrived or ways.values()], axis=0)
     for i, (name, (row, series)) in enumerate(runs.items()):
         space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
-        _in_space(space, ways[name], max(most[0], most[1]), most[2])
+        _in_space(space, ways[name], max(*most[:2], 0.7 * most[2]), most[2])
         space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=8)
         image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
         _in_image(
@@ -83,7 +83,7 @@ def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
     side = 0.1 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
     ax.plot(*side.T, np.zeros(5), color="black", lw=1)
     ax.set(xlim=(-aside, aside), ylim=(-aside, aside), zlim=(0, above))
-    ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.4)
+    ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.25)
     ax.view_init(elev=22, azim=-60)
     ax.tick_params(labelsize=5, pad=-3)
     ax.locator_params(nbins=4)
