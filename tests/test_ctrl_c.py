@@ -9,6 +9,8 @@ from commands import STOPPED, begin, ended, wait_for, workers_of
 
 from servo.cli import list_command, main
 
+pytestmark = pytest.mark.processes
+
 
 def test_a_command_that_does_nothing_about_it(monkeypatch, capfd):
     def interrupted(*_):

@@ -9,6 +9,8 @@ import pytest
 
 from sim import gl
 
+pytestmark = pytest.mark.processes
+
 APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
 
 

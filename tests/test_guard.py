@@ -13,6 +13,8 @@ from servo.cli.guard import Printer, guarded
 from servo.mistake import LONGEST, Mistake, Refused
 from sim.gl import NoRenderer
 
+pytestmark = pytest.mark.processes
+
 BIN = Path(sys.executable).parent / "servobench"
 
 

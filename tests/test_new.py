@@ -10,6 +10,8 @@ from servo.cli.new_command import new_tracker
 from servo.mistake import Mistake
 from servo.testing import check_tracker
 
+pytestmark = pytest.mark.processes
+
 BOTH = """
 import sys, pytest
 from servo.cli.main import main

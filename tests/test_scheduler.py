@@ -23,6 +23,8 @@ from servo.batch.workers import Lost
 from servo.cli import main, terminal
 from servo.mistake import Mistake, Refused
 
+pytestmark = pytest.mark.processes
+
 STUDY = """# mine
 # Short runs, of kinds that are quick to import.
 scenario = "still"

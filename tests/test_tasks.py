@@ -12,6 +12,8 @@ from servo.batch.workers import Ended, Lost, Workers
 from servo.cli import check_command, main
 from servo.study.perform import TIMED
 
+pytestmark = pytest.mark.processes
+
 QUICK = (
     "--set", "tracker.kind=frozen", "--set", "estimator.kind=none", "--set", "run.duration=0.3",
     "--set", "expect={servo_rms_px=0.5}", "--seeds", "2",

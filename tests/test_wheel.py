@@ -8,6 +8,8 @@ import zipfile
 import pytest
 from commands import one_by_one
 
+pytestmark = pytest.mark.processes
+
 PACKAGES = {"servo", "tracking", "sim", "scenes"}
 
 
