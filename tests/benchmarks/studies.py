@@ -14,10 +14,10 @@ import psutil
 
 from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import local
-from servo.cli import sweep_command
 from servo.study import store
 from servo.study.parse import load
 from servo.study.perform import perform
+from servo.study.plan import StudyFile
 
 MEGA = 2**20
 SHORT = ["run.duration=0.2", "tracker.kind=frozen"]
@@ -55,7 +55,7 @@ def scaling(folder, seeds):
     walls = {}
     for workers in (1, 2, 2, 1):
         place = folder / f"{workers}-{len(walls)}"
-        with store.opened(place, study, sweep_command.manifest(study, "")) as kept:
+        with store.opened(place, study, StudyFile.of(study, "")) as kept:
             wall, inside, _ = carried(study, workers, kept)
         walls.setdefault(workers, []).append(wall)
         share = 100 * (1 - inside / (wall * workers))
@@ -66,7 +66,7 @@ def scaling(folder, seeds):
 
 def memory(folder, seeds):
     study = load("particles", SHORT, seeds)
-    with store.opened(folder / "memory", study, sweep_command.manifest(study, "")) as kept:
+    with store.opened(folder / "memory", study, StudyFile.of(study, "")) as kept:
         _, _, found = carried(study, 2, kept)
     workers = {worker for _, worker, _ in found}
     for count in (len(found) // 10, len(found) // 2, len(found)):
