@@ -103,7 +103,7 @@ class Estimator(Protocol):
 class NeedsTruth(Protocol):
     """An estimator that knows the truth, for comparison: a simulation only has it."""
 
-    def tell(self, motion: Array) -> None:
+    def give(self, motion: Array) -> None:
         """The true de/dt (k,) of the target's own motion while the next command acts, over
         `FeatureSet.scales`; before each `update` or `skip`.
         """

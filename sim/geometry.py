@@ -41,6 +41,12 @@ def log_so3(R: Array) -> Array:
     return axis * (atan2(sine, cosine) / sine)
 
 
+def angle_of(R: Array) -> float:
+    """By how much a rotation turns, 0..pi [rad]."""
+    sine = np.linalg.norm(R - R.T) / np.sqrt(8)
+    return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
+
+
 def _left_jacobian(w: Array) -> Array:
     angle = float(np.linalg.norm(w))
     W = skew(w)

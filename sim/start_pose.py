@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from sim.geometry import log_se3
+from sim.geometry import angle_of, log_se3
 from sim.render import VISION_FROM_MUJOCO
 from sim.robot_drives import random_joints
 from sim.types import Array, Pose
@@ -87,7 +87,7 @@ def iterate(
     for _ in range(STEPS):
         _refresh(robot, data)
         left = robot.eye(data).inverse() @ T_world_camera
-        if _angle(left.rotation) > HALF_TURN:
+        if angle_of(left.rotation) > HALF_TURN:
             return False
         error = log_se3(left)
         if np.linalg.norm(error) < TOLERANCE:
@@ -165,7 +165,7 @@ def comfort(robot: Robot, data: mujoco.MjData) -> float:
 
 def _reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
     error = robot.eye(data).inverse() @ T_world_camera
-    angle = _angle(error.rotation)
+    angle = angle_of(error.rotation)
     q, span = data.qpos[robot.qpos], robot.upper - robot.lower
     limited = np.isfinite(span)
     room = np.full(len(q), np.inf)
@@ -174,12 +174,6 @@ def _reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, *, there: bo
     name = robot.names[tightest] if limited.any() else ""
     distance = float(np.linalg.norm(error.translation))
     return Reach(there, distance, angle, name, float(room[tightest]))
-
-
-def _angle(R: Array) -> float:
-    """By how much a rotation turns, 0..pi [rad]."""
-    sine = np.linalg.norm(R - R.T) / np.sqrt(8)
-    return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
 
 
 def _refresh(robot: Robot, data: mujoco.MjData) -> None:

@@ -113,7 +113,7 @@ def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
     first = estimator.update(np.zeros(4), rest, 0.1)
     assert first.motion.tolist() == [0.0] * 4
     if kind == "true":
-        estimator.tell(speed)
+        estimator.give(speed)
     for k in range(1, 60):
         estimator.update(0.1 * k * speed + rng.normal(0, 1e-5, 4), rest, 0.1)
     known = np.zeros(4) if kind == "none" else speed

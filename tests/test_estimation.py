@@ -224,7 +224,7 @@ def test_ideal_feed_forward_leaves_no_error_in_a_kinematic_loop():
         V = -V if k == 50 else V
         sight = seen_from(camera, Pose(np.eye(3), target))
         relative = np.concatenate([-camera.rotation.T @ V, np.zeros(3)])
-        estimator.tell(law._features.matrix(sight) @ relative / law._scales)
+        estimator.give(law._features.matrix(sight) @ relative / law._scales)
         command = law.command(sight, posture_of(twist), dt)
         assert np.abs(command.trace.error).max() < 1e-12
         twist, target = command.twist, target + V * dt

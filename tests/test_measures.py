@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.loop.episode import Episode
+from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise, violations
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig
@@ -153,3 +153,11 @@ def test_every_measure_is_there_and_finite_or_a_time_that_never_came(steps):
     made = report(steps)
     assert [m.name for m in made.measures] == list(MEANINGS)
     assert all(np.isfinite(m.value) for m in made.measures if m.name != "settle_s")
+
+
+def test_a_camera_that_stays_half_a_turn_from_its_goal_is_measured():
+    changes = ["start.angle_deg=180", "controller.kind=hold", "run.duration=0.2", "expect={}"]
+    _, report = measured_run(load("small_hybrid", ["start={}", *changes]))
+    assert report.value("end_rotation_deg") == pytest.approx(180, abs=1e-6)
+    assert report.value("camera_path_m") == pytest.approx(0, abs=1e-6)
+    assert report.value("out_of_view_pct") == 0

@@ -34,7 +34,7 @@ LENS = Camera(
 
 
 class Moving:
-    """An estimator that is told the target's own motion, as a twist of the camera."""
+    """An estimator that knows the target's own motion, as a twist of the camera."""
 
     def __init__(self, features, twist):
         self.features, self.twist = features, twist

@@ -19,20 +19,20 @@ from sim.types import Array
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Told:
+    def build(self, rng: np.random.Generator) -> Ideal:
         """The estimator; draws nothing."""
-        return Told()
+        return Ideal()
 
 
 @final
-class Told:
-    """Returns what it was told last; zero before."""
+class Ideal:
+    """Returns the motion that was given last; zero before."""
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
         self._motion = np.zeros(len(features.names))
 
-    def tell(self, motion: Array) -> None:
+    def give(self, motion: Array) -> None:
         """The true de/dt (k,) of the target's own motion while the next command acts, over the
         features' scales.
         """

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from servo.loop.step import Step
-from servo.types import Sight
-from sim.geometry import log_so3
-from sim.types import Array
+from sim.geometry import angle_of
 
 MEANINGS = {
     "camera_path_m": ("m", "way of the camera, seen from the target"),
@@ -25,13 +23,11 @@ MEANINGS = {
 
 def path_measures(steps: Sequence[Step]) -> dict[str, float]:
     """The measures of a run's steps, by the names of `MEANINGS`."""
-    sights = [s.sight_true for s in steps]
-    places = np.array([_camera(sight) for sight in sights])
-    goal = steps[-1].goal_sight.pose
-    there = _camera(steps[-1].goal_sight)
+    cameras, goal = [s.T_object_camera for s in steps], steps[-1].goal_sight.pose.inverse()
+    places, there = np.array([c.translation for c in cameras]), goal.translation
     path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     away, ends = np.linalg.norm(places, axis=1), [np.linalg.norm(places[0]), np.linalg.norm(there)]
-    turn = goal.rotation @ sights[-1].pose.rotation.T
+    turn = goal.rotation.T @ cameras[-1].rotation
     return {
         "camera_path_m": path,
         "detour_m": path - float(np.linalg.norm(places[0] - there)),
@@ -39,13 +35,8 @@ def path_measures(steps: Sequence[Step]) -> dict[str, float]:
         "advance_m": max(0.0, float(min(ends) - away.min())),
         "out_of_view_pct": 100 * float(np.mean([_leaves(s) for s in steps])),
         "end_position_mm": 1e3 * float(np.linalg.norm(places[-1] - there)),
-        "end_rotation_deg": float(np.degrees(np.linalg.norm(log_so3(turn)))),
+        "end_rotation_deg": float(np.degrees(angle_of(turn))),
     }
-
-
-def _camera(sight: Sight) -> Array:
-    """The camera's place (3,) in the object's frame [m]."""
-    return sight.pose.inverse().translation
 
 
 def _leaves(step: Step) -> bool:

@@ -201,7 +201,7 @@ class Episode:
 
 
 def _changed(truth: Truth, change: RegionConfig) -> Array:
-    """The target's corners (4, 2) as the tracker is told them [px]."""
+    """The target's corners (4, 2) that the tracker is given [px]."""
     own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(change.angle_deg)))
     away = (truth.corners - truth.centre) @ [1, 1j] / own
     sized = (away.real * change.width + 1j * away.imag * change.height) * given

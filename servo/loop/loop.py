@@ -158,7 +158,7 @@ class Loop:
         if isinstance(self._estimator, NeedsTruth):
             if motion_true is None:
                 raise ValueError(NO_TRUTH)
-            self._estimator.tell(motion_true / self._scales)
+            self._estimator.give(motion_true / self._scales)
         try:
             return self._step(frame, posture)
         except BaseException as error:

@@ -119,10 +119,10 @@ class Step:
         return State(x, y, self.truth.theta, self.truth.size / self.scene.first_size)
 
     @property
-    def sight_true(self) -> Sight:
-        """What is seen of the target, exact."""
-        camera, target = self.truth.T_world_camera, self.truth.T_world_target
-        return self.scene.true_sight(camera, target, self.goal_sight)
+    def T_object_camera(self) -> Pose:
+        """True pose of the camera, seen from the target as `Sight.pose` describes it."""
+        T_world_object = self.truth.T_world_target @ object_frame(self.scene.outline)
+        return T_world_object.inverse() @ self.truth.T_world_camera
 
     @property
     def target_motion_true(self) -> Array:

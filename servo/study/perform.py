@@ -103,7 +103,7 @@ def version_columns() -> dict[str, str]:
 
 def _series(steps: list[Step]) -> dict[str, list[Any]]:
     errors = [s.tracking_error for s in steps]
-    places = np.array([s.sight_true.pose.inverse().translation for s in steps])
+    places = np.array([s.T_object_camera.translation for s in steps])
     corners = np.array([s.truth.corners.ravel() for s in steps])
     return {
         **dict(zip((*CAMERA, *CORNERS), np.hstack([places, corners]).T.tolist(), strict=True)),

@@ -21,7 +21,7 @@ DRAWN = {"rng": lambda rng: rng, "seed": lambda rng: int(rng.integers(1 << 31))}
 
 @dataclass(frozen=True, slots=True)
 class Wrapping:
-    """What `wrap` was told: a tracker's factory, and how to call what it makes."""
+    """What `wrap` was given: a tracker's factory, and how to call what it makes."""
 
     factory: Any
     convention: Name | None
