@@ -15,11 +15,14 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.estimators._error_filter import ErrorFilters
+from servo.estimators._error_filter import ErrorFilters, TargetModel
 from servo.estimators._filters import Flags
-from servo.estimators._kalman import Memory, Ratio
-from servo.estimators.kalman_cv import RHO, motion
+from servo.estimators._kalman import Memory, Ratio, between
+from servo.estimators.kalman_cv import RATIO_AT_5_HZ, RHO, motion
 from sim.types import Array
+
+RATIO_AT_30_HZ = 0.1
+"""Tuned sQ / sR: between the jumps too, the velocity of a target that weaves changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,15 +33,20 @@ class Config:
     """Memory of the velocity's change from frame to frame."""
     ratio: Ratio | None = None
     """sQ / sR, per frame; by default what suits the camera's rate."""
-    drift: Annotated[float, Ge(0), Le(1e6)] = 1.0
+    drift: Annotated[float, Ge(0), Le(1e6)] = 0.5
     """What the innovation may be without being summed, in standard deviations."""
-    threshold: Annotated[float, Ge(0.001), Le(1e6)] = 4.0
+    threshold: Annotated[float, Ge(0.001), Le(1e6)] = 3.5
     """The sum that is a jump, in standard deviations."""
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
         """The estimator; draws nothing."""
         test = Cusum(self.drift, self.threshold)
-        return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio), test=test)
+        return ErrorFilters(self.model, test=test)
+
+    def model(self, dt: float) -> TargetModel:
+        """How a target moves, at a frame interval [s]."""
+        ratio = self.ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
+        return motion(dt, self.rho, ratio)
 
 
 @final
