@@ -87,7 +87,7 @@ class Estimator(Protocol):
         Args:
             error: Feature error e_k (k,); nan for features that were not measured.
             own: What the camera's own motion does to it.
-            dt: Time since the last frame [s].
+            dt: Time since the last picture that the tracker took [s].
         """
         ...
 
@@ -149,6 +149,6 @@ class Controller(Protocol):
         Args:
             seen: The target, None where it was not seen.
             posture: What the robot knows of itself.
-            dt: Time since the last frame [s].
+            dt: Time since the last picture that the tracker took [s].
         """
         ...

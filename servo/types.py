@@ -120,7 +120,9 @@ class OwnMotion:
     past: Array
     """Mean over the time since the last frame, from the measured twist (k,)."""
     coming: Array
-    """In the frame intervals before the command asked for now acts, the next one first (n, k)."""
+    """In the time before the command asked for now acts, the next part first (n, k)."""
+    durations: Array | None = None
+    """How long each of these parts is (n,) [s]; None: a frame interval each."""
 
 
 @dataclass(frozen=True, slots=True)

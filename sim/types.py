@@ -112,6 +112,11 @@ class Posture:
     accepted: Array | None = None
     """Mean camera twist (6,) that the drives took over since the last frame of what was asked for,
     after the limits of the joints; None: the robot does not report it."""
+    asked: Array | None = None
+    """What was asked for in that time, its mean (6,); None: the last command that acted."""
+    under_way: tuple[tuple[Array, float], ...] | None = None
+    """Camera twists (6,) between this moment and the one at which the next command acts, and how
+    long each is held [s]; None: the commands not acted yet, a frame interval each."""
 
     @property
     def down(self) -> Array:

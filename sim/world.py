@@ -121,18 +121,28 @@ class World:
         self._eye_at = self._set_stage(0.0)
         return reached
 
-    def step(self, twist: Array) -> bool:
-        """Hold a camera twist (6,) until the next frame; whether a joint limit or rate made it
-        slower.
+    @property
+    def ticks(self) -> Array:
+        """When the drives take over what is asked for (n,), after a frame [s]."""
+        steps = self._moments[-1]
+        return self.period / steps * np.arange(0.0, steps, self._drive_steps)
+
+    def step(self, twists: Array) -> bool:
+        """Move until the next frame; whether a joint limit or rate made the camera slower.
+
+        Args:
+            twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
         """
-        before = self._eye_at
+        before, each = self._eye_at, np.broadcast_to(twists, (len(self.ticks), 6))
         saturated, accepted = False, list[Array]()
         for k, until in pairwise(self._moments):
             if k in self._exposed_at:
                 self._set_stage(self.data.time)
                 self._pictures.append(self._renderer.render(self.data))
             if k % self._drive_steps == 0:
-                self.data.ctrl[:], slowed = self.robot.rates(self.data, twist, self._hold)
+                self.data.ctrl[:], slowed = self.robot.rates(
+                    self.data, each[k // self._drive_steps], self._hold
+                )
                 saturated |= slowed
                 accepted.append(self.robot.jacobian(self.data) @ self.data.ctrl)
             mujoco.mj_step(self.model, self.data, until - k)
@@ -170,11 +180,11 @@ class World:
 
     def target_before(self) -> Pose:
         """T_world_target one frame interval ago."""
-        return self.target_in(-1)
+        return self.target_at(self.data.time - self.period)
 
-    def target_in(self, frames: int) -> Pose:
-        """T_world_target after this many frame intervals."""
-        return self._stage.target(self.data.time + frames * self.period)
+    def target_at(self, time: float) -> Pose:
+        """T_world_target at a time [s]."""
+        return self._stage.target(time)
 
     @property
     def moving(self) -> tuple[str, ...]:

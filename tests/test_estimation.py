@@ -204,12 +204,12 @@ def test_what_limits_let_through_is_under_way():
     commands = UnderWay(3)
     for twist in (0.4 * x, 0.4 * x + 0.1 * y, 0.1 * x, -0.4 * x):
         commands.add(twist)
-    as_asked = commands.coming(posture_of(np.zeros(6)))
+    as_asked = [twist for twist, _ in commands.coming(posture_of(np.zeros(6)), DT)]
     np.testing.assert_allclose(as_asked, [0.4 * x + 0.1 * y, 0.1 * x, -0.4 * x])
     posture = posture_of(np.zeros(6), accepted=0.4 * x)
-    np.testing.assert_allclose(commands.coming(posture), as_asked)
-    slowed = commands.coming(posture_of(np.zeros(6), accepted=0.2 * x))
-    np.testing.assert_allclose(slowed, [0.2 * x + 0.05 * y, 0.1 * x, -0.4 * x])
+    np.testing.assert_allclose([t for t, _ in commands.coming(posture, DT)], as_asked)
+    slowed = commands.coming(posture_of(np.zeros(6), accepted=0.2 * x), DT)
+    np.testing.assert_allclose([t for t, _ in slowed], [0.2 * x + 0.05 * y, 0.1 * x, -0.4 * x])
 
 
 def test_ideal_feed_forward_leaves_no_error_in_a_kinematic_loop():

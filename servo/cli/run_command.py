@@ -20,6 +20,7 @@ from servo.output.run_folder import RunFolder, prepare, with_traceback
 from servo.report.words import Table
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
+from servo.scenario.sections import DOES_NOT_REPEAT
 from sim import gl
 from sim.target import dimensions
 from sim.types import Array
@@ -118,6 +119,8 @@ def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
         shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
         rows.append([m.name, f"{m.value:.3g}", str(shown), m.meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
+    if not scenario.run.repeats:
+        plain(console, DOES_NOT_REPEAT)
     for name, used in scenario.rates_changed.items():
         plain(console, f"{name} = {used:.6g} Hz was used, to fit camera.rate")
 

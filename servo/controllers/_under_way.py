@@ -25,18 +25,24 @@ class UnderWay:
         """Ask for a twist (6,)."""
         self._twists.append(twist)
 
-    def coming(self, posture: Posture) -> list[Array]:
-        """The twists (6,) that will act before the next command does, the next one first.
+    def coming(self, posture: Posture, dt: float) -> list[tuple[Array, float]]:
+        """The twists (6,) that will act before the next command does, the next one first, and how
+        long each will, over the interval dt [s] since the last picture.
 
         Where the drives accepted only a part of the last command, for a joint is at its limit, they
         will accept no more of another one in its direction.
         """
-        acted, *coming = self._twists
+        acted, *own = self._twists
+        coming = [(twist, 1.0) for twist in own]
+        if posture.under_way is not None:
+            coming = [(twist, held / dt) for twist, held in posture.under_way]
+        acted = acted if posture.asked is None else posture.asked
         asked = float(acted @ acted)
         if posture.accepted is None or asked == 0.0:
             return coming
         most = max(0.0, float(posture.accepted @ acted))
         if most >= WHOLE * asked:
             return coming
-        along = [float(twist @ acted) for twist in coming]
-        return [t * (most / a if a > most else 1.0) for t, a in zip(coming, along, strict=True)]
+        along = [float(twist @ acted) for twist, _ in coming]
+        factors = [most / a if a > most else 1.0 for a in along]
+        return [(t * f, share) for (t, share), f in zip(coming, factors, strict=True)]

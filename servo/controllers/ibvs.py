@@ -96,7 +96,7 @@ class Ibvs:
         """
         self._see(seen)
         error, scales = self._features.error(self._seen, self._goal), self._scales
-        own = self._own(posture)
+        own = self._own(posture, dt)
         if seen is not None:
             measured = np.where(self._known, error / scales, np.nan)
             predicted, mode = self._estimator.update(measured, own, dt), self._loss.seen()
@@ -126,18 +126,20 @@ class Ibvs:
         if before is not None and same and self._config.interval == "mean":
             self._change = self._matrix_seen - before
 
-    def _own(self, posture: Posture) -> OwnMotion:
+    def _own(self, posture: Posture, dt: float) -> OwnMotion:
         """What the camera does to the features, over their scales; the matrix is taken in the
         middle of each interval, where its change is known: going on as it did for those to come.
         """
         L = self._matrix_seen / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
-        coming = [
-            (L + min(i + 0.5, FORESEEN) * change) @ twist
-            for i, twist in enumerate(self._under_way.coming(posture))
-        ]
+        coming, begins = list[Array](), 0.0
+        pieces = self._under_way.coming(posture, dt)
+        for twist, share in pieces:
+            coming.append((L + min(begins + share / 2, FORESEEN) * change) @ twist)
+            begins += share
         past = (L - 0.5 * change) @ posture.twist
-        return OwnMotion(past, np.array(coming).reshape(-1, len(past)))
+        held = dt * np.array([share for _, share in pieces])
+        return OwnMotion(past, np.array(coming).reshape(-1, len(past)), held)
 
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
@@ -161,7 +163,8 @@ class Ibvs:
         if self._guard is None:
             return Allowed(twist)
         L = (inverse.L / self._scales[:, None])[self._known]
-        way = sum(self._under_way.coming(posture), start=np.zeros(6)) * dt
+        pieces = self._under_way.coming(posture, dt)
+        way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
         moves = inverse.moves & (self._weights > 0)
         return self._guard.allowed(Wanted(twist, target, L, moves, way, seen, posture, dt))
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol, final
 
 import numpy as np
@@ -64,6 +65,11 @@ def model_of(motion: TargetModel, dt: float) -> Model:
     return Model(F, dt * np.eye(n)[0], np.eye(n)[0] + np.eye(n)[-1], Q, 0.0, P)
 
 
+def models(motion_at: Callable[[float], TargetModel]) -> Callable[[float], Model]:
+    """The model at an interval [s], kept for the next time."""
+    return cache(lambda dt: model_of(motion_at(dt), dt))
+
+
 def _diagonal(error: float, motion: Array, noise: float) -> Array:
     """The block-diagonal matrix of the three parts of the state."""
     found = np.diag([error, *np.zeros(len(motion)), noise])
@@ -73,7 +79,7 @@ def _diagonal(error: float, motion: Array, noise: float) -> Array:
 
 @final
 class ErrorFilters:
-    """One filter for each feature; the model is made when the rate is known."""
+    """One filter for each feature; the model is that of the interval."""
 
     def __init__(
         self,
@@ -85,11 +91,12 @@ class ErrorFilters:
         """Filters that begin with the first measurement.
 
         Args:
-            motion_at: The target's motion at a frame interval [s].
+            motion_at: The target's motion at an interval between pictures [s].
             predicts: Return the error as it will be when the command acts, not as it was seen.
             test: Finds features whose motion is to be taken anew.
         """
-        self._motion_at, self._predicts, self._test = motion_at, predicts, test
+        self._predicts, self._test = predicts, test
+        self._model = models(motion_at)
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
@@ -100,7 +107,8 @@ class ErrorFilters:
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The first error starts the filter of a feature."""
         if self._filters is None:
-            self._filters = Filters(model_of(self._motion_at(dt), dt), len(error))
+            self._filters = Filters(self._model(dt), len(error))
+        self._filters.use(self._model(dt))
         f, seen = self._filters, np.isfinite(error)
         measured = seen & self._begun
         old = f.x, f.covariance
@@ -125,6 +133,7 @@ class ErrorFilters:
         if self._filters is None:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
+        self._filters.use(self._model(dt))
         self._advance(self._filters, own)
         none = np.zeros(len(self._begun))
         return Prediction.unmeasured(*self._result(self._filters, none, own))
@@ -144,13 +153,18 @@ class ErrorFilters:
     def _result(self, f: Filters, error: Array, own: OwnMotion) -> tuple[Array, Array]:
         if not self._predicts:
             return error, f.x[:, 1].copy()
-        return look_ahead(f.x, own, f.model)
+        return look_ahead(f.x, own, f.model, self._model)
 
 
-def look_ahead(x: Array, own: OwnMotion, model: Model) -> tuple[Array, Array]:
+def look_ahead(
+    x: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
+) -> tuple[Array, Array]:
     """Error (k,) when the command asked for now begins to act, and the target's mean motion (k,)
     while it does, from states x (k, n) as of the frame.
     """
-    for coming in own.coming:
-        x = x @ model.F.T + np.outer(coming, model.B)
+    parts = [model] * len(own.coming)
+    if own.durations is not None:
+        parts = [model_at(float(held)) for held in own.durations]
+    for coming, part in zip(own.coming, parts, strict=True):
+        x = x @ part.F.T + np.outer(coming, part.B)
     return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0]

@@ -53,13 +53,22 @@ class Filters:
 
     def __init__(self, model: Model, count: int) -> None:
         """States of zero."""
-        self.model, self._all, each = model, np.arange(count), np.eye(count)
+        self._all, self._each = np.arange(count), np.eye(count)
         self._filter = f = KalmanFilter(dim_x=count * len(model.H), dim_z=count, dim_u=count)
         f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
-        f.F, f.Q, f.P = (blocks(each, block) for block in (model.F, model.Q, model.P))
-        f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
-        f.H = blocks(each, model.H[None])
+        f.H, f.P = blocks(self._each, model.H[None]), blocks(self._each, model.P)
         self.x = np.zeros((count, len(model.H)))
+        self._take(model)
+
+    def use(self, model: Model) -> None:
+        """Go on with the model of another interval."""
+        if model is not self.model:
+            self._take(model)
+
+    def _take(self, model: Model) -> None:
+        self.model, f, each = model, self._filter, self._each
+        f.F, f.Q = blocks(each, model.F), blocks(each, model.Q)
+        f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
 
     def predict(self, u: Array) -> None:
         """Go on by a frame, with a known input (k,)."""

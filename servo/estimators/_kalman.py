@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Annotated, Literal, final
 
 import numpy as np
@@ -50,15 +51,15 @@ def check_noise(noise: Noise, config: object, *variances: str) -> None:
 @final
 class DifferenceFilters:
     """One filter for each feature's plain difference, with noise that is taken for white, which the
-    noise of differences is not; the model is made when the rate is known.
+    noise of differences is not; the model is that of the interval.
     """
 
     def __init__(self, model_at: Callable[[float, float], Model]) -> None:
         """Filters that begin with the first difference.
 
         Args:
-            model_at: The model at a frame interval [s], for a feature that is measured with this
-                variance; that of the others is scaled by their own variance.
+            model_at: The model at an interval between pictures [s], for a feature that is measured
+                with this variance; that of the others is scaled by their own variance.
         """
         self._model_at = model_at
 
@@ -67,13 +68,15 @@ class DifferenceFilters:
         variance = np.square(features.noise)
         self._first, self._relative = float(variance[0]), variance / variance[0]
         self._difference = Difference(features)
+        self._model = cache(lambda dt: self._model_at(dt, self._first))
         self._begun = np.zeros(len(variance), dtype=bool)
         self._filters: Filters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The first measurement starts the filter of a feature and is its own estimate."""
         if self._filters is None:
-            self._filters = Filters(self._model_at(dt, self._first), len(error))
+            self._filters = Filters(self._model(dt), len(error))
+        self._filters.use(self._model(dt))
         f, shown = self._filters, np.where(np.isfinite(error), error, 0.0)
         z, fresh = self._difference.measure(error, own.past, dt)
         first, measured = fresh & ~self._begun, fresh & self._begun
@@ -92,6 +95,7 @@ class DifferenceFilters:
         zero = np.zeros(len(self._begun))
         if self._filters is None:
             return Prediction.unmeasured(zero, zero)
+        self._filters.use(self._model(dt))
         self._predict(self._filters)
         return Prediction.unmeasured(zero, self._filters.x[:, 0].copy())
 

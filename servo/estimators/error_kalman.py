@@ -21,13 +21,17 @@ from servo.estimators._kalman import Ratio, between
 AT_30_HZ, AT_5_HZ = 0.03, 2.0
 """Tuned noise of the acceleration: a slow camera sees a faster changing velocity."""
 
+SLOWEST = 0.2
+"""Interval [s] above which a past acceleration says little: the memory then falls with its square,
+or else each reversal is taken for the beginning of a faster drive."""
+
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """Constants of the filter."""
 
     rho: Annotated[float, Ge(0), Le(0.999)] = 0.95
-    """Memory of the acceleration from frame to frame."""
+    """Memory of the acceleration from picture to picture, up to 0.2 s apart."""
     acceleration: Ratio | None = None
     """Noise of the acceleration over the measurement's, per frame: Var(w2) T^4 / R; by default
     what suits the camera's rate."""
@@ -42,6 +46,7 @@ class Config:
         """How a target moves, at a frame interval [s]."""
         s = (self.acceleration or between(AT_30_HZ, AT_5_HZ, dt)) / dt**4
         Q = np.diag([self.velocity / dt**2, s])
-        P = np.diag([0.0, s / (1 - self.rho**2)])
-        M = np.array([[1.0, dt], [0.0, self.rho]])
+        rho = self.rho * min(1.0, (SLOWEST / dt) ** 2)
+        P = np.diag([0.0, s / (1 - rho**2)])
+        M = np.array([[1.0, dt], [0.0, rho]])
         return TargetModel(M, np.array([dt, dt**2 / 2]), Q, P)

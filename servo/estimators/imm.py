@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from servo.estimators import error_kalman
-from servo.estimators._error_filter import look_ahead, model_of
+from servo.estimators._error_filter import look_ahead, models
 from servo.estimators._filters import Filters, Flags, Level
 from servo.estimators._kalman import Ratio
 from servo.parts import FeatureSet
@@ -42,7 +42,10 @@ class Imm:
     """Two models for each feature, mixed for each by itself; arrays begin with the model (2,)."""
 
     def __init__(self, config: Config) -> None:
-        self._config, go = config, 1 - config.stay
+        self._model_at = tuple(
+            models(c.motion) for c in (config, replace(config, velocity=config.jump))
+        )
+        go = 1 - config.stay
         self._switch = np.array([[config.stay, go], [go, config.stay]])
 
     def start(self, features: FeatureSet) -> None:
@@ -56,10 +59,10 @@ class Imm:
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """The first error starts the filters of a feature."""
         if not self._filters:
-            self._filters = self._models(dt, len(error))
+            self._filters = tuple(Filters(at(dt), len(error)) for at in self._model_at)
         seen = np.isfinite(error)
         measured = seen & self._begun
-        self._mix_and_predict(own)
+        self._mix_and_predict(own, dt)
         each = np.array([f.expected for f in self._filters])
         expected = (self._mu * each).sum(axis=0)
         z = expected + self._features.error(np.where(seen, error, expected), expected)
@@ -80,18 +83,14 @@ class Imm:
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
-        self._mix_and_predict(own)
+        self._mix_and_predict(own, dt)
         return Prediction.unmeasured(*self._ahead(own))
-
-    def _models(self, dt: float, k: int) -> tuple[Filters, ...]:
-        both = self._config, replace(self._config, velocity=self._config.jump)
-        return tuple(Filters(model_of(c.motion(dt), dt), k) for c in both)
 
     def _ahead(self, own: OwnMotion) -> tuple[Array, Array]:
         x = sum(m[:, None] * f.x for m, f in zip(self._mu, self._filters, strict=True))
-        return look_ahead(np.asarray(x), own, self._filters[0].model)
+        return look_ahead(np.asarray(x), own, self._filters[0].model, self._model_at[0])
 
-    def _mix_and_predict(self, own: OwnMotion) -> None:
+    def _mix_and_predict(self, own: OwnMotion, dt: float) -> None:
         """Begin each model with what both know, and predict the features that have begun."""
         x, P = (np.array([getattr(f, name) for f in self._filters]) for name in ("x", "covariance"))
         coming = np.einsum("ij,ik->jk", self._switch, self._mu)
@@ -101,6 +100,7 @@ class Imm:
             off = x - mean
             apart = off[..., :, None] * off[..., None, :] / self._level.value[:, None, None]
             f.x, f.covariance = mean, (share[..., None] * (P + apart)).sum(axis=0)
+            f.use(self._model_at[j](dt))
             f.predict(own.past)
             f.x = _where(self._begun, f.x, x[j])
             f.covariance = _where(self._begun, f.covariance, P[j])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from math import radians
@@ -16,6 +15,7 @@ from servo.loop.part_checks import check_built
 from servo.loop.part_failed import PartFailed, part_failed
 from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
+from servo.loop.timeline import Taken, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
@@ -150,20 +150,24 @@ class Episode:
             raise PartFailed.by("motion", motion, f"{where}; all must be finite")
         return truth
 
-    def _motion_to_come(self, truth: Truth) -> Array | None:
-        """True mean de/dt (k,) of the target's own motion while the next command acts, seen by a
-        camera that went along with it until then; None unless the estimator needs it.
+    def _motion_true(self, truth: Truth, begin: float, end: float) -> Array:
+        """True mean de/dt (k,) of the target's own motion between two times [s], seen by a camera
+        that went along with it from a truth until then.
         """
-        if not self.loop.needs_truth:
-            return None
-        begins, scene = self.scenario.run.latency, self._scene
-        before, after = (self.world.target_in(begins + i) for i in (0, 1))
+        before, after = map(self.world.target_at, (begin, end))
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
-        return scene.true_motion(camera, before, after, self.loop.goal_sight)
+        goal = self.loop.goal_sight
+        return self._scene.true_motion(camera, before, after, goal, end - begin)
 
-    def _move(self, twist: Array) -> bool:
+    def _timeline(self) -> Timeline:
+        run, world = self.scenario.run, self.world
+        draws = stream(run.seed, "transport")
+        first = self._first[1]
+        return Timeline(run, self.loop, world.period, world.ticks, draws, first, self._motion_true)
+
+    def _move(self, twists: Array) -> bool:
         try:
-            return self.world.step(twist)
+            return self.world.step(twists)
         except Unstable as error:
             raise PartFailed.by("robot", self.scenario.robot, str(error)) from error
 
@@ -173,7 +177,7 @@ class Episode:
 
     def _steps(self) -> Iterator[Step]:
         world, loop = self.world, self.loop
-        waiting = deque([np.zeros(6)] * self.scenario.run.latency)
+        timeline = self._timeline()
         frame, truth = self._first
         rendering = 0.0
         for index in range(self.frames):
@@ -183,20 +187,20 @@ class Episode:
                 frame = world.look()
                 rendering = perf_counter() - began
                 truth = self._truth()
-            command = loop.step(frame, posture, self._motion_to_come(truth))
-            waiting.append(command.twist)
+            acting = timeline.advance(Taken(frame, posture, truth))
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()
-            before, acting = world.target_before(), waiting.popleft()
+            before, decision = world.target_before(), timeline.decision
             began = perf_counter()
             limited = self._move(acting)
-            seconds = Seconds(rendering, *loop.seconds, perf_counter() - began)
+            seconds = Seconds(rendering, *timeline.seconds, perf_counter() - began)
             yield Step(
                 scene=self._scene, frame=frame, truth=truth, target_before=before,
                 goal=loop.goal, goal_theta=loop.goal_theta, goal_size=loop.goal_size(frame.time),
                 goal_sight=loop.goal_sight,
-                estimate=loop.estimate, command=command, motion_measured=loop.motion_measured,
-                bodies=bodies, posture=posture, rates=rates, twist_acting=acting, limited=limited,
-                seconds=seconds,
+                estimate=loop.estimate, truth_estimated=decision.truth, age=decision.age,
+                skipped=decision.skipped, command=decision.command,
+                motion_measured=loop.motion_measured, bodies=bodies, posture=posture, rates=rates,
+                twist_acting=mean_twist(acting), limited=limited, seconds=seconds,
             )  # fmt: skip
 
 

@@ -9,6 +9,8 @@ It serves a simulated or a real camera and robot alike:
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from math import radians
 from time import perf_counter
@@ -27,6 +29,8 @@ from sim.placement import size_above
 from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
+REGULAR = 1e-6
+"""Pictures that come within this share of a frame interval come at the camera's rate."""
 NO_TRUTH = (
     "this estimator needs the true motion of the target (motion_true), which only a simulation "
     "knows; with a real camera choose another one, such as kalman_cv"
@@ -47,9 +51,12 @@ class Loop:
     """The target as it was seen in the last frame; None where it was not."""
     goal_sight: Sight
     """How the target shall be seen now."""
+    _shown: Frame | None
     motion_measured: Array
     """de/dt (k,) of the target's own motion over the last frame interval: the difference of two
     errors minus what the camera caused; nan where it was not measured."""
+    interval: float
+    """Between the last two pictures that the tracker was shown [s]."""
     seconds: tuple[float, float]
     """Wall-clock time of tracker and law in the last step [s]."""
 
@@ -67,21 +74,19 @@ class Loop:
         self._period = 1.0 / scenario.camera.rate
         seed, goal = scenario.run.seed, scenario.goal
 
+        self.parts: dict[str, tuple[Any, ...]] = {}
+        """Each part with a kind: its `Config`, and what that built."""
+
         def built(part: str, given: Any) -> Any:
             config = getattr(scenario, part)
-            return check_built(part, config, config.build(given))
+            made = check_built(part, config, config.build(given))
+            self.parts[part] = config, made
+            return made
 
         self.tracker: Tracker = built("tracker", stream(seed, "tracker"))
         self.features: FeatureSet = built("features", outline)
         self.controller: Controller = built("controller", stream(seed, "controller"))
         self._estimator: Estimator = built("estimator", stream(seed, "estimator"))
-        self.parts: dict[str, tuple[Any, ...]] = {
-            "tracker": (scenario.tracker, self.tracker),
-            "features": (scenario.features, self.features),
-            "estimator": (scenario.estimator, self._estimator),
-            "controller": (scenario.controller, self.controller),
-        }
-        """Each part with a kind: its `Config`, and what that built."""
         self.uses_pictures = bool(getattr(self.features, "uses_pictures", False))
         """Whether the features are made of pixels: `start` then needs a picture of the goal."""
         self.goal = np.array([camera.width / 2 + goal.x, camera.height / 2 + goal.y])
@@ -92,7 +97,7 @@ class Loop:
 
     @property
     def needs_truth(self) -> bool:
-        """Whether the estimator knows the true motion, which `step` must then be given."""
+        """Whether `step` must be given the true motion, for the estimator."""
         return isinstance(self._estimator, NeedsTruth)
 
     def goal_size(self, time: float) -> float:
@@ -130,7 +135,9 @@ class Loop:
         )
         self._to_sight = EstimateToSight(scenario.sight, self._camera, region, self._outline)
         self._carried = np.zeros(4)
-        self._is_first = True
+        self._shown = None
+        self.sight, self.interval, self.seconds = None, self._period, (0.0, 0.0)
+        self.motion_measured = np.full(len(self.features.names), np.nan)
         self._estimator.start(self.features)
         self._difference = Difference(self.features)
         self.goal_sight = self._goal_sight(0.0)
@@ -153,35 +160,63 @@ class Loop:
 
         Raises:
             PartFailed: A part raised an exception, or gave something that has no meaning.
-            ValueError: The estimator needs the truth, which is not given.
+            ValueError: The estimator needs the truth, or the frame is not later than the last one.
         """
+        self.track(frame, posture)
+        return self.decide(posture, motion_true)
+
+    def track(self, frame: Frame, posture: Posture) -> None:
+        """The first half of `step`: show the tracker a picture. `decide` must follow."""
+        began = perf_counter()
+        self._tracked = self.estimate
+        if self._shown is not None:
+            self.interval = self._since(self._shown.time, frame.time)
+            with self._naming_parts():
+                self._track(frame, posture)
+        self._shown = frame
+        self.seconds = perf_counter() - began, 0.0
+
+    def decide(self, posture: Posture, motion_true: Array | None = None) -> Command:
+        """The second half of `step`, as soon as the estimate is there."""
+        began = perf_counter()
         if isinstance(self._estimator, NeedsTruth):
             if motion_true is None:
                 raise ValueError(NO_TRUTH)
             self._estimator.give(motion_true / self._scales)
+        with self._naming_parts():
+            command = self._decide(self._shown, posture)
+        self.seconds = self.seconds[0], perf_counter() - began
+        self.motion_measured = self._measured(command)
+        return command
+
+    @contextmanager
+    def _naming_parts(self) -> Generator[None]:
         try:
-            return self._step(frame, posture)
+            yield
         except BaseException as error:
             failed = part_failed(error, self.parts)
             if failed is None:
                 raise
             raise failed from error
 
-    def _step(self, frame: Frame, posture: Posture) -> Command:
-        began = perf_counter()
-        if not self._is_first:
-            self._track(frame, posture)
-        self._is_first = False
-        tracked = perf_counter()
+    def _since(self, last: float, now: float) -> float:
+        """The time between two pictures [s], exact where it is a number of frame intervals."""
+        if now <= last:
+            raise ValueError(f"expected a frame later than {last} s, got one of {now} s")
+        frames = (now - last) / self._period
+        whole = round(frames)
+        return whole * self._period if abs(frames - whole) < REGULAR else now - last
+
+    def _decide(self, frame: Frame | None, posture: Posture) -> Command:
+        if frame is None:
+            raise ValueError("decide: expected a picture by track first, got none")
+        self.estimate = self._tracked
         if self._scenario.goal.depth_to is not None:
             self.goal_sight = self._goal_sight(frame.time)
             self.controller.aim(self.goal_sight)
         self.sight = self._see(frame, posture) if frame.fresh else None
-        asked = self.controller.command(self.sight, posture, self._period)
-        command = check_command(asked, self.parts, self.sight)
-        self.seconds = tracked - began, perf_counter() - tracked
-        self.motion_measured = self._measured(command)
-        return command
+        asked = self.controller.command(self.sight, posture, self.interval)
+        return check_command(asked, self.parts, self.sight)
 
     def _see(self, frame: Frame, posture: Posture) -> Sight | None:
         goal = self.goal_sight
@@ -199,12 +234,12 @@ class Loop:
         """The next estimate; the tracker does not learn of a dropped frame, its last one stays."""
         ego = None
         if self._scenario.run.ego:
-            self._carried += self._to_sight.ego(self.estimate.state, posture.twist, self._period)
+            self._carried += self._to_sight.ego(self.estimate.state, posture.twist, self.interval)
             ego = self._carried
         if not frame.fresh:
             return
         self._carried = np.zeros(4)
-        self.estimate = check_estimate(self.tracker.update(frame, ego), self._scenario.tracker)
+        self._tracked = check_estimate(self.tracker.update(frame, ego), self._scenario.tracker)
 
     def _measured(self, command: Command) -> Array:
         unknown, trace = np.full(len(self.features.names), np.nan), command.trace
@@ -212,5 +247,5 @@ class Loop:
             self._difference.forget()
             return unknown
         errors = trace.error / trace.scales
-        found, fresh = self._difference.measure(errors, trace.own, self._period)
+        found, fresh = self._difference.measure(errors, trace.own, self.interval)
         return np.where(fresh, trace.scales * found, unknown)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from servo.loop import camera_path
 from servo.loop.step import Step
+from servo.loop.step_errors import range_used, servo_angle, speed, tracking_angle, tracking_scale
 from servo.mistake import Mistake, unknown
 from servo.scenario.load import Scenario
 from servo.scenario.sections import MeasureConfig
 from servo.scenario.toml import is_number
-from sim.geometry import half_turn
 from sim.types import Array
 from tracking.files.json_text import number
 from tracking.types import Status
@@ -55,6 +55,7 @@ MEANINGS = {
     "servo_angle_peak_deg": ("deg", "true angle against the goal, largest"),
     "servo_scale_rms_pct": ("%", "true size against the goal, rms"),
     "servo_scale_peak_pct": ("%", "true size against the goal, largest"),
+    "not_held_pct": ("%", "time in which the true centre is over 10 px from the goal"),
     "settle_s": ("s", "until the true error stays below 2 px, 1 deg and 2 %"),
     "longest_off_s": ("s", "longest time off the target (above measure.above)"),
     "tracking_rms_px": ("px", "estimated against true centre, rms"),
@@ -71,9 +72,11 @@ MEANINGS = {
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
     "lost_pct": ("%", "frames in which the tracker reported LOST"),
+    "age_ms": ("ms", "from a picture to its estimate, mean"),
+    "skipped_pct": ("%", "pictures that the tracker had no time for"),
     "step_ms": ("ms", "wall-clock time of a step, median"),
 }
-"""Unit and meaning of every measure. Those with `_rms_`, `_peak_` and `_off_` count from
+"""Unit and meaning of every measure. Those with `_rms_`, `_peak_`, `_off_` and `_held_` count from
 measure.after on (or in the last frame, where the run ends before); all others over the whole run,
 `settle_s` from its start.
 """
@@ -114,11 +117,11 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
     """Measures and outcome of the steps of one run; period is the frame interval [s]."""
     counted = [s for s in steps if s.frame.time >= config.after] or list(steps[-1:])
     servo = _series(counted, lambda s: s.servo_error)
-    turned = np.degrees(_series(steps, _servo_angle))
+    turned = np.degrees(_series(steps, servo_angle))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
     tracked = _series(counted, lambda s: s.tracking_error)
-    angle = np.degrees(_series(counted, _tracking_angle))
-    scale = 100 * _series(counted, lambda s: s.estimate.state.scale / s.true_state.scale - 1)
+    angle = np.degrees(_series(counted, tracking_angle))
+    scale = 100 * _series(counted, tracking_scale)
     late = slice(len(steps) - len(counted), None)
     values = {
         "servo_rms_px": _rms(servo),
@@ -127,6 +130,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "servo_angle_peak_deg": np.abs(turned[late]).max(),
         "servo_scale_rms_pct": _rms(grown[late]),
         "servo_scale_peak_pct": np.abs(grown[late]).max(),
+        "not_held_pct": 100 * float(np.mean(servo > CONVERGED_PX)),
         "settle_s": _settling_time(steps, turned, grown),
         "longest_off_s": _longest(servo > config.above) * period,
         "tracking_rms_px": _rms(tracked),
@@ -134,11 +138,13 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         "tracking_angle_rms_deg": _rms(angle),
         "tracking_scale_rms_pct": _rms(scale),
         "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
-        "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
-        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
+        "joint_range_peak_pct": 100 * max(range_used(s) for s in counted),
+        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), speed)),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
+        "age_ms": 1e3 * np.mean([s.age for s in steps]),
+        "skipped_pct": 100 * steps[-1].skipped / len(steps),
         **camera_path.path_measures(steps),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
     }
@@ -179,27 +185,6 @@ def violations(report: Report, expect: dict[str, float | str]) -> list[Violation
 
 def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:
     return np.array([of(s) for s in steps])
-
-
-def _servo_angle(step: Step) -> float:
-    return half_turn(step.truth.theta - step.goal_theta)
-
-
-def _tracking_angle(step: Step) -> float:
-    """Over the full turn: a tracker that takes front for back is wrong by 180 degrees."""
-    return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth.theta))))
-
-
-def _range_used(step: Step) -> float:
-    """How far the joint nearest to a limit is from the middle of its range, over half of that."""
-    p = step.posture
-    limited = np.isfinite(p.lower) & np.isfinite(p.upper)
-    half = (p.upper[limited] - p.lower[limited]) / 2
-    return float(np.max(1 - step.margins[limited] / half, initial=0.0))
-
-
-def _speed(step: Step) -> float:
-    return float(np.linalg.norm(step.posture.twist[:3]))
 
 
 def _final(steps: Sequence[Step]) -> list[Step]:

@@ -50,15 +50,17 @@ class Scene:
         T_camera_target = T_world_camera.inverse() @ T_world_target
         return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
 
-    def true_motion(self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight) -> Array:
-        """Mean de/dt (k,) over a frame interval of a target that goes from one T_world_target to
-        another, seen by a camera that stands.
+    def true_motion(
+        self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
+    ) -> Array:
+        """Mean de/dt (k,) of a target that goes from one T_world_target to another in a time [s],
+        seen by a camera that stands.
         """
         start, end = (
             self.features.values(self.true_sight(T_world_camera, target, goal))
             for target in (before, after)
         )
-        return self.features.error(end, start) / self.period
+        return self.features.error(end, start) / dt
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,15 @@ class Step:
     goal_sight: Sight
     """How the target shall be seen."""
     estimate: Estimate
+    """What the tracker reported last."""
+    truth_estimated: Truth
+    """The truth at the picture that this estimate is of."""
+    age: float
+    """From that picture to the estimate [s]."""
+    skipped: int
+    """Pictures since the run began that the tracker had no time for."""
     command: Command
+    """The last one."""
     motion_measured: Array
     """de/dt (k,) of the target's own motion as measured over the last frame interval; nan where it
     was not.
@@ -89,8 +99,8 @@ class Step:
     rates: Array
     """Joint velocities (n,) at the time of the frame [m/s or rad/s]."""
     twist_acting: Array
-    """Camera twist (6,) that is asked for until the next frame: the command of `latency` frames
-    ago.
+    """Camera twist (6,) that is asked for until the next frame: its mean, where another command
+    comes in between.
     """
     posture: Posture
     """What the robot knew of itself at the time of the frame."""
@@ -115,8 +125,16 @@ class Step:
     @property
     def true_state(self) -> State:
         """The truth as a tracker would report it: scale 1 in the first frame."""
-        x, y = self.truth.centre.tolist()
-        return State(x, y, self.truth.theta, self.truth.size / self.scene.first_size)
+        return self._state(self.truth)
+
+    @property
+    def true_state_estimated(self) -> State:
+        """The same of the picture that the estimate is of."""
+        return self._state(self.truth_estimated)
+
+    def _state(self, truth: Truth) -> State:
+        x, y = truth.centre.tolist()
+        return State(x, y, truth.theta, truth.size / self.scene.first_size)
 
     @property
     def T_object_camera(self) -> Pose:
@@ -132,7 +150,8 @@ class Step:
         if self.goal_sight.picture is not None:
             return self._unknown
         camera, target = self.truth.T_world_camera, self.truth.T_world_target
-        return self.scene.true_motion(camera, self.target_before, target, self.goal_sight)
+        goal, dt = self.goal_sight, self.scene.period
+        return self.scene.true_motion(camera, self.target_before, target, goal, dt)
 
     @property
     def features(self) -> Array:
@@ -188,9 +207,6 @@ class Step:
 
     @property
     def tracking_error(self) -> float:
-        """Distance of the estimated from the true centre [px]."""
-        return float(
-            np.hypot(
-                *(np.array([self.estimate.state.x, self.estimate.state.y]) - self.truth.centre)
-            )
-        )
+        """Distance of the estimated centre from the true one in the picture that it is of [px]."""
+        estimated = np.array([self.estimate.state.x, self.estimate.state.y])
+        return float(np.hypot(*(estimated - self.truth_estimated.centre)))

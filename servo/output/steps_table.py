@@ -73,6 +73,9 @@ def quantities(
         _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
         _single("time_s", "simulated time", lambda s: s.frame.time),
         _single("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
+        _single("age_s", "from a picture to its estimate", lambda s: s.age),
+        _single("skipped", "pictures that the tracker had no time for, so far",
+                lambda s: s.skipped, WHOLE),
         *_states(),
         *_features(features),
         _vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
@@ -106,7 +109,8 @@ def _states() -> Iterator[Quantity]:
                   ("x", "y", "theta", "ln_scale"), units)  # fmt: skip
     yield _vector("goal", "goal", lambda s: s.goal, ("x", "y"), ("px", "px"))
     yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
-    yield _single("tracking_error_px", "estimated to true centre", lambda s: s.tracking_error)
+    yield _single("tracking_error_px", "estimated to true centre of the same picture",
+                  lambda s: s.tracking_error)  # fmt: skip
     yield _single("distance", "Bhattacharyya distance of the estimate, 0..1",
                   lambda s: s.estimate.distance)  # fmt: skip
     yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)

@@ -16,6 +16,7 @@ from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
+from servo.scenario.sections import DOES_NOT_REPEAT
 from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
 from tracking.evaluation.sequences.sources import Picture as Shown
@@ -75,6 +76,8 @@ def _bounds(run: RunReport) -> Block:
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
         text = ["This scenario has no bounds."]
+    if run.settings["run"].get("tracker_ms") == "measured":
+        text.append(f"{DOES_NOT_REPEAT}.")
     table = Table(head, rows, words=(0, 2, 4, 5))
     return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
 

@@ -12,6 +12,7 @@ from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
 from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
 from servo.report.words import NOTHING, Badge, Cell, Table, Tone, cut, listed, shown, spread
+from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.results import COMPARED, Compared, comparisons, grouped, missed
 
 MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
@@ -85,6 +86,8 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     plan, text = study.plan, list[str]()
     if len(study.rows) < plan.runs:
         text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
+    if not all(row["repeats"] for row in study.rows):
+        text.append(f"{DOES_NOT_REPEAT}.")
     if study.broken:
         text.append(f"Files of runs that could not be read: {study.broken}.")
     rows = [["axis", key, ", ".join(map(shown, values))] for key, values in plan.axes.items()]

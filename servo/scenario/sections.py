@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -15,6 +15,10 @@ MOST_FRAMES = 360_000
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
 MOST_LATENCY = 100
+DOES_NOT_REPEAT = (
+    'run.tracker_ms = "measured": the tracker\'s time on this machine decided what it saw, so the '
+    "same seed does not give the same numbers"
+)
 Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
 Depth = Annotated[float, Ge(0.01), Le(100)]
 
@@ -28,12 +32,23 @@ class RunConfig:
     seed: Annotated[int, Ge(0), Le(MOST_SEED)] = 0
     """Seed of every random stream."""
     latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
-    """Frames until a command acts: what frame k asks for moves the camera from frame k + latency
-    on.
-    """
+    """Frame intervals until a command acts: what frame k asks for moves the camera from frame
+    k + latency on, or as much later as its estimate is."""
+    tracker_ms: Annotated[float, Ge(0), Le(60_000)] | Literal["measured"] = 0.0
+    """Time that the tracker takes for a picture [ms]: its estimate is there that much later, and it
+    skips the pictures that arrive meanwhile, all but the newest. "measured": what it takes on this
+    machine, so that a run does not repeat."""
+    jitter_ms: Annotated[float, Ge(0), Le(60_000)] = 0.0
+    """Longest time from a picture to its arrival at the tracker [ms]; each is drawn evenly from 0
+    to it, and no picture overtakes another."""
     ego: bool = False
     """Give the tracker the motion of the target's image that the measured camera motion caused: its
     prediction then covers the target's own motion only."""
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the same seed gives the same numbers."""
+        return self.tracker_ms != "measured"
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,7 @@ def perform(run: Run) -> Row:
         "scenario": run.scenario,
         "seed": run.seed,
         **run.settings,
+        "repeats": scenario.run.repeats,
         "outcome": report.outcome.name,
         "success": report.outcome.name == hoped,
         "missed": [
@@ -178,7 +179,8 @@ def columns(study: Study) -> list[tuple[str, pa.DataType]]:
     return [
         *fixed,
         *((key, _type(values)) for key, values in own if key not in named),
-        ("outcome", pa.string()), ("success", pa.bool_()), ("missed", MISSED),
+        ("repeats", pa.bool_()), ("outcome", pa.string()), ("success", pa.bool_()),
+        ("missed", MISSED),
         *((name, pa.float64()) for name in (*MEANINGS, "track_ms")),
         *((name, pa.string()) for name in version_columns()),
     ]  # fmt: skip

@@ -1,0 +1,204 @@
+"""When a picture arrives, when the tracker takes it, and when the command acts: simulated time.
+
+A picture is there when it was exposed and transported. A free tracker takes the newest one; its
+estimate is there `run.tracker_ms` later, and pictures in between are skipped. The law runs once an
+estimate. Its command acts `run.latency` frame intervals later, from the next update of the drives
+on; until then the robot goes on with the command that it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+
+from servo.loop.loop import Loop
+from servo.scenario.sections import RunConfig
+from servo.types import Command
+from sim.geometry import log_se3
+from sim.types import Array, Frame, Posture, Truth
+
+SAME = 1e-9
+"""Times that differ by less are the same [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """A picture, and what was true and known when it was taken."""
+
+    frame: Frame
+    posture: Posture
+    truth: Truth
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the loop last made of a picture."""
+
+    truth: Truth
+    """Of the time when that picture was taken."""
+    command: Command
+    age: float = 0.0
+    """From the picture to its estimate [s]."""
+    skipped: int = 0
+    """Pictures since the run began that the tracker had no time for."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """A picture that the tracker has taken."""
+
+    taken: Taken
+    posture: Posture
+    done: float
+    """When its estimate is there [s]."""
+
+
+def mean_twist(twists: Array) -> Array:
+    """The mean (6,) of twists (n, 6), exact where they are all the same."""
+    return twists[0] if (twists == twists[0]).all() else twists.mean(axis=0)
+
+
+@final
+class Timeline:
+    """Shows a loop the pictures of a run, each at its time, and holds its commands."""
+
+    decision: Decision
+    """The last one."""
+    seconds: tuple[float, float]
+    """Wall-clock time of tracker and law since the last picture [s]."""
+
+    def __init__(
+        self,
+        run: RunConfig,
+        loop: Loop,
+        period: float,
+        ticks: Array,
+        rng: np.random.Generator,
+        first: Truth,
+        motion_true: Callable[[Truth, float, float], Array],
+    ) -> None:
+        """Begin.
+
+        Args:
+            run: The delays.
+            loop: It has been started.
+            period: Frame interval [s].
+            ticks: When the drives take over a command (n,), after a frame [s].
+            rng: Draws how long pictures are transported.
+            first: The truth at the first picture.
+            motion_true: The true mean de/dt (k,) of the target's own motion between two times, seen
+                by the camera that took the picture of a truth; for a loop that needs it.
+        """
+        self._run, self._loop, self._period, self._ticks = run, loop, period, ticks
+        self._rng, self._motion_true = rng, motion_true
+        self._plain = run.tracker_ms == 0 and run.jitter_ms == 0
+        self._coming: list[tuple[float, Taken]] = []
+        self._arrival = self._free = 0.0
+        self._work: _Work | None = None
+        self._skipped = 0
+        self._last: Taken | None = None
+        self._since: list[Posture] = []
+        self.decision, self.seconds = Decision(first, Command(np.zeros(6))), (0.0, 0.0)
+        self._asked = np.zeros(6)
+        self._commands: list[tuple[float, Array]] = [(0.0, np.zeros(6))]
+
+    def advance(self, taken: Taken) -> Array:
+        """All that happens from a picture to the next one; the twists (n, 6) for each tick."""
+        now = taken.frame.time
+        end = now + self._period - SAME
+        self.seconds = (0.0, 0.0)
+        self._since.append(replace(taken.posture, asked=self._asked))
+        self._arrival = max(self._arrival, now + self._transport())
+        self._coming.append((self._arrival, taken))
+        while self._goes_on(end):
+            pass
+        twists = np.array([self._in_force(now + tick) for tick in self._ticks])
+        self._asked = mean_twist(twists)
+        return twists
+
+    def _transport(self) -> float:
+        longest = self._run.jitter_ms
+        return 1e-3 * float(self._rng.uniform(0.0, longest)) if longest else 0.0
+
+    def _goes_on(self, end: float) -> bool:
+        """Let the tracker finish a picture, or take one; whether either was before `end`."""
+        work = self._work
+        if work is not None:
+            if work.done < end:
+                self._decide(work)
+                self._work, self._free = None, work.done
+            return self._work is None
+        begin = max(self._free, self._coming[0][0]) if self._coming else end
+        if begin < end:
+            self._work = self._begin(begin)
+        return self._work is not None
+
+    def _begin(self, begin: float) -> _Work:
+        """Take the newest picture that has arrived by a time."""
+        arrived = [taken for at, taken in self._coming if at <= begin + SAME]
+        del self._coming[: len(arrived)]
+        taken = arrived[-1]
+        posture = taken.posture if self._plain else self._paired(taken)
+        is_first, self._last = self._last is None, taken
+        self._since = self._since[-len(self._coming) :] if self._coming else []
+        self._loop.track(taken.frame, posture)
+        self.seconds = self._loop.seconds[0], self.seconds[1]
+        takes = self._run.tracker_ms
+        lasts = self._loop.seconds[0] if isinstance(takes, str) else 1e-3 * takes
+        done = begin + (0.0 if is_first else lasts)  # the first state is given
+        self._skipped += len(arrived) - 1
+        return _Work(taken, posture, done)
+
+    def _paired(self, taken: Taken) -> Posture:
+        """The posture at a picture, with means over the time since the tracker's last picture."""
+        if self._last is None:
+            return taken.posture
+        between = self._since[: taken.frame.index - self._last.frame.index]
+        if len(between) == 1:
+            return between[0]
+        dt = len(between) * self._period
+        before = self._last.posture.T_base_camera
+        accepted = [p.accepted for p in between if p.accepted is not None]
+        return replace(
+            taken.posture,
+            twist=log_se3(before.inverse() @ taken.posture.T_base_camera) / dt,
+            accepted=np.mean(accepted, axis=0) if accepted else None,
+            asked=np.mean([p.asked for p in between if p.asked is not None], axis=0),
+        )
+
+    def _decide(self, work: _Work) -> None:
+        loop, taken, posture = self._loop, work.taken, work.posture
+        acts = self._tick_after(work.done + self._run.latency * self._period)
+        while len(self._commands) > 1 and self._commands[1][0] <= taken.frame.time + SAME:
+            del self._commands[0]
+        if not self._plain:
+            posture = replace(posture, under_way=self._under_way(taken.frame.time, acts))
+        truth = None
+        if loop.needs_truth:
+            truth = self._motion_true(taken.truth, acts, acts + loop.interval)
+        command = loop.decide(posture, truth)
+        self.seconds = self.seconds[0], loop.seconds[1]
+        self._commands.append((acts, command.twist))
+        age = work.done - taken.frame.time
+        self.decision = Decision(taken.truth, command, age, self._skipped)
+
+    def _tick_after(self, time: float) -> float:
+        """The first update of the drives at a time [s] or after it."""
+        frame = int((time + SAME) // self._period)
+        at = frame * self._period
+        later = self._ticks[self._ticks >= time - at - SAME]
+        return at + float(later[0]) if len(later) else (frame + 1) * self._period
+
+    def _in_force(self, time: float) -> Array:
+        """The twist (6,) that acts at a time [s]."""
+        return next(twist for at, twist in reversed(self._commands) if at <= time + SAME)
+
+    def _under_way(self, begin: float, end: float) -> tuple[tuple[Array, float], ...]:
+        """The twists (6,) that act between two times, and how long each [s]."""
+        starts = [max(at, begin) for at, _ in self._commands]
+        stops = [*starts[1:], end]
+        pieces = zip(self._commands, starts, stops, strict=True)
+        return tuple((c[1], min(b, end) - a) for c, a, b in pieces if min(b, end) - a > SAME)

@@ -1,0 +1,136 @@
+"""Time that counts: slow trackers, late pictures, and what is under way meanwhile."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from servo.loop.episode import Episode, measured_run
+from servo.scenario.load import load
+
+T = 1 / 30
+SPEED = 29.0
+"""Of the car of `reversal` in the image: 0.1 m/s, f = 290 px, depth 1 m [px/s]."""
+
+
+def stepped(name, *changes, seed=0):
+    with Episode(load(name, changes, seed=seed)) as episode:
+        return list(episode)
+
+
+def decided(steps):
+    """The first step of each decision."""
+    return [s for i, s in enumerate(steps) if i == 0 or s.command is not steps[i - 1].command]
+
+
+def pictures(steps):
+    """Numbers of the pictures that the tracker took, one for each decision."""
+    taken = [s.truth_estimated for s in decided(steps)]
+    return [next(i for i, s in enumerate(steps) if s.truth is truth) for truth in taken]
+
+
+@pytest.mark.parametrize(
+    ("ms", "taken", "age"),
+    [
+        (0.0, range(12), 0.0),
+        (20.0, range(12), 0.02),
+        (33.0, range(12), 0.033),
+        (40.0, [0, 1, 2, 3, 4, 5, 7, 8, 9, 10], None),
+        (100.0, [0, 1, 4, 7], 0.1),
+    ],
+)
+def test_a_free_tracker_takes_the_newest_picture(ms, taken, age):
+    steps = stepped("line", f"run.tracker_ms={ms}", "run.duration=0.4")
+    found = pictures(steps)
+    assert found == list(taken)[: len(found)]
+    assert len(found) >= len(list(taken)) - 1
+    if age is not None:
+        assert_allclose([s.age for s in decided(steps)][1:], age, atol=1e-12)
+    assert decided(steps)[0].age == 0.0  # the first state is given
+    assert decided(steps)[-1].skipped == found[-1] + 1 - len(found)
+
+
+def test_a_command_acts_the_latency_after_its_estimate_from_the_next_tick_on():
+    steps = stepped("line", "run.tracker_ms=40", "run.duration=0.5", "start.x=-20")
+    second = decided(steps)[1]  # picture 1 at 33.3 ms, estimate at 73.3 ms, acts at 106.7 ms
+    assert second.truth_estimated is steps[1].truth
+    # Ticks are 8.33 ms apart, so it acts from 108.3 ms on: of frame 3 (100 to 133.3 ms) 3 of 4.
+    first = decided(steps)[0].command.twist
+    assert_allclose(steps[3].twist_acting, first / 4 + 3 * second.command.twist / 4, atol=1e-12)
+
+
+def test_the_law_learns_of_what_is_under_way():
+    postures = []
+    with Episode(load("line", ["run.tracker_ms=40", "run.duration=0.5"])) as episode:
+        real = episode.loop.decide
+        episode.loop.decide = lambda p, *a: postures.append(p) or real(p, *a)
+        steps = list(episode)
+    twists = [s.command.twist for s in decided(steps)]
+    third = postures[2]  # picture 2 at 66.7 ms; its command acts from 150 ms on, that before 108.3
+    assert_allclose([held for _, held in third.under_way], [5 * T / 4, 5 * T / 4], atol=1e-9)
+    assert_array_equal([twist for twist, _ in third.under_way], twists[:2])
+
+
+def test_motion_is_paired_with_the_time_between_the_two_pictures():
+    steps = stepped("line", "run.tracker_ms=100", "run.duration=3.0", "run.latency=0")
+    late = decided(steps)[10:]
+    for step in late:
+        measured, true = step.motion_measured[0], step.target_motion_true[0]
+        assert measured == pytest.approx(true, rel=0.15)  # 0.2 px of noise over 0.1 s
+    assert np.mean([s.motion_measured[0] for s in late]) == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize("ms", [0.0, 33.0, 100.0, 250.0])
+def test_the_error_at_a_reversal_is_what_the_delay_lets_it_grow_to(ms):
+    """2 v f / Z over the time until a command answers it: at most the interval between the pictures
+    that are taken, the age of the estimate, and the latency."""
+    changes = "run.duration=4.0", "estimator.kind=difference", f"run.tracker_ms={ms}"
+    steps = stepped("reversal", *changes)
+    age = steps[-1].age
+    interval = np.ceil(max(age, T) / T - 1e-6) * T
+    most = 2 * SPEED * (interval + age + T)
+    peak = max(s.servo_error for s in steps if s.frame.time > 2.0)
+    assert 0.85 * most < peak < 1.05 * most
+
+
+def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
+    changes = "run.duration=6.0", "run.tracker_ms=250", "measure.after=2.0"
+    kinds = "none", "difference", "kalman_cv", "kalman_ca", "jump", "error_kalman", "imm"
+    none, *others = (
+        measured_run(load("reversal", [*changes, f"estimator.kind={k}"]))[1].value("servo_rms_px")
+        for k in kinds
+    )
+    assert max(others) < 0.8 * none
+
+
+def test_one_frame_of_delay_costs_a_predicting_estimator_nothing():
+    changes = "estimator.kind=error_kalman", "run.tracker_ms=33"
+    assert measured_run(load("line", changes))[1].value("servo_rms_px") < 1.0
+
+
+def test_pictures_arrive_late_and_in_order():
+    shown = []
+    with Episode(load("line", ["run.jitter_ms=60", "run.duration=3.0"], seed=4)) as episode:
+        real = episode.loop.track
+        episode.loop.track = lambda f, p: shown.append(f.index) or real(f, p)
+        steps = list(episode)
+    assert shown == sorted(set(shown))
+    ages = np.array([s.age for s in decided(steps)])
+    assert 0.02 < ages.mean() < 0.05
+    assert ages.max() < 0.06
+    assert steps[-1].skipped == shown[-1] + 1 - len(shown) > 3
+    again = stepped("line", "run.jitter_ms=60", "run.duration=3.0", seed=4)
+    assert [s.age for s in again] == [s.age for s in steps]
+
+
+def test_a_measured_tracker_is_as_old_as_it_took():
+    steps = stepped("line", "run.tracker_ms=measured", "run.duration=1.0")
+    taken = decided(steps)[1:]
+    assert len(taken) > 5
+    assert all(s.age >= s.seconds.track > 0 for s in taken if s.age < T)
+
+
+def test_a_frame_that_is_not_later_is_refused():
+    with Episode(load("line", ["run.duration=0.1"])) as episode:
+        step = next(iter(episode))
+        with pytest.raises(ValueError, match=r"expected a frame later than 0.0 s, got one of 0.0"):
+            episode.loop.step(step.frame, step.posture)
