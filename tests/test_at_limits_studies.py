@@ -15,8 +15,9 @@ from servo.mistake import LONGEST, Mistake, Refused
 from servo.output import track_folder
 from servo.report import files, words
 from servo.scenario import toml
+from servo.scenario.draws import LARGEST
 from servo.study import parse
-from servo.study.axes import LARGEST, MOST_VALUES, axes_of
+from servo.study.axes import MOST_VALUES, axes_of
 
 
 def passes(check, *arguments):

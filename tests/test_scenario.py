@@ -118,7 +118,8 @@ def test_defaults_are_those_of_the_kinds():
     assert plain.tracker == pf_ssd.Config()
     assert plain.settings()["tracker"]["kind"] == "pf_ssd"
     assert plain.settings()["tracker"]["lock"]["patience"] == 1.0
-    assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1, "ego": False}
+    assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1, "tracker_ms": 0.0,
+                                        "jitter_ms": 0.0, "ego": False}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", catalogue.shipped())

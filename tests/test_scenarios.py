@@ -6,12 +6,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from servo.loop.episode import Episode, run, stream
+from servo.loop.episode import Episode, run
 from servo.loop.events import events
 from servo.loop.run_measures import summarise, violations
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.catalogue import shipped
+from servo.scenario.draws import stream
 from servo.scenario.load import load
 
 

@@ -11,8 +11,8 @@ from rich.console import Console
 from servo.cli import sweep_command
 from servo.report import study_data, study_paths
 from servo.scenario import load as scenarios
+from servo.scenario.draws import Draw
 from servo.study import results, store
-from servo.study.axes import Draw
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
 from servo.study.plan import StudyFile

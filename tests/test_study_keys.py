@@ -8,10 +8,7 @@ from servo.scenario.load import path_of
 from servo.study.parse import load
 
 STILL = "scenario = 'still'\n"
-ONE_LAW = (
-    "an axis is a list of values, or one law: linspace, geomspace, uniform, log_uniform, normal, "
-    "choice"
-)
+ONE_LAW = "expected one law: linspace, geomspace, uniform, log_uniform, normal, choice"
 BAD = {
     "an empty law": (
         STILL + "axes.controller.gain = {}",

@@ -17,7 +17,7 @@ from servo.loop.run_measures import Report, Violation, check_expect, summarise, 
 from servo.loop.step import Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, prepare, with_traceback
-from servo.report.words import Table
+from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.sections import DOES_NOT_REPEAT
@@ -116,9 +116,12 @@ def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
     rows: list[list[str]] = []
     for m in report.measures:
         bound = scenario.expect.get(m.name)
-        shown = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
-        rows.append([m.name, f"{m.value:.3g}", str(shown), m.meaning])
+        limit = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
+        rows.append([m.name, f"{m.value:.3g}", str(limit), m.meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
+    if scenario.drawn:
+        values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())
+        plain(console, f"drawn for seed {scenario.run.seed}: {values}")
     if not scenario.run.repeats:
         plain(console, DOES_NOT_REPEAT)
     for name, used in scenario.rates_changed.items():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from enum import Enum
 from typing import Any, get_type_hints
 
@@ -15,15 +16,17 @@ from pydantic import TypeAdapter
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.draws import LAWS
 from servo.scenario.load import SECTIONS
 from servo.study import parse
-from servo.study.axes import ENDS, LAWS, MOST_VALUES, SPANS
+from servo.study.axes import COUNTS, ENDS, MOST_VALUES
 from sim import kinds
 
 
 def text() -> str:
     """The schema as JSON."""
-    return json.dumps(scenario_schema(expect_schema(), sweep_schema()), indent=1)
+    more = {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}
+    return json.dumps(scenario_schema(more), indent=1)
 
 
 def expect_schema() -> Schema:
@@ -31,6 +34,16 @@ def expect_schema() -> Schema:
     ends = list(Outcome.__members__)
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
     return table({"outcome": outcome} | _bounds(), "Outcome and largest measures of a good run.")
+
+
+def vary_schema() -> Schema:
+    """Schema of the table of settings that are drawn for each seed."""
+    nested = {"$ref": "#/properties/vary"}
+    return {
+        "description": "Settings that are drawn for each seed but 0, by dotted keys.",
+        "type": "object",
+        "additionalProperties": {"anyOf": [*_laws(LAWS), nested]},
+    }
 
 
 def sweep_schema() -> Schema:
@@ -75,15 +88,20 @@ def _bounds() -> Schema:
     }
 
 
-def _axes() -> Schema:
-    """Schema of nested tables of settings, each with a list of values, a span, or a draw."""
+def _laws(counts: Mapping[str, int | None]) -> list[Schema]:
+    """Schemas of tables with one law, by how many numbers each takes."""
     number = {"type": "number"}
-    counts = dict.fromkeys(SPANS, 3) | LAWS
     laws: list[Schema] = []
     for name, count in counts.items():
         length = {"minItems": 1} if count is None else {"minItems": count, "maxItems": count}
         values = {"type": "array"} | length | ({} if count is None else {"items": number})
         laws.append(table({name: values}) | {"required": [name]})
+    return laws
+
+
+def _axes() -> Schema:
+    """Schema of nested tables of settings, each with a list of values, a span, or a draw."""
+    laws = _laws(COUNTS)
     some = {"type": "array", "minItems": 1, "maxItems": MOST_VALUES}
     nested = {"$ref": "#/properties/sweep/properties/axes"}
     return {
@@ -98,14 +116,14 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
 
 
-def scenario_schema(expect: Schema, sweep: Schema) -> Schema:
-    """The schema of a scenario file, given those of its bounds and of the study it may carry."""
+def scenario_schema(more: Schema) -> Schema:
+    """The schema of a scenario file, given those of the tables that are no settings."""
     properties = {name: _settings(config()) for name, config in SECTIONS.items()}
     for name, (folder, default) in PLUGINS.items():
         properties[name] = _plugin(folder, default)
     for name, folder in LISTS.items():
         properties[name] = {"type": "array", "items": _plugin(folder, None)}
-    properties |= {"expect": expect, "sweep": sweep}
+    properties |= more
     return {"$schema": DRAFT, "title": "A scenario of servobench"} | table(properties)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.loop import Loop, stream
+from servo.loop.loop import Loop
 from servo.loop.part_checks import check_built
 from servo.loop.part_failed import PartFailed, part_failed
 from servo.loop.run_measures import Report, summarise
@@ -18,6 +18,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Taken, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
+from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.scenario.sections import RegionConfig, StartConfig
 from sim.geometry import exp_so3

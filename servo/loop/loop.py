@@ -22,6 +22,7 @@ from servo.estimators.difference import Difference
 from servo.loop.part_checks import check_built, check_command, check_estimate
 from servo.loop.part_failed import part_failed
 from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
+from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import CameraImage, Command, Sight
@@ -35,11 +36,6 @@ NO_TRUTH = (
     "this estimator needs the true motion of the target (motion_true), which only a simulation "
     "knows; with a real camera choose another one, such as kalman_cv"
 )
-
-
-def stream(seed: int, name: str) -> np.random.Generator:
-    """The random stream of one part of a run: what one part draws never shifts another's."""
-    return np.random.default_rng([seed, *name.encode()])
 
 
 class Loop:

@@ -4,6 +4,7 @@ its place.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,15 +16,16 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.draws import AS_WRITTEN, draws_of
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
 from servo.scenario.named_files import found_beside
 from servo.scenario.sections import (
-    MOST_FRAMES,
     GoalConfig,
     MeasureConfig,
     RegionConfig,
     RunConfig,
     StartConfig,
+    check_frames,
 )
 from servo.scenario.toml import override, put
 from servo.sight.estimate_to_sight import SightConfig
@@ -43,7 +45,7 @@ SECTIONS: dict[str, type[Any]] = {
     "sight": SightConfig,
     "measure": MeasureConfig,
 }
-KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
+KEYS = (*SECTIONS, *PLUGINS, *LISTS, "vary", "expect", "sweep")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,8 @@ class Scenario:
     disturbances: tuple[Any, ...]
     expect: dict[str, float | str]
     """Bounds on measures by name, and `outcome`."""
+    drawn: Table = field(default_factory=dict)
+    """The settings that were drawn for this seed, and their values."""
 
     @property
     def frames(self) -> int:
@@ -193,6 +197,7 @@ def parse(table: Table, name: str, place: str) -> Scenario:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
+    table, base = _drawn(table, name, place), table
     values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
     for key, (folder, default) in PLUGINS.items():
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
@@ -203,18 +208,29 @@ def parse(table: Table, name: str, place: str) -> Scenario:
         raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
     if not isinstance(table.get("sweep", {}), dict):
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
-    _check_frames(values["run"], values["camera"], place)
-    return Scenario(name=name, table=table, expect=expect, **values)
+    check_frames(values["run"], values["camera"].rate, place)
+    return Scenario(name=name, table=base, expect=expect, drawn=table.get("drawn", {}), **values)
 
 
-def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:
-    """Refuse a run whose steps would not fit into memory, which are kept until its end."""
-    frames = run.duration * camera.rate
-    if frames > MOST_FRAMES:
-        raise Mistake(
-            f"{place}: run.duration = {run.duration:g} s at camera.rate = {camera.rate:g} Hz is "
-            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
-        )
+def _drawn(table: Table, name: str, place: str) -> Table:
+    """A table with what its seed draws, and that under "drawn"; each end of a law must be valid."""
+    if "vary" not in table:
+        return table
+    draws, fixed = draws_of(table["vary"], f"{place}: vary"), {**table}
+    del fixed["vary"]
+    for draw in draws:
+        for end in draw.ends:
+            parse(_with(fixed, {draw.key: end}, place), name, f"{place}: vary.{draw.key}")
+    seed = fill(RunConfig, fixed.get("run", {}), f"{place}: run").seed
+    drawn = {} if seed == AS_WRITTEN else {d.key: d.value(seed) for d in draws}
+    return _with(fixed, drawn, place) | {"drawn": drawn}
+
+
+def _with(table: Table, settings: Table, place: str) -> Table:
+    changed = copy.deepcopy(table)
+    for key, value in settings.items():
+        put(changed, key, value, place)
+    return changed
 
 
 def path_of(name: str) -> Path:

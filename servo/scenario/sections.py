@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
+from servo.mistake import Mistake
 from sim.ranges import LONGEST, Degrees, Interval, Place, Time
 
 MOST_FRAMES = 360_000
@@ -49,6 +50,20 @@ class RunConfig:
     def repeats(self) -> bool:
         """Whether the same seed gives the same numbers."""
         return self.tracker_ms != "measured"
+
+
+def check_frames(run: RunConfig, rate: float, place: str) -> None:
+    """Refuse a run whose steps would not fit into memory, which are kept until its end.
+
+    Raises:
+        Mistake: It has too many frames at this rate [Hz].
+    """
+    frames = run.duration * rate
+    if frames > MOST_FRAMES:
+        raise Mistake(
+            f"{place}: run.duration = {run.duration:g} s at camera.rate = {rate:g} Hz is "
+            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -145,7 +145,19 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
     _, default = PLUGINS.get(keys[0], ("", None))
     if keys[-1] == "kind" and at.get("kind", default) != value:
         at.clear()
+        _forget(table, keys[:-1])
+    elif keys[0] != "vary":
+        _forget(table, keys)
     at[keys[-1]] = value
+
+
+def _forget(table: Table, keys: list[str]) -> None:
+    """Draw no more what is set now."""
+    at = table.get("vary")
+    for key in keys[:-1]:
+        at = at.get(key) if isinstance(at, dict) else None
+    if isinstance(at, dict):
+        at.pop(keys[-1], None)
 
 
 def _inside(at: Any, key: str, usual: Any) -> Any:

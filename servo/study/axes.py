@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from servo.loop.episode import stream
 from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.load import SECTIONS
-from servo.scenario.toml import is_number
 from sim import kinds
 from tracking.external import OF_THE_USER
 
 SCENARIO = "scenario"
 """Key of the axis of scenarios; the keys of all others are settings."""
-Value = Any
-"""Value of a setting, in the types of TOML."""
 Named = dict[str, dict[str, dict[str, Value]]]
 """Groups of settings, by the name of their axis and their own."""
 SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
 """Axes that are given as [first, last, count]."""
-LAWS = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
-"""Laws of random values, and how many numbers each takes; None: any number."""
-ENDS = frozenset({*SPANS, *LAWS})
+COUNTS = {**dict.fromkeys(SPANS, 3), **LAWS}
+"""How many numbers each law of an axis takes; None: any number."""
+ENDS = frozenset(COUNTS)
 """A table with one of these keys is a value, not a table of settings."""
 ELSEWHERE = {
     SCENARIO: "list these under `scenario` instead",
@@ -38,8 +35,6 @@ ELSEWHERE = {
 """Keys that cannot be axes, and what to do instead."""
 ALL = "*"
 MOST_VALUES = 10_000
-LARGEST = 1e100
-"""Largest number in a law: sums and ratios of two such numbers are finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,34 +43,6 @@ class Axis:
 
     key: str
     values: tuple[Value, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Draw:
-    """A setting that is drawn for each seed, with the same value in all cells of that seed."""
-
-    key: str
-    law: str
-    """uniform, log_uniform, normal or choice."""
-    numbers: tuple[Value, ...]
-
-    @property
-    def ends(self) -> tuple[Value, ...]:
-        """Values to check for all possible draws: the ends of a range, a mean, or all choices."""
-        return self.numbers[:1] if self.law == "normal" else self.numbers
-
-    def value(self, seed: int) -> Value:
-        """The value for a seed."""
-        rng = stream(seed, f"draw {self.key}")
-        match self.law:
-            case "uniform":
-                return float(rng.uniform(*self.numbers))
-            case "log_uniform":
-                return float(np.exp(rng.uniform(*np.log(self.numbers))))
-            case "normal":
-                return float(rng.normal(*self.numbers))
-            case _:
-                return self.numbers[int(rng.integers(len(self.numbers)))]
 
 
 def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
@@ -90,7 +57,7 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
         at = f"{place}: axes.{key}"
         check_key(key, at)
         if isinstance(given, dict):
-            law, numbers = _law(given, at)
+            law, numbers = law_of(given, at, COUNTS)
             if law in LAWS:
                 draws.append(Draw(key, law, numbers))
                 continue
@@ -157,70 +124,11 @@ def _plain(value: Value) -> Value:
             return value
 
 
-def _law(given: dict[str, Any], at: str) -> tuple[str, tuple[Any, ...]]:
-    if len(given) != 1 or not ENDS.issuperset(given):
-        laws = ", ".join([*SPANS, *LAWS])
-        raise Mistake(f"{at} = {given!r}: an axis is a list of values, or one law: {laws}")
-    law, numbers = next(iter(given.items()))
-    count = 3 if law in SPANS else LAWS[law]
-    if not isinstance(numbers, list) or not numbers or len(numbers) != (count or len(numbers)):
-        raise Mistake(f"{at}.{law}: this takes a list of {count or 'values'}")
-    if law == "choice":
-        return law, tuple(numbers)
-    if not all(is_number(n) for n in numbers):
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be finite numbers")
-    if max(abs(n) for n in numbers) > LARGEST:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be at most {LARGEST:g}")
-    if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be above 0")
-    if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
-        raise Mistake(f"{at}.{law} = {numbers!r}: the first should be the smaller one")
-    if law == "normal" and numbers[1] < 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: a standard deviation is not below 0")
-    return law, tuple(numbers)
-
-
 def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
     count = numbers[2]
     if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
         raise Mistake(f"{at}.{law}: the count should be a whole number from 1 to {MOST_VALUES:,}")
     return SPANS[law](*numbers).tolist()
-
-
-def spelled(key: str, place: str) -> str:
-    """A dotted key without the spaces around its names.
-
-    Raises:
-        Mistake: One of its names is empty; the message begins with `place`.
-    """
-    names = [name.strip() for name in key.split(".")]
-    if not all(names):
-        raise Mistake(f"{place}: '{key}' is not the name of a setting, such as run.latency")
-    return ".".join(names)
-
-
-def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> dict[str, Any]:
-    """The values of nested tables by dotted keys; an empty table, or one with a key from `ends`, is
-    a value.
-
-    Raises:
-        Mistake: A key is given twice, also in different spellings, or has an empty name.
-    """
-    found: dict[str, Any] = {}
-    for key, value in _leaves(table, frozenset(ends)):
-        name = spelled(key, place)
-        if name in found:
-            raise Mistake(f"{place}: {name} is given twice")
-        found[name] = value
-    return found
-
-
-def _leaves(table: Mapping[str, Any], ends: frozenset[str]) -> Iterable[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, dict) and value and ends.isdisjoint(value):
-            yield from ((f"{key}.{inner}", v) for inner, v in _leaves(value, ends))
-        else:
-            yield key, value
 
 
 def check_apart(keys: Mapping[str, str], place: str) -> None:

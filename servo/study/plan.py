@@ -15,9 +15,10 @@ from servo.loop.run_measures import check_expect
 from servo.output.formats import Document, Made, Number, command_line
 from servo.output.versions import versions
 from servo.scenario import load as scenarios
+from servo.scenario.draws import Draw, Value
 from servo.scenario.load import Scenario, Table
 from servo.scenario.toml import assignment, put
-from servo.study.axes import SCENARIO, Axis, Draw, Named, Value
+from servo.study.axes import SCENARIO, Axis, Named
 
 
 @dataclass(frozen=True, slots=True)
