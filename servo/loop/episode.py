@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from math import radians
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from servo.loop.goal import Goal
 from servo.loop.loop import Loop, stream
 from servo.loop.part_checks import check_built
 from servo.loop.part_failed import PartFailed, part_failed
@@ -20,6 +22,7 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
 from servo.scenario.sections import RegionConfig, StartConfig
+from servo.types import Sight
 from sim.geometry import exp_so3
 from sim.render import MakeRenderer, OpenGLRenderer
 from sim.start_pose import Reach
@@ -44,7 +47,10 @@ class Episode:
         with ExitStack() as unless_ready, self.naming_parts():
             unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world(renderer)
-            self.loop = Loop(scenario, self.world.camera, self.world.outline)
+            true, believed = self.world.camera, self.world.camera_believed
+            outline = self.world.outline
+            self.loop = Loop(scenario, believed, outline, true)
+            self.goal = Goal(scenario.goal, outline, true, true)
             self._parts |= self.loop.parts
             goal = self._picture_at_goal() if self.loop.uses_pictures else None
             self._place_camera(scenario.start)
@@ -79,9 +85,12 @@ class Episode:
             self._build(f"disturbances[{i}]", f"disturbance {i}")
             for i in range(len(s.disturbances))
         ]
-        sensor = stream(s.run.seed, "sensor")
+        sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
         try:
-            return World(s.world, robot, target, s.camera, motion, disturbances, sensor, renderer)
+            return World(
+                s.world, robot, target, s.camera, motion, disturbances, sensor, renderer,
+                s.believed, encoders,
+            )  # fmt: skip
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from error
 
@@ -113,12 +122,11 @@ class Episode:
             )
 
     def _start(self, start: StartConfig) -> Reach:
-        loop = self.loop
         if start.pose is not None:
             t, thetau = np.array(start.pose[:3]), np.radians(start.pose[3:])
             return self.world.start_facing(Pose(exp_so3(thetau), t))
-        pixel = loop.goal + (start.x, start.y)
-        theta = loop.goal_theta + radians(start.angle_deg)
+        pixel = self.goal.pixel + (start.x, start.y)
+        theta = self.goal.theta + radians(start.angle_deg)
         depth = self.scenario.goal.depth / start.scale
         tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
         return self.world.start(pixel, theta, depth, *tilt)
@@ -161,6 +169,13 @@ class Episode:
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
         return scene.true_motion(camera, before, after, self.loop.goal_sight)
 
+    def _goal_sight(self, time: float) -> Sight:
+        """How the target shall be seen, by the true camera."""
+        believed, world = self.loop.goal_sight, self.world
+        if world.camera_believed is world.camera:
+            return believed
+        return replace(self.goal.sight(time), picture=believed.picture)
+
     def _move(self, twist: Array) -> bool:
         try:
             return self.world.step(twist)
@@ -183,7 +198,8 @@ class Episode:
                 frame = world.look()
                 rendering = perf_counter() - began
                 truth = self._truth()
-            command = loop.step(frame, posture, self._motion_to_come(truth))
+            known = world.believed(posture)
+            command = loop.step(frame, known, self._motion_to_come(truth))
             waiting.append(command.twist)
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()
             before, acting = world.target_before(), waiting.popleft()
@@ -192,8 +208,8 @@ class Episode:
             seconds = Seconds(rendering, *loop.seconds, perf_counter() - began)
             yield Step(
                 scene=self._scene, frame=frame, truth=truth, target_before=before,
-                goal=loop.goal, goal_theta=loop.goal_theta, goal_size=loop.goal_size(frame.time),
-                goal_sight=loop.goal_sight,
+                goal=self.goal.pixel, goal_theta=self.goal.theta,
+                goal_size=self.goal.size(frame.time), goal_sight=self._goal_sight(frame.time),
                 estimate=loop.estimate, command=command, motion_measured=loop.motion_measured,
                 bodies=bodies, posture=posture, rates=rates, twist_acting=acting, limited=limited,
                 seconds=seconds,

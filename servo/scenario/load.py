@@ -28,6 +28,7 @@ from servo.scenario.sections import (
 from servo.scenario.toml import override, put
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
+from sim.believed import BelievedConfig
 from sim.camera import CameraConfig
 from sim.timing import Rates
 from sim.world import WorldConfig
@@ -41,8 +42,11 @@ SECTIONS: dict[str, type[Any]] = {
     "start": StartConfig,
     "region": RegionConfig,
     "sight": SightConfig,
+    "believed": BelievedConfig,
     "measure": MeasureConfig,
 }
+MOVED = {("sight", "depth_factor"): "believed.depth_factor"}
+"""Keys of earlier files, and where they are now."""
 KEYS = (*SECTIONS, *PLUGINS, *LISTS, "expect", "sweep")
 
 
@@ -60,6 +64,7 @@ class Scenario:
     start: StartConfig
     region: RegionConfig
     sight: SightConfig
+    believed: BelievedConfig
     measure: MeasureConfig
     robot: Any
     target: Any
@@ -191,6 +196,9 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    for (section, key), now in MOVED.items():
+        if isinstance(table.get(section), dict) and key in table[section]:
+            raise Mistake(f"{place}: {section}.{key} is {now} now")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
     values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
