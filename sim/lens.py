@@ -44,7 +44,7 @@ class Lens:
     def bend(self, picture: NDArray[Any], rows: slice = ALL) -> NDArray[Any]:
         """The camera's picture (H, W, 3) of what `view` sees, or some of its rows."""
         if self._maps is None:
-            return picture[rows]
+            return picture if rows is ALL else picture[rows]
         four, (u, v) = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA), self._maps
         bent = cv2.remap(four, u[rows], v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
