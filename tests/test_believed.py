@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from dark import Dark
 
+import servo.loop.episode
 from servo.loop.episode import Episode
 from servo.loop.run_measures import summarise
 from servo.mistake import Mistake
@@ -129,10 +130,23 @@ def test_wrong_intrinsics_leave_what_the_goal_is_wrong_by(features, wrong, goal,
     """A computed goal has its centre in pixels, which no camera changes, and its size f / Z; a goal
     that is a pose ends where the wrong camera measures it; a shown one is right.
     """
-    kind = f"features.kind={features}"
-    off, turned = end_of(kind, f"believed.{wrong}", f"believed.goal={goal}")
+    changes = f"features.kind={features}", f"believed.{wrong}", f"believed.goal={goal}"
+    off, turned = end_of(*changes)
     np.testing.assert_allclose(off, np.multiply(end, DEPTH), atol=1e-4)
+    measured = run(*changes)[1].value("end_position_mm")
+    assert measured == pytest.approx(1e3 * DEPTH * np.linalg.norm(end), abs=0.1)
     assert np.degrees(turned) < 0.02
+
+
+@pytest.mark.parametrize("features", SCHEMES)
+def test_a_target_taken_for_larger_ends_every_scheme_nearer(features, monkeypatch):
+    """Its size makes the goal's picture as well as the measured pose: Z = Z* / factor."""
+    loop = servo.loop.episode.Loop
+    monkeypatch.setattr(servo.loop.episode, "Loop", lambda s, c, o, t: loop(s, c, 1.1 * o, t))
+    run.cache_clear()
+    off, _ = end_of(f"features.kind={features}")
+    run.cache_clear()
+    np.testing.assert_allclose(off, [0.0, 0.0, 1 / 1.1 - 1], atol=1e-4)
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])

@@ -9,8 +9,9 @@ from dark import Dark
 
 from sim.believed import BelievedConfig
 from sim.camera import CameraConfig
+from sim.geometry import log_se3
 from sim.motions import still
-from sim.robots import arm, gantry
+from sim.robots import arm, gantry, mjcf
 from sim.targets import car
 from sim.world import World, WorldConfig
 
@@ -43,6 +44,14 @@ def test_joints_are_read_in_whole_steps_and_with_their_offsets():
     found, known = world.robot.eye(at), read(world)
     np.testing.assert_allclose(known.T_base_camera.translation, found.translation, atol=1e-12)
     np.testing.assert_allclose(known.jacobian, world.robot.jacobian(at), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [gantry, arm, mjcf])
+def test_the_believed_camera_is_where_the_hand_eye_error_says(kind):
+    wrong = BelievedConfig(hand_eye_rotation_deg=(20, -10, 40), hand_eye_mm=(80, 0, -30))
+    world = world_of(kind, wrong, **({"mount": (0, 0, 0, 20, 30, 40)} if kind is mjcf else {}))
+    off = (world.posture().T_base_camera @ wrong.hand_eye).inverse() @ read(world).T_base_camera
+    np.testing.assert_allclose(log_se3(off), np.zeros(6), atol=1e-9)
 
 
 def test_encoder_noise_has_its_deviation_and_reaches_the_twist():
