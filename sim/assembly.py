@@ -55,5 +55,9 @@ def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> N
     """The camera's name is then CAMERA."""
     base = robot.base
     frame = room.worldbody.add_frame(pos=base.translation, quat=quaternion_of(base.rotation))
-    room.attach(robot.spec.copy(), prefix=f"{ROBOT}/", frame=frame)
+    spec, lag = robot.spec.copy(), robot.drives.lag_ms / 1e3
+    if lag > 0:
+        for drive in spec.actuators:
+            drive.dyntype, drive.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTEREXACT, lag
+    room.attach(spec, prefix=f"{ROBOT}/", frame=frame)
     room.camera(CAMERA).fovy = camera.fovy_deg or FOVY

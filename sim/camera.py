@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.distortion import WIDEST, Distortion, Model
-from sim.ranges import Share
+from sim.ranges import Interval, Share
 from sim.types import Array, Camera
 
 FOVY = 45.0
@@ -58,6 +58,15 @@ class CameraConfig:
     """Exposure as a fraction of the frame interval; what moves meanwhile is blurred."""
     subframes: Annotated[int, Ge(2), Le(64)] = 6
     """Pictures that are averaged over the exposure, where there is one."""
+    readout_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
+    """Rolling shutter: the first row is exposed this long before the last one, which ends at the
+    frame's time [ms]."""
+    bands: Annotated[int, Ge(2), Le(64)] = 8
+    """Bands of rows that a rolling shutter exposes together; each is rendered, at the nearest
+    physics step."""
+    auto_gain: Interval | None = None
+    """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
+    first [s]; by default the gain is fixed."""
 
     def __post_init__(self) -> None:
         if self.fovy_deg is not None and self.fx is not None:
@@ -66,6 +75,11 @@ class CameraConfig:
             raise ValueError("fy needs fx, the focal length along u")
         if self.distortion is None and self.coefficients:
             raise ValueError("coefficients need a distortion: plumb_bob, rational or fisheye")
+        if self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL:
+            raise ValueError(
+                f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame of "
+                f"{1e3 / self.rate:g} ms"
+            )
         for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
             if at is not None and not -size <= at <= 2 * size:
                 raise ValueError(

@@ -21,3 +21,9 @@ Share = Annotated[float, Ge(0), Le(1)]
 """A part of a whole, or a factor that takes away."""
 Degrees = Annotated[float, Ge(-3600), Le(3600)]
 """An angle [deg]: ten turns are enough, and their sine still means something."""
+Offset = Annotated[float, Ge(-10), Le(10)]
+EachJoint = Offset | tuple[Offset, ...]
+"""A shift of joints, one for all or one each [m or rad]."""
+Play = Annotated[float, Ge(0), Le(1)]
+EachPlay = Play | tuple[Play, ...]
+"""A width that no joint has less than none of, one for all or one each [m or rad]."""

@@ -14,6 +14,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.geometry import exp_se3, inverse_if_strong
+from sim.ranges import EachPlay
 from sim.render import VISION_FROM_MUJOCO
 from sim.robot_drives import wrong_drive
 from sim.start_pose import Reach, iterate, reach
@@ -34,7 +35,7 @@ Damping = Annotated[float, Ge(1e-6), Le(100)]
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """How a camera twist becomes joint rates."""
+    """How a camera twist becomes joint rates, and what stands between the two."""
 
     weakest: Damping = 0.1
     """Near a singular pose: below this smallest singular value of the Jacobian [m/s or rad/s of the
@@ -47,6 +48,15 @@ class Drives:
     exact: bool = False
     """Take the rates that bring the camera exactly to where the twist leads by the next update of
     the drives; otherwise those that the twist needs at the beginning are held until then."""
+    encoder_noise: EachPlay = 0.0
+    """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
+    encoder_step: EachPlay = 0.0
+    """Joints are read in whole steps of this, one for all or one each [m or rad]."""
+    backlash: EachPlay = 0.0
+    """Play between motor and joint, one for all or one each [m or rad]: a motor that reverses turns
+    so far, and its encoder with it, until the joint follows."""
+    lag_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
+    """Time constant with which a drive takes over a new rate, before its own servo [ms]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +187,11 @@ class Robot:
                 return centred, False
         factor = self._slowed(data, wanted)
         return wanted * factor, factor < 1.0
+
+    def driven(self, rates: Array, hold: float) -> Array:
+        """What joints do that are driven at these rates (n,) for a time [s]: all of it."""
+        del hold
+        return rates
 
     def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:
         """The rates (n,) that make the whole motion in this time; None where no joints do."""

@@ -1,4 +1,4 @@
-"""Rates against each other: physics steps in a period, and those at which a picture is exposed."""
+"""Rates against each other: physics steps in a period, and those at which rows are exposed."""
 
 from __future__ import annotations
 
@@ -51,11 +51,43 @@ class Rates:
         }
 
 
-def exposure_steps(camera: CameraConfig, steps: int) -> frozenset[int]:
-    """The physics steps of a frame interval at which a sub-frame is taken, besides the one at its
-    end.
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Rows of the picture that are exposed together."""
+
+    begin: int
+    """The first row."""
+    end: int
+    """The row after the last one."""
+    steps: tuple[int, ...]
+    """The physics steps of a frame interval at which a sub-frame is taken, in order."""
+
+
+def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
+    """When the rows are exposed, from the first to the last, whose exposure ends with the interval.
+
+    The bands of a rolling shutter have equal intervals of time; each has the rows whose own times
+    are nearest.
     """
+    if camera.readout_ms == 0:
+        return (Band(0, camera.height, _subframes(camera, steps, steps)),)
+    readout, last = camera.readout_ms / 1e3 * camera.rate * steps, camera.bands - 1
+    found: list[Band] = []
+    for i in range(camera.bands):
+        begin, end = (
+            round(camera.height * min(max((i + half) / last, 0.0), 1.0)) for half in (-0.5, 0.5)
+        )
+        taken = _subframes(camera, steps, round(steps - readout * (last - i) / last))
+        if found and found[-1].steps == taken:
+            begin = found.pop().begin
+        found.append(Band(begin, end, taken))
+    return tuple(found)
+
+
+def _subframes(camera: CameraConfig, steps: int, end: int) -> tuple[int, ...]:
+    """The physics steps of an exposure that ends at one of them."""
     if camera.exposure == 0:
-        return frozenset()
-    before_end = np.linspace(0, camera.exposure * steps, camera.subframes)[1:]
-    return frozenset(int(k) for k in np.clip(np.rint(steps - before_end), 0, steps - 1))
+        return (end,)
+    before = np.linspace(0, camera.exposure * steps, camera.subframes)[1:]
+    taken = np.clip(np.rint(end - before), 0, max(end - 1, 0))
+    return tuple(sorted({int(k) for k in taken} | {end}))

@@ -11,15 +11,17 @@ from annotated_types import Ge, Le
 
 from sim import placement
 from sim.assembly import TARGET, build_model
+from sim.believed import RIGHT, BelievedConfig
 from sim.camera import CameraConfig, camera_of
 from sim.geometry import log_se3
+from sim.known_robot import KnownRobot, is_known_exactly
 from sim.lens import Lens, Sensor
 from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.robot import CAMERA, Design, Robot
 from sim.stage import Disturbance, Motion, Stage
 from sim.start_pose import Reach
 from sim.target import Target
-from sim.timing import Rates, exposure_steps
+from sim.timing import Rates, exposures
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
 UNSTABLE = tuple(
@@ -59,6 +61,8 @@ class World:
         disturbances: Sequence[Disturbance],
         rng: np.random.Generator,
         renderer: MakeRenderer = OpenGLRenderer,
+        believed: BelievedConfig = RIGHT,
+        encoders: np.random.Generator | None = None,
     ) -> None:
         rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
         steps, self._drive_steps = rates.steps, rates.drive_steps
@@ -69,14 +73,20 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.robot = Robot(self.model, robot)
         self.camera = camera_of(camera, self.model, CAMERA)
+        self.camera_believed = believed.camera(self.camera)
+        self._known: Robot | KnownRobot = self.robot
+        if not is_known_exactly(robot, believed):
+            draws = encoders or np.random.default_rng(0)
+            self._known = KnownRobot(self.robot, robot, believed, draws)
         self._eye = self.model.camera(CAMERA).id
         self.outline, self.outline_found = target.outline, target.found
         self._stage = Stage(self.model, motion, disturbances)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
         self._renderer = renderer(self.model, CAMERA, self._lens.view, camera.supersample)
-        self._sensor = Sensor(camera, self._lens, rng)
-        self._exposed_at = exposure_steps(camera, steps)
+        bands = exposures(camera, steps)
+        self._sensor = Sensor(camera, self._lens, rng, bands)
+        self._exposed_at = {k for band in bands for k in band.steps} - {steps}
         # The physics steps of a frame interval at which something is to be done, and its end.
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
         self._pictures: list[Image] = []
@@ -140,11 +150,11 @@ class World:
                 self._set_stage(self.data.time)
                 self._pictures.append(self._renderer.render(self.data))
             if k % self._drive_steps == 0:
-                self.data.ctrl[:], slowed = self.robot.rates(
-                    self.data, each[k // self._drive_steps], self._hold
-                )
+                twist = each[k // self._drive_steps]
+                rates, slowed = self._known.rates(self.data, twist, self._hold)
                 saturated |= slowed
-                accepted.append(self.robot.jacobian(self.data) @ self.data.ctrl)
+                accepted.append(self._known.jacobian(self.data) @ rates)
+                self.data.ctrl[:] = self._known.driven(rates, self._hold)
             mujoco.mj_step(self.model, self.data, until - k)
         if any(self.data.warning[w].number for w in UNSTABLE):
             raise Unstable(
@@ -159,8 +169,14 @@ class World:
         return saturated
 
     def posture(self) -> Posture:
-        """What the robot knows of itself as of now."""
+        """The robot's posture as of now, exact."""
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
+
+    def believed(self, posture: Posture) -> Posture:
+        """What the robot takes its posture of now for; the same object where it is right."""
+        if isinstance(self._known, Robot):
+            return posture
+        return self._known.posture(self.data, self._accepted)
 
     def look(self) -> Frame:
         """The picture as of now; where the camera drops it, the last one again."""

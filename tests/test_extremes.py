@@ -48,11 +48,11 @@ REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
            "is more than 85 deg from the optical axis", "is far outside of a picture",
            "fy needs fx", "coefficients, not 0", "coefficients need a distortion",
            "there is no body or site 'xn'", "there is no camera 'xn'", "give either camera",
-           "cannot read this robot model", "a home has 6 values", "speed has 2 values",
+           "cannot read this robot model", "a home has 6 values", "has 2 values; it should",
            "cannot read this calibration", "this is not shipped", "a colour is",
            "nothing is left of a picture", "pose says all of the first picture",
            "the target would be below the table", "no AprilTag 36h11",
-           "only ratios count")  # fmt: skip
+           "only ratios count", "do not fit into a frame")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
 

@@ -41,7 +41,8 @@ def sight(seeing, camera, target=TARGET):
 
 
 def to_sight(**config):
-    return EstimateToSight(SightConfig(**config), CAMERA, REGION, OUTLINE)
+    factor = config.pop("depth_factor", 1.0)
+    return EstimateToSight(SightConfig(**config), CAMERA, REGION, OUTLINE, factor)
 
 
 def test_a_level_camera_sees_the_same_plane_by_every_way():

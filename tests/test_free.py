@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from dark import Dark
 
 from servo.controllers import hold
 from servo.loop.episode import Episode
@@ -21,19 +22,6 @@ from sim.world import World, WorldConfig
 
 RNG = np.random.default_rng()
 TARGET = still.Config(x=0.2, y=-0.1, heading_deg=30.0).build(RNG)
-
-
-class Dark:
-    """A renderer that takes no time."""
-
-    def __init__(self, *_):
-        pass
-
-    def render(self, data):
-        return np.zeros((480, 640, 3), np.uint8)
-
-    def close(self):
-        pass
 
 
 @pytest.fixture(scope="module")

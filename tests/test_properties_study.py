@@ -34,7 +34,7 @@ KEYS = st.sampled_from([
     "run.latency", " run.latency ", "run", "run.seed", "start.x", "start.scale", "tracker",
     "tracker.kind", "tracker.particles", "controller.gain", "controller.dof", "expect",
     "expect.settle_s", "sweep", "scenario", "disturbances.0.start", "disturbances.00.start",
-    "sight.depth_factor", "world.visibility", "a..b", "", "no.such.key",
+    "believed.depth_factor", "world.visibility", "a..b", "", "no.such.key",
 ])  # fmt: skip
 USUAL = st.lists(st.integers(0, 5) | st.sampled_from(["kams", "frozen"]), min_size=1, max_size=3)
 AXES = st.dictionaries(KEYS, USUAL | LAW | VALUES, max_size=3)

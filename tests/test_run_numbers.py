@@ -166,7 +166,7 @@ VARIANTS = {
     "limits": (ALL_DOF, 'controller.secondary=["avoid_limits"]', "robot.kind=arm",
                "controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]"),
     "desired": ("controller.matrix=desired", "sight.depth=known", "controller.gain_far=0.8"),
-    "mean": ("controller.matrix=mean", "sight.depth_factor=1.3", "features.scaling=paper"),
+    "mean": ("controller.matrix=mean", "believed.depth_factor=1.3", "features.scaling=paper"),
     "slow start": ("controller.smooth_start=3.0", "controller.fastest=0.1",
                    "controller.fastest_turn=0.1", "sight.plane=estimated"),
     "nearer": ("goal.depth_to=0.8", "goal.change_start=0.1", "goal.change_duration=0.5",

@@ -191,7 +191,7 @@ def test_a_bound_is_for_every_cell():
 
 def test_in_a_narrow_terminal_names_give_way_and_no_digit_is_left_out(small, capsys):
     (cell,) = results.cells_of(small, rows(*(("frozen", 0, s, True, 1.237) for s in range(10))))
-    long = {"estimator.kind": "kalman_cv", "sight.depth_factor": 0.354, "scenario": "reversal"}
+    long = {"estimator.kind": "kalman_cv", "believed.depth_factor": 0.354, "scenario": "reversal"}
     sweep_command._print_cells(Console(width=64), [replace(cell, settings=long)])
     assert "10    1 1.24" in capsys.readouterr().out
 

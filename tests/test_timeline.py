@@ -134,3 +134,33 @@ def test_a_frame_that_is_not_later_is_refused():
         step = next(iter(episode))
         with pytest.raises(ValueError, match=r"expected a frame later than 0.0 s, got one of 0.0"):
             episode.loop.step(step.frame, step.posture)
+
+
+@pytest.mark.parametrize("offset", [-50.0, -33.4, -10.0, 20.0])
+def test_a_wrong_stamp_pairs_a_picture_with_another_moment(offset):
+    """The robot's own pose at the stamp, of those it knows; the mean twist is between two such."""
+    postures = []
+    changes = f"believed.clock_offset_ms={offset}", "run.tracker_ms=33", "run.duration=1.5"
+    with Episode(load("sine", [*changes, "start.x=-20"])) as episode:
+        real = episode.loop.track
+        episode.loop.track = lambda f, p: postures.append((f, p)) or real(f, p)
+        steps = list(episode)
+    own = [s.posture.T_base_camera.translation for s in steps]
+    for frame, posture in postures[10:-3]:
+        # The posture of a picture that was just taken is the newest: none is known of later.
+        at = frame.index + min(offset, 0.0) * 1e-3 / T
+        i = int(np.floor(at))
+        expected = own[i] + (at - i) * (own[min(i + 1, len(own) - 1)] - own[i])
+        assert_allclose(posture.T_base_camera.translation, expected, atol=2e-6)  # screw, not line
+
+
+def test_a_wrong_clock_is_taken_for_motion_of_the_target():
+    """Where the camera accelerates, the wrong part of its motion is taken out of de/dt."""
+
+    def rms(offset):
+        changes = f"believed.clock_offset_ms={offset}", "run.duration=6.0"
+        steps = stepped("sine", *changes)[30:]
+        return np.sqrt(np.mean([(s.motion_measured[0] - s.target_motion_true[0]) ** 2
+                                for s in steps]))  # fmt: skip
+
+    assert rms(-100.0) > 1.5 * rms(0.0)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from math import radians
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from servo.loop.goal import Goal
 from servo.loop.loop import Loop
 from servo.loop.part_checks import check_built
 from servo.loop.part_failed import PartFailed, part_failed
@@ -20,7 +22,8 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
-from servo.scenario.sections import RegionConfig, StartConfig
+from servo.scenario.sections import StartConfig
+from servo.types import Sight
 from sim.geometry import exp_so3
 from sim.render import MakeRenderer, OpenGLRenderer
 from sim.start_pose import Reach
@@ -45,7 +48,10 @@ class Episode:
         with ExitStack() as unless_ready, self.naming_parts():
             unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world(renderer)
-            self.loop = Loop(scenario, self.world.camera, self.world.outline)
+            true, believed = self.world.camera, self.world.camera_believed
+            outline = self.world.outline
+            self.loop = Loop(scenario, believed, outline, true)
+            self.goal = Goal(scenario.goal, outline, true, true)
             self._parts |= self.loop.parts
             goal = self._picture_at_goal() if self.loop.uses_pictures else None
             self._place_camera(scenario.start)
@@ -80,9 +86,12 @@ class Episode:
             self._build(f"disturbances[{i}]", f"disturbance {i}")
             for i in range(len(s.disturbances))
         ]
-        sensor = stream(s.run.seed, "sensor")
+        sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
         try:
-            return World(s.world, robot, target, s.camera, motion, disturbances, sensor, renderer)
+            return World(
+                s.world, robot, target, s.camera, motion, disturbances, sensor, renderer,
+                s.believed, encoders,
+            )  # fmt: skip
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from error
 
@@ -114,12 +123,11 @@ class Episode:
             )
 
     def _start(self, start: StartConfig) -> Reach:
-        loop = self.loop
         if start.pose is not None:
             t, thetau = np.array(start.pose[:3]), np.radians(start.pose[3:])
             return self.world.start_facing(Pose(exp_so3(thetau), t))
-        pixel = loop.goal + (start.x, start.y)
-        theta = loop.goal_theta + radians(start.angle_deg)
+        pixel = self.goal.pixel + (start.x, start.y)
+        theta = self.goal.theta + radians(start.angle_deg)
         depth = self.scenario.goal.depth / start.scale
         tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
         return self.world.start(pixel, theta, depth, *tilt)
@@ -133,7 +141,7 @@ class Episode:
         sides = np.array([length * change.width, width * change.height]) * truth.size
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
-        region = Region(*sides.tolist(), quad=_changed(truth, change))
+        region = Region(*sides.tolist(), quad=change.corners(truth))
         try:
             self.loop.start(first, region, given, goal)
         except ValueError as error:
@@ -162,9 +170,18 @@ class Episode:
 
     def _timeline(self) -> Timeline:
         run, world = self.scenario.run, self.world
-        draws = stream(run.seed, "transport")
-        first = self._first[1]
-        return Timeline(run, self.loop, world.period, world.ticks, draws, first, self._motion_true)
+        draws, first = stream(run.seed, "transport"), self._first[1]
+        lies = 1e-3 * self.scenario.believed.clock_offset_ms
+        return Timeline(
+            run, self.loop, world.period, world.ticks, draws, first, self._motion_true, lies
+        )
+
+    def _goal_sight(self, time: float) -> Sight:
+        """How the target shall be seen, by the true camera."""
+        believed, world = self.loop.goal_sight, self.world
+        if world.camera_believed is world.camera:
+            return believed
+        return replace(self.goal.sight(time), picture=believed.picture)
 
     def _move(self, twists: Array) -> bool:
         try:
@@ -188,7 +205,7 @@ class Episode:
                 frame = world.look()
                 rendering = perf_counter() - began
                 truth = self._truth()
-            acting = timeline.advance(Taken(frame, posture, truth))
+            acting = timeline.advance(Taken(frame, world.believed(posture), truth))
             rates, bodies = world.robot.rates_measured(world.data), world.bodies()
             before, decision = world.target_before(), timeline.decision
             began = perf_counter()
@@ -196,21 +213,13 @@ class Episode:
             seconds = Seconds(rendering, *timeline.seconds, perf_counter() - began)
             yield Step(
                 scene=self._scene, frame=frame, truth=truth, target_before=before,
-                goal=loop.goal, goal_theta=loop.goal_theta, goal_size=loop.goal_size(frame.time),
-                goal_sight=loop.goal_sight,
+                goal=self.goal.pixel, goal_theta=self.goal.theta,
+                goal_size=self.goal.size(frame.time), goal_sight=self._goal_sight(frame.time),
                 estimate=loop.estimate, truth_estimated=decision.truth, age=decision.age,
                 skipped=decision.skipped, command=decision.command,
                 motion_measured=loop.motion_measured, bodies=bodies, posture=posture, rates=rates,
                 twist_acting=mean_twist(acting), limited=limited, seconds=seconds,
             )  # fmt: skip
-
-
-def _changed(truth: Truth, change: RegionConfig) -> Array:
-    """The target's corners (4, 2) that the tracker is given [px]."""
-    own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(change.angle_deg)))
-    away = (truth.corners - truth.centre) @ [1, 1j] / own
-    sized = (away.real * change.width + 1j * away.imag * change.height) * given
-    return truth.centre + (change.x, change.y) + np.column_stack([sized.real, sized.imag])
 
 
 def run(scenario: Scenario) -> Iterator[Step]:

@@ -12,13 +12,13 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
-from math import radians
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from servo.estimators.difference import Difference
+from servo.loop.goal import Goal
 from servo.loop.part_checks import check_built, check_command, check_estimate
 from servo.loop.part_failed import part_failed
 from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
@@ -26,7 +26,6 @@ from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import CameraImage, Command, Sight
-from sim.placement import size_above
 from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
@@ -56,19 +55,22 @@ class Loop:
     seconds: tuple[float, float]
     """Wall-clock time of tracker and law in the last step [s]."""
 
-    def __init__(self, scenario: Scenario, camera: Camera, outline: Array) -> None:
+    def __init__(
+        self, scenario: Scenario, camera: Camera, outline: Array, true: Camera | None = None
+    ) -> None:
         """Build the parts.
 
         Args:
             scenario: Which, and with which settings.
-            camera: Intrinsics.
+            camera: Intrinsics, as they are believed to be.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m]: level, in
                 the order in which an image with the nose to the right shows them, from the top left
                 clockwise.
+            true: Where they differ, those of the camera that shows the goal (`believed.goal`).
         """
         self._scenario, self._camera, self._outline = scenario, camera, outline
         self._period = 1.0 / scenario.camera.rate
-        seed, goal = scenario.run.seed, scenario.goal
+        seed, believed = scenario.run.seed, scenario.believed
 
         self.parts: dict[str, tuple[Any, ...]] = {}
         """Each part with a kind: its `Config`, and what that built."""
@@ -85,26 +87,16 @@ class Loop:
         self._estimator: Estimator = built("estimator", stream(seed, "estimator"))
         self.uses_pictures = bool(getattr(self.features, "uses_pictures", False))
         """Whether the features are made of pixels: `start` then needs a picture of the goal."""
-        self.goal = np.array([camera.width / 2 + goal.x, camera.height / 2 + goal.y])
-        """Where the target's centre shall be (2,) [px]."""
-        self.goal_theta = radians(goal.angle_deg)
-        """Direction in which the target's nose shall point [rad]."""
-        self._sizes: dict[float, float] = {}
+        true = true or camera
+        pictured = camera if believed.goal == "computed" else true
+        seen = true if believed.goal == "pose" else camera
+        self.goal = Goal(scenario.goal, outline, pictured, seen, believed.depth_factor)
+        """How the target shall be seen."""
 
     @property
     def needs_truth(self) -> bool:
         """Whether `step` must be given the true motion, for the estimator."""
         return isinstance(self._estimator, NeedsTruth)
-
-    def goal_size(self, time: float) -> float:
-        """Size that the target shall have at a time [s], in px of the image a metre."""
-        depth = self._scenario.goal.depth_at(time)
-        if self._camera.distortion is None:
-            return self._camera.focal / depth
-        if depth not in self._sizes:
-            above = self._camera, self._outline, self.goal, self.goal_theta, depth
-            self._sizes = {depth: size_above(*above)}
-        return self._sizes[depth]
 
     def start(self, frame: Frame, region: Region, state: State, goal: Image | None = None) -> None:
         """Show the target to the tracker in the first picture, and begin the task.
@@ -129,7 +121,9 @@ class Loop:
         self.estimate = Estimate(
             state, unknown_covariance(), 0.0, Status.LOCKED, follows=(False, False)
         )
-        self._to_sight = EstimateToSight(scenario.sight, self._camera, region, self._outline)
+        self._to_sight = EstimateToSight(
+            scenario.sight, self._camera, region, self._outline, scenario.believed.depth_factor
+        )
         self._carried = np.zeros(4)
         self._shown = None
         self.sight, self.interval, self.seconds = None, self._period, (0.0, 0.0)
@@ -221,9 +215,7 @@ class Loop:
         return replace(goal, picture=CameraImage(frame.image, self._camera), goal=goal)
 
     def _goal_sight(self, time: float) -> Sight:
-        length, width = np.ptp(self._outline[:, :2], axis=0) * self.goal_size(time)
-        x, y = self.goal.tolist()
-        sight = self._to_sight.goal(State(x, y, self.goal_theta), Region(length, width))
+        sight = self.goal.sight(time)
         return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
 
     def _track(self, frame: Frame, posture: Posture) -> None:

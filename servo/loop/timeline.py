@@ -15,9 +15,9 @@ from typing import final
 import numpy as np
 
 from servo.loop.loop import Loop
+from servo.loop.posture_record import PostureRecord
 from servo.scenario.sections import RunConfig
 from servo.types import Command
-from sim.geometry import log_se3
 from sim.types import Array, Frame, Posture, Truth
 
 SAME = 1e-9
@@ -79,6 +79,7 @@ class Timeline:
         rng: np.random.Generator,
         first: Truth,
         motion_true: Callable[[Truth, float, float], Array],
+        clock_offset: float = 0.0,
     ) -> None:
         """Begin.
 
@@ -91,16 +92,17 @@ class Timeline:
             first: The truth at the first picture.
             motion_true: The true mean de/dt (k,) of the target's own motion between two times, seen
                 by the camera that took the picture of a truth; for a loop that needs it.
+            clock_offset: Stamp minus true time of a picture [s].
         """
         self._run, self._loop, self._period, self._ticks = run, loop, period, ticks
         self._rng, self._motion_true = rng, motion_true
-        self._plain = run.tracker_ms == 0 and run.jitter_ms == 0
+        self._plain = run.tracker_ms == 0 and run.jitter_ms == 0 and clock_offset == 0
+        self._record = PostureRecord(period, clock_offset)
         self._coming: list[tuple[float, Taken]] = []
         self._arrival = self._free = 0.0
         self._work: _Work | None = None
         self._skipped = 0
-        self._last: Taken | None = None
-        self._since: list[Posture] = []
+        self._is_first = True
         self.decision, self.seconds = Decision(first, Command(np.zeros(6))), (0.0, 0.0)
         self._asked = np.zeros(6)
         self._commands: list[tuple[float, Array]] = [(0.0, np.zeros(6))]
@@ -110,7 +112,8 @@ class Timeline:
         now = taken.frame.time
         end = now + self._period - SAME
         self.seconds = (0.0, 0.0)
-        self._since.append(replace(taken.posture, asked=self._asked))
+        if not self._plain:
+            self._record.add(taken.frame.index, replace(taken.posture, asked=self._asked))
         self._arrival = max(self._arrival, now + self._transport())
         self._coming.append((self._arrival, taken))
         while self._goes_on(end):
@@ -141,9 +144,8 @@ class Timeline:
         arrived = [taken for at, taken in self._coming if at <= begin + SAME]
         del self._coming[: len(arrived)]
         taken = arrived[-1]
-        posture = taken.posture if self._plain else self._paired(taken)
-        is_first, self._last = self._last is None, taken
-        self._since = self._since[-len(self._coming) :] if self._coming else []
+        posture = taken.posture if self._plain else self._record.paired(taken.frame.index)
+        is_first, self._is_first = self._is_first, False
         self._loop.track(taken.frame, posture)
         self.seconds = self._loop.seconds[0], self.seconds[1]
         takes = self._run.tracker_ms
@@ -151,23 +153,6 @@ class Timeline:
         done = begin + (0.0 if is_first else lasts)  # the first state is given
         self._skipped += len(arrived) - 1
         return _Work(taken, posture, done)
-
-    def _paired(self, taken: Taken) -> Posture:
-        """The posture at a picture, with means over the time since the tracker's last picture."""
-        if self._last is None:
-            return taken.posture
-        between = self._since[: taken.frame.index - self._last.frame.index]
-        if len(between) == 1:
-            return between[0]
-        dt = len(between) * self._period
-        before = self._last.posture.T_base_camera
-        accepted = [p.accepted for p in between if p.accepted is not None]
-        return replace(
-            taken.posture,
-            twist=log_se3(before.inverse() @ taken.posture.T_base_camera) / dt,
-            accepted=np.mean(accepted, axis=0) if accepted else None,
-            asked=np.mean([p.asked for p in between if p.asked is not None], axis=0),
-        )
 
     def _decide(self, work: _Work) -> None:
         loop, taken, posture = self._loop, work.taken, work.posture

@@ -4,7 +4,6 @@ its place.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,9 +26,10 @@ from servo.scenario.sections import (
     StartConfig,
     check_frames,
 )
-from servo.scenario.toml import override, put
+from servo.scenario.toml import override, put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
+from sim.believed import BelievedConfig
 from sim.camera import CameraConfig
 from sim.timing import Rates
 from sim.world import WorldConfig
@@ -43,8 +43,11 @@ SECTIONS: dict[str, type[Any]] = {
     "start": StartConfig,
     "region": RegionConfig,
     "sight": SightConfig,
+    "believed": BelievedConfig,
     "measure": MeasureConfig,
 }
+MOVED = {("sight", "depth_factor"): "believed.depth_factor"}
+"""Keys of earlier files, and where they are now."""
 KEYS = (*SECTIONS, *PLUGINS, *LISTS, "vary", "expect", "sweep")
 
 
@@ -62,6 +65,7 @@ class Scenario:
     start: StartConfig
     region: RegionConfig
     sight: SightConfig
+    believed: BelievedConfig
     measure: MeasureConfig
     robot: Any
     target: Any
@@ -195,6 +199,9 @@ def parse(table: Table, name: str, place: str) -> Scenario:
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    for (section, key), now in MOVED.items():
+        if isinstance(table.get(section), dict) and key in table[section]:
+            raise Mistake(f"{place}: {section}.{key} is {now} now")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
     table, base = _drawn(table, name, place), table
@@ -220,17 +227,10 @@ def _drawn(table: Table, name: str, place: str) -> Table:
     del fixed["vary"]
     for draw in draws:
         for end in draw.ends:
-            parse(_with(fixed, {draw.key: end}, place), name, f"{place}: vary.{draw.key}")
+            parse(with_settings(fixed, {draw.key: end}, place), name, f"{place}: vary.{draw.key}")
     seed = fill(RunConfig, fixed.get("run", {}), f"{place}: run").seed
     drawn = {} if seed == AS_WRITTEN else {d.key: d.value(seed) for d in draws}
-    return _with(fixed, drawn, place) | {"drawn": drawn}
-
-
-def _with(table: Table, settings: Table, place: str) -> Table:
-    changed = copy.deepcopy(table)
-    for key, value in settings.items():
-        put(changed, key, value, place)
-    return changed
+    return with_settings(fixed, drawn, place) | {"drawn": drawn}
 
 
 def path_of(name: str) -> Path:

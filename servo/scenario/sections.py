@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import radians
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from annotated_types import Ge, Le
 
 from servo.mistake import Mistake
 from sim.ranges import LONGEST, Degrees, Interval, Place, Time
+from sim.types import Array, Truth
 
 MOST_FRAMES = 360_000
 """An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
@@ -135,6 +137,13 @@ class RegionConfig:
     """Factor on its width."""
     height: Annotated[float, Ge(0), Le(100)] = 1.0
     """Factor on its height."""
+
+    def corners(self, truth: Truth) -> Array:
+        """The target's corners (4, 2) that the tracker is given [px]."""
+        own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
+        away = (truth.corners - truth.centre) @ [1, 1j] / own
+        sized = (away.real * self.width + 1j * away.imag * self.height) * given
+        return truth.centre + (self.x, self.y) + np.column_stack([sized.real, sized.imag])
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import tomllib
 from pathlib import Path
@@ -149,6 +150,14 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
     elif keys[0] != "vary":
         _forget(table, keys)
     at[keys[-1]] = value
+
+
+def with_settings(table: Table, settings: Table, place: str) -> Table:
+    """A copy of a table with settings at their paths, as by `put`."""
+    changed = copy.deepcopy(table)
+    for key, value in settings.items():
+        put(changed, key, value, place)
+    return changed
 
 
 def _forget(table: Table, keys: list[str]) -> None:

@@ -29,9 +29,6 @@ class SightConfig:
     depth: Literal["size", "known"] = "size"
     """Depth of the target, for the interaction matrix: from its metric "size" and its area in the
     image, or "known" from the robot's posture and table_height."""
-    depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
-    """The depth that the matrix of moments, points and segments is computed with, over the right
-    one: the gain of translations is wrong by the same factor."""
     table_height: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Height of the table over the robot's base [m]."""
 
@@ -40,7 +37,14 @@ class SightConfig:
 class EstimateToSight:
     """Knows the camera, the template and the target's metric size."""
 
-    def __init__(self, config: SightConfig, camera: Camera, region: Region, outline: Array) -> None:
+    def __init__(
+        self,
+        config: SightConfig,
+        camera: Camera,
+        region: Region,
+        outline: Array,
+        depth_factor: float = 1.0,
+    ) -> None:
         """Begin a run.
 
         Args:
@@ -48,8 +52,10 @@ class EstimateToSight:
             camera: Intrinsics.
             region: The template.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
+            depth_factor: The depths that interaction matrices are computed with, over those found.
         """
         self._config, self._camera, self._region = config, camera, region
+        self._depth_factor = depth_factor
         self._root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         self._height = config.table_height + float(outline[0, 2])
         self._fit = PlaneFit()
@@ -97,7 +103,7 @@ class EstimateToSight:
 
     def _with_depth_factor(self, sight: Sight) -> Sight:
         """The sight with the depths that the interaction matrix is computed with."""
-        if self._config.depth_factor == 1.0:
+        if self._depth_factor == 1.0:
             return sight
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
 
@@ -141,5 +147,5 @@ class EstimateToSight:
 
     def _scaled(self, plane: Plane) -> Plane:
         """The plane that the interaction matrix is computed with."""
-        f = self._config.depth_factor
+        f = self._depth_factor
         return plane if f == 1.0 else Plane(plane.A / f, plane.B / f, plane.C / f)

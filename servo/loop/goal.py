@@ -1,0 +1,62 @@
+"""How the target shall be seen, at any time of a run."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import final
+
+import numpy as np
+
+from servo.scenario.sections import GoalConfig
+from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
+from servo.types import Sight
+from sim.placement import size_above
+from sim.types import Array, Camera
+from tracking.types import Region, State
+
+
+@final
+class Goal:
+    """The target, faced at a pixel, an angle and a depth."""
+
+    def __init__(
+        self,
+        config: GoalConfig,
+        outline: Array,
+        pictured: Camera,
+        seen: Camera,
+        depth_factor: float = 1.0,
+    ) -> None:
+        """Keep what is asked for.
+
+        Args:
+            config: Where and how near.
+            outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
+            pictured: Gives the goal's picture its size [px].
+            seen: Takes this picture to rays.
+            depth_factor: As for `EstimateToSight`.
+        """
+        self._config, self._outline, self._camera = config, outline, pictured
+        self.pixel = np.array([pictured.width / 2 + config.x, pictured.height / 2 + config.y])
+        """Where the target's centre shall be (2,) [px]."""
+        self.theta = radians(config.angle_deg)
+        """Direction in which the target's nose shall point [rad]."""
+        self._sizes: dict[float, float] = {}
+        region = Region(1.0, 1.0)  # each goal brings its own
+        self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
+
+    def size(self, time: float) -> float:
+        """Size that the target shall have at a time [s], in px of the image a metre."""
+        depth = self._config.depth_at(time)
+        if self._camera.distortion is None:
+            return self._camera.focal / depth
+        if depth not in self._sizes:
+            above = self._camera, self._outline, self.pixel, self.theta, depth
+            self._sizes = {depth: size_above(*above)}
+        return self._sizes[depth]
+
+    def sight(self, time: float) -> Sight:
+        """How the target shall be seen at a time [s]."""
+        length, width = np.ptp(self._outline[:, :2], axis=0) * self.size(time)
+        x, y = self.pixel.tolist()
+        return self._to_sight.goal(State(x, y, self.theta), Region(length, width))

@@ -1,0 +1,72 @@
+"""What a robot remembers of its own motion, and what it pairs with a picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import final
+
+import numpy as np
+
+from sim.geometry import exp_se3, log_se3
+from sim.types import Pose, Posture
+
+
+@final
+class PostureRecord:
+    """Postures at the times of all pictures; paired with those that the tracker takes.
+
+    A picture's stamp may lie by an offset: it is then paired with the pose of another moment.
+    """
+
+    def __init__(self, period: float, clock_offset: float) -> None:
+        """Begin with none.
+
+        Args:
+            period: Frame interval [s].
+            clock_offset: Stamp minus true time of a picture [s].
+        """
+        self._period, self._offset = period, clock_offset
+        self._postures: dict[int, Posture] = {}
+        self._taken: int | None = None
+        self._pose: Pose | None = None
+
+    def add(self, index: int, posture: Posture) -> None:
+        """Remember the posture at the time of a frame; `asked` is that since the frame before."""
+        self._postures[index] = posture
+
+    def paired(self, index: int) -> Posture:
+        """The posture for the picture of a frame, its means over the time since the one before that
+        was asked for; what is older is forgotten.
+        """
+        posture, last, before = self._postures[index], self._taken, self._pose
+        pose = posture.T_base_camera if self._offset == 0 else self._pose_at(index)
+        self._taken, self._pose = index, pose
+        reach = int(abs(self._offset) / self._period) + 2
+        between = [p for i, p in self._postures.items() if last is not None and last < i <= index]
+        self._postures = {i: p for i, p in self._postures.items() if i > index - reach}
+        if last is None or before is None:
+            return replace(posture, T_base_camera=pose)
+        if self._offset == 0 and len(between) == 1:
+            return posture
+        accepted = [p.accepted for p in between if p.accepted is not None]
+        asked = [p.asked for p in between if p.asked is not None]
+        return replace(
+            posture,
+            T_base_camera=pose,
+            twist=log_se3(before.inverse() @ pose) / (self._period * (index - last)),
+            accepted=np.mean(accepted, axis=0) if accepted else None,
+            asked=np.mean(asked, axis=0) if asked else None,
+        )
+
+    def _pose_at(self, index: int) -> Pose:
+        """The pose at the stamp of a frame, on a screw between those of two frames; the newest, or
+        the oldest, where there is none beyond.
+        """
+        frames = index + self._offset / self._period
+        at = float(np.clip(frames, min(self._postures), max(self._postures)))
+        i = int(min(at, max(self._postures) - 1)) if len(self._postures) > 1 else int(at)
+        start = self._postures[i].T_base_camera
+        if at == i:
+            return start
+        way = log_se3(start.inverse() @ self._postures[i + 1].T_base_camera)
+        return start @ exp_se3(way * (at - i))

@@ -1,0 +1,87 @@
+"""Rolling shutter and automatic gain, on pictures that say when they were taken."""
+
+from math import exp
+
+import numpy as np
+import pytest
+
+from sim.camera import CameraConfig
+from sim.lens import Lens, Sensor
+from sim.motions import still
+from sim.robots import gantry
+from sim.targets import car
+from sim.timing import exposures
+from sim.types import Camera
+from sim.world import World, WorldConfig
+
+
+class Clock:
+    """A renderer whose pictures are as bright as the number of physics steps since the start."""
+
+    def __init__(self, *_):
+        pass
+
+    def render(self, data):
+        return np.full((240, 320, 3), round(data.time * 480), np.uint8)
+
+    def close(self):
+        pass
+
+
+def frames_of(**camera):
+    rng = np.random.default_rng(0)
+    parts = [part.Config().build(rng) for part in (gantry, car)]
+    config, motion = CameraConfig(**camera), still.Config().build(rng)
+    world = World(WorldConfig(), *parts, config, motion, (), rng, Clock)
+    yield world.look().image
+    while True:
+        world.step(np.zeros(6))
+        yield world.look().image
+
+
+@pytest.mark.parametrize("lens", [{}, {"distortion": "fisheye", "coefficients": (0.0,) * 4}])
+def test_rows_are_exposed_at_their_own_times(lens):
+    """16 steps a frame; of a readout of 12 of them row v has the one nearest to 4 + 12 v / 240."""
+    frames = frames_of(readout_ms=25.0, bands=13, **lens)
+    assert np.all(next(frames) == 0)
+    for last in (16, 32):
+        rows = next(frames)[:, 160, 0].astype(int)
+        wanted = last - 12 + np.rint(12 * (np.arange(240) + 0.5) / 240).astype(int)
+        np.testing.assert_array_equal(rows, wanted)
+        assert (rows[0], rows[-1]) == (last - 12, last)
+
+
+def test_each_row_is_exposed_as_long():
+    frames = frames_of(readout_ms=12.5, bands=2, exposure=0.5, subframes=3)
+    next(frames)
+    # Ends at steps 10 and 16, with sub-frames 4 and 8 steps before.
+    np.testing.assert_array_equal(next(frames)[[0, 239], 0, 0], [6, 12])
+
+
+def test_bands_that_fall_on_one_physics_step_are_rendered_once():
+    bands = exposures(CameraConfig(readout_ms=5.0, bands=64), 16)
+    assert [b.steps for b in bands] == [(14,), (15,), (16,)]
+    assert [b.begin for b in bands][1:] == [b.end for b in bands][:-1]
+    assert bands[-1].end == 240
+
+
+def test_a_readout_longer_than_a_frame_is_refused():
+    with pytest.raises(ValueError) as found:
+        CameraConfig(readout_ms=30.0, exposure=0.2)
+    assert (
+        str(found.value) == "readout_ms = 30 and the exposure do not fit into a frame of 33.3333 ms"
+    )
+
+
+def test_the_gain_brings_the_brightness_back_in_its_time():
+    """What is left of the change, as a ratio, falls by exp(-t / auto_gain)."""
+    config = CameraConfig(auto_gain=0.5, rate=30.0)
+    camera = Camera(fx=100.0, fy=100.0, cx=160.0, cy=120.0, width=320, height=240)
+    sensor = Sensor(config, Lens(camera), np.random.default_rng(0))
+    picture = np.full((240, 320, 3), 200, np.uint8)
+    levels = [int(sensor.develop([picture], gain)[0, 0, 0]) for gain in (1.0, *[0.5] * 31)]
+    assert levels[:2] == [200, 100]
+    assert levels[16] == pytest.approx(200 * 0.5 ** exp(-0.5 / 0.5), abs=1.0)
+    for _ in range(200):
+        dark = sensor.develop([picture], 0.01)
+    assert dark.max() == 16  # the gain ends at 8
