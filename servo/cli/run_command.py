@@ -58,6 +58,8 @@ def run_scenario(
     missed = violations(report, scenario.expect)
     paths = output.finish(steps, report, missed)
     _print_report(console, scenario, report)
+    if scenario.unjudged:
+        plain(console, scenario.unjudged)
     console.print(_stage_line(steps, writing))
     for path in paths:
         plain(console, f"  {path}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 from servo.loop import camera_path
 from servo.loop.step import Step
 from servo.mistake import Mistake, unknown
+from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario
 from servo.scenario.sections import MeasureConfig
 from servo.scenario.toml import is_number
+from sim import kinds
 from sim.geometry import half_turn
 from sim.types import Array
 from tracking.files.json_text import number
@@ -152,8 +155,17 @@ def check_expect(scenario: Scenario) -> None:
     Raises:
         Mistake: An unknown measure or outcome, or a bound that is no number.
     """
-    for name, bound in scenario.expect.items():
-        place = f"{scenario.name}: expect"
+    place, bounds = f"{scenario.name}: expect", scenario.bounds
+    known = kinds.names(PLUGINS["tracker"][0])
+    for kind, expect in bounds.others.items():
+        if kind not in known and ":" not in kind:
+            raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")
+        _check_bounds(expect, f"{place}.tracker.{kind}")
+    _check_bounds(bounds.expect | scenario.expect, place)
+
+
+def _check_bounds(expect: dict[str, Any], place: str) -> None:
+    for name, bound in expect.items():
         if name == "outcome":
             if not isinstance(bound, str) or bound not in Outcome.__members__:
                 raise Mistake(

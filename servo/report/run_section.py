@@ -74,7 +74,7 @@ def _bounds(run: RunReport) -> Block:
     head = ("measure", "value", "unit", "bound", "", "meaning")
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
-        text = ["This scenario has no bounds."]
+        text = [run.unjudged or "This scenario has no bounds."]
     table = Table(head, rows, words=(0, 2, 4, 5))
     return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
 

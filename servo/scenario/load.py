@@ -4,6 +4,7 @@ its place.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
+from servo.scenario.bounds import Bounds, tracker_of
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
@@ -70,12 +72,19 @@ class Scenario:
     controller: Any
     disturbances: tuple[Any, ...]
     expect: dict[str, float | str]
-    """Bounds on measures by name, and `outcome`."""
+    """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
+    bounds: Bounds
+    """The bounds of all trackers."""
 
     @property
     def frames(self) -> int:
         """Number of frames of a run."""
         return max(1, round(self.run.duration * self.camera.rate))
+
+    @property
+    def unjudged(self) -> str:
+        """A sentence where the bounds are made for another tracker; else nothing."""
+        return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
     def rates_changed(self) -> dict[str, float]:
@@ -116,6 +125,8 @@ def load(
     """
     scenario = _loaded(name, overrides, seed)
     own = {key: _part(key, value) for key, value in parts.items()}
+    if "tracker" in own:
+        own["expect"] = scenario.bounds.of(kinds.kind_of(own["tracker"]))
     return dataclasses.replace(scenario, **own) if own else scenario
 
 
@@ -134,18 +145,19 @@ def _part(key: str, value: Any) -> Any:
 
 def _loaded(name: str, overrides: Sequence[str], seed: int | None) -> Scenario:
     table, place = read(name)
+    written = copy.deepcopy(table)
     for item in overrides:
         override(table, item)
     if seed is not None:
         put(table, "run.seed", seed, f"--seed {seed}")
     try:
-        return parse(table, Path(name).stem, place)
+        return parse(table, Path(name).stem, place, written)
     except Mistake:
         culprit = _culprit(name, overrides)
         if culprit is None:
             raise
         place = f"--set {culprit}"
-    return parse(table, Path(name).stem, place)
+    return parse(table, Path(name).stem, place, written)
 
 
 def _culprit(name: str, overrides: Sequence[str]) -> str | None:
@@ -181,8 +193,14 @@ def read(name: str) -> tuple[Table, str]:
     return (table if name in shipped() else found_beside(table, path.parent)), path.name
 
 
-def parse(table: Table, name: str, place: str) -> Scenario:
+def parse(table: Table, name: str, place: str, written: Table | None = None) -> Scenario:
     """The scenario of a TOML table; place names it in messages.
+
+    Args:
+        table: With all changes.
+        name: Of the scenario.
+        place: Its file.
+        written: The table as it stands in its file, whose tracker the bounds are made for.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
@@ -198,13 +216,14 @@ def parse(table: Table, name: str, place: str) -> Scenario:
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
     for key, folder in LISTS.items():
         values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
-    expect = table.get("expect", {})
-    if not isinstance(expect, dict):
-        raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
+    bounds = Bounds.read(table, table if written is None else written, place)
     if not isinstance(table.get("sweep", {}), dict):
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
     _check_frames(values["run"], values["camera"], place)
-    return Scenario(name=name, table=table, expect=expect, **values)
+    expect = bounds.of(tracker_of(table))
+    if tracker_of(table) != bounds.own:
+        table = table | {"expect": expect}
+    return Scenario(name=name, table=table, expect=expect, bounds=bounds, **values)
 
 
 def _check_frames(run: RunConfig, camera: CameraConfig, place: str) -> None:

@@ -132,7 +132,7 @@ def _check(study: Study, place: str) -> None:
     for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
         table = run.table  # its mistakes name their place already
         try:
-            check_expect(scenarios.parse(table, run.base.name, run.base.place))
+            check_expect(scenarios.parse(table, run.base.name, run.base.place, run.base.table))
         except Mistake as error:
             _check_base(run.base, place)
             settings = study.changes | run.settings

@@ -73,7 +73,7 @@ class Run:
         Raises:
             Mistake: A setting is not valid.
         """
-        scenario = scenarios.parse(self.table, self.base.name, self.base.place)
+        scenario = scenarios.parse(self.table, self.base.name, self.base.place, self.base.table)
         check_expect(scenario)
         return scenario
 

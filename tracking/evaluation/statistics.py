@@ -155,7 +155,9 @@ def _share(share: float, count: int, confidence: float) -> Interval:
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     variance = share * (1 - share) / count + (z / count) ** 2 / 4
     width = z / (1 + z * z / count) * variance**0.5
-    return Interval(share, min(middle - width, share), max(middle + width, share), count)
+    # The ends are exact where all or none succeeded: rounding would leave them beyond 0 and 1.
+    low = 0.0 if share == 0 else middle - width
+    return Interval(share, low, 1.0 if share == 1 else middle + width, count)
 
 
 def titles(names: Iterable[str]) -> list[str]:
