@@ -1,6 +1,6 @@
 import pytest
 
-from servo.loop.run_measures import check_expect
+from servo.loop.check_expect import check_expect
 from servo.mistake import Mistake
 from servo.scenario import catalogue
 from servo.scenario import load as s

@@ -52,7 +52,7 @@ def section(folder: Path) -> Section:
         Fact("its success AUC", shown(score.value if score else None),
              basis(score, ranking.UNIT) if score else ""),
         Fact("trackers", str(len(bench.trackers))),
-        Fact("sequences", str(len({r.sequence for r in bench.runs}))),
+        Fact("sequences", str(best.units or len({r.sequence for r in bench.runs}))),
         Fact("runs", str(len(bench.runs))),
     ]  # fmt: skip
     lead = "Trackers against each other on sequences with a truth."

@@ -14,9 +14,9 @@ from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
-from servo.scenario.bounds import Bounds, tracker_of
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.expected import Expected, tracker_of
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
 from servo.scenario.named_files import found_beside
 from servo.scenario.sections import (
@@ -73,7 +73,7 @@ class Scenario:
     disturbances: tuple[Any, ...]
     expect: dict[str, float | str]
     """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
-    bounds: Bounds
+    bounds: Expected
     """The bounds of all trackers."""
 
     @property
@@ -216,7 +216,7 @@ def parse(table: Table, name: str, place: str, written: Table | None = None) -> 
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
     for key, folder in LISTS.items():
         values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
-    bounds = Bounds.read(table, table if written is None else written, place)
+    bounds = Expected.read(table, table if written is None else written, place)
     if not isinstance(table.get("sweep", {}), dict):
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
     _check_frames(values["run"], values["camera"], place)

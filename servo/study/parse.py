@@ -11,7 +11,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from servo.loop.run_measures import MEANINGS, check_expect
+from servo.loop.check_expect import check_expect
+from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import sentence, shipped, studies

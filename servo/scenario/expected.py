@@ -13,7 +13,7 @@ TRACKER = "tracker"
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class Expected:
     """The bounds of a scenario, by kind of tracker."""
 
     own: str
@@ -26,7 +26,7 @@ class Bounds:
     """[expect.tracker.KIND] by kind."""
 
     @staticmethod
-    def read(table: Table, written: Table, place: str) -> Bounds:
+    def read(table: Table, written: Table, place: str) -> Expected:
         """The bounds of a scenario's table; `written` is the table in its file, before changes.
 
         Raises:
@@ -48,7 +48,7 @@ class Bounds:
         known: Table = before if isinstance(before, dict) else {}
         replaced = not known.keys() - {TRACKER} <= expect.keys()  # as a whole: --set expect={}
         changed = {name: b for name, b in expect.items() if replaced or b != known.get(name)}
-        return Bounds(own, expect, changed, others)
+        return Expected(own, expect, changed, others)
 
     def of(self, kind: str) -> Table:
         """The bounds for a kind of tracker; none where none are made for it."""
