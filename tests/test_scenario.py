@@ -1,9 +1,11 @@
 import pytest
 
-from servo.loop.run_measures import check_expect
+from servo.loop.check_expect import check_expect
 from servo.mistake import Mistake
 from servo.scenario import catalogue
 from servo.scenario import load as s
+from servo.study.parse import load as load_study
+from servo.study.perform import perform
 from sim import kinds
 from tracking.trackers import pf_ssd
 
@@ -156,3 +158,85 @@ def test_bounds_on_what_is_not_measured_are_refused():
     assert mistake(check_expect, s.load("still", ["expect.outcome=FINE"])).startswith(
         "still: expect.outcome = 'FINE': one of CONVERGED, TIMED_OUT"
     )
+
+
+JUDGED = """# mine
+# A car that stands.
+[start]
+x = 30.0
+
+[tracker]
+kind = "kams"
+
+[expect]
+outcome = "TIMED_OUT"
+servo_rms_px = 2.0
+
+[expect.tracker.frozen]
+servo_rms_px = 9.0
+"""
+
+
+def judged(*changes, **parts):
+    return s.load("mine.toml", changes, **parts)
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "mine.toml"
+    path.write_text(JUDGED)
+    return path
+
+
+def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(mine):
+    assert judged().expect == {"outcome": "TIMED_OUT", "servo_rms_px": 2.0}
+    assert judged("tracker.particles=9").expect == judged().expect
+    assert judged("tracker.kind=frozen").expect == {"servo_rms_px": 9.0}
+    assert judged("tracker.kind=frozen").unjudged == judged().unjudged == ""
+    other = judged("tracker.kind=pf_ssd")
+    assert (other.expect, other.table["expect"]) == ({}, {})
+    assert other.unjudged == (
+        "No verdict: the bounds are made for kams, and there are none for pf_ssd."
+    )
+    assert judged(tracker=other.tracker).expect == {}
+    assert judged(tracker=other.tracker).unjudged == other.unjudged
+    set_here = judged("expect.servo_rms_px=1.5", "tracker.kind=pf_ssd")
+    assert set_here.expect == {"servo_rms_px": 1.5}
+    assert judged("expect.tracker.pf_ssd.settle_s=1", "tracker.kind=pf_ssd").expect == {
+        "settle_s": 1
+    }  # fmt: skip
+    assert other.bounds.success == "TIMED_OUT"
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ("expect.tracker=3",
+         "--set expect.tracker=3: expect.tracker should be a table of bounds by kind of tracker"),
+        ("expect.tracker.kams.settle_s=3", "--set expect.tracker.kams.settle_s=3: "
+         "expect.tracker.kams: this is the scenario's own tracker; its bounds stand in [expect] "
+         "itself"),
+        ("expect.tracker.kam.settle_s=3",
+         "mine: expect.tracker: there is no tracker 'kam'; did you mean 'kams'?"),
+        ("expect.tracker.frozen.settle=3", "mine: expect.tracker.frozen: there is no key 'settle'; "
+         "did you mean 'settle_s'?"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_the_bounds_of_other_trackers_is_one_sentence(mine, change, sentence):
+    with pytest.raises(Mistake) as told:
+        check_expect(judged(change))
+    assert str(told.value) == sentence
+
+
+def test_a_study_judges_each_tracker_by_its_own_bounds(mine):
+    (mine.parent / "study.toml").write_text(
+        '# x\n# Y.\nscenario = "mine.toml"\nseeds = 1\n[set]\nrun.duration = 0.1\n'
+        '[axes]\ntracker.kind = ["kams", "frozen", "pf_ssd"]\n'
+    )
+    runs = [perform(run) for run in load_study("study.toml").runs()]
+    assert [[b["name"] for b in run["missed"]] for run in runs] == [
+        ["servo_rms_px"], ["servo_rms_px"], []
+    ]  # fmt: skip
+    assert [b["bound"] for run in runs for b in run["missed"]] == ["2.0", "9.0"]
+    assert [run["success"] for run in runs] == [run["outcome"] == "TIMED_OUT" for run in runs]

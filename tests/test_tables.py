@@ -53,7 +53,7 @@ def results(families, seeds=8):
                     measures[MEASURES[-1].name] = None
                 found.append({
                     "tracker": tracker, "sequence": f"{family}-1", "family": family, "seed": seed,
-                    "frames": 100 + seed, "measures": measures,
+                    "drawn": True, "frames": 100 + seed, "measures": measures,
                     "success": (skill * (1 - OVERLAPS)).tolist(),
                     "precision": np.minimum(1, skill * PIXELS / 30).tolist(),
                 })  # fmt: skip
@@ -188,7 +188,7 @@ def test_a_section_is_listed_with_all_its_settings(section, printed):
     at = head.index("default"), head.index("meaning")
     names = [row[: at[0]].strip() for row in rows]
     config = SECTIONS.get(section)
-    known = {"expect": ["outcome", *MEANINGS], "sweep": KEYS}.get(section)
+    known = {"expect": ["outcome", *MEANINGS, "tracker"], "sweep": KEYS}.get(section)
     fields = dataclasses.fields(config) if config else ()
     assert [n for n in names if n] == [f"{section}.{n}" for n in known or [f.name for f in fields]]
     assert all(row[at[1] :].strip() for row in rows)

@@ -131,10 +131,11 @@ def _table(rows: Sequence[tuple[Check, Checked]]) -> Table:
     for check, checked in rows:
         scenario, value = check.scenario, checked.report.value
         bounds, missed = len(scenario.expect), len(checked.missed)
+        kept = Badge.of(not missed, f"{bounds - missed} of {bounds}")
         cells.append([
             scenario.name, str(scenario.run.seed), checked.report.outcome.name,
             f"{value('servo_rms_px'):.2f}", f"{value('servo_peak_px'):.1f}",
             f"{value('tracking_rms_px'):.2f}",
-            Badge.of(not missed, f"{bounds - missed} of {bounds}"), f"{checked.seconds:.1f} s",
+            kept if bounds else "none", f"{checked.seconds:.1f} s",
         ])  # fmt: skip
     return Table(TITLES, cells, words=(0, 2, 6))

@@ -11,9 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 
 from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
+from servo.loop.check_expect import check_expect
 from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
-from servo.loop.run_measures import Report, Violation, check_expect, summarise, violations
+from servo.loop.run_measures import Report, Violation, summarise, violations
 from servo.loop.step import Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, prepare, with_traceback
@@ -59,6 +60,8 @@ def run_scenario(
     missed = violations(report, scenario.expect)
     paths = output.finish(steps, report, missed)
     _print_report(console, scenario, report)
+    if scenario.unjudged:
+        plain(console, scenario.unjudged)
     console.print(_stage_line(steps, writing))
     for path in paths:
         plain(console, f"  {path}")

@@ -33,7 +33,14 @@ def expect_schema() -> Schema:
     """Schema of the table of bounds: any measure, and the outcome."""
     ends = list(Outcome.__members__)
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
-    return table({"outcome": outcome} | _bounds(), "Outcome and largest measures of a good run.")
+    bounds = {"outcome": outcome} | _bounds()
+    others = {
+        "description": "The same of another tracker, by its kind; one without has no verdict.",
+        "type": "object",
+        "additionalProperties": table(bounds),
+    }
+    about = "Outcome and largest measures of a good run with the scenario's own tracker."
+    return table(bounds | {"tracker": others}, about)
 
 
 def vary_schema() -> Schema:

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from servo.loop import camera_path
 from servo.loop.step import Step
 from servo.loop.step_errors import range_used, servo_angle, speed, tracking_angle, tracking_scale
-from servo.mistake import Mistake, unknown
-from servo.scenario.load import Scenario
 from servo.scenario.sections import MeasureConfig
-from servo.scenario.toml import is_number
 from sim.types import Array
 from tracking.files.json_text import number
 from tracking.types import Status
@@ -150,25 +147,6 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
     }
     measures = tuple(RunMeasure(name, float(values[name]), *MEANINGS[name]) for name in MEANINGS)
     return Report(_outcome(steps), measures)
-
-
-def check_expect(scenario: Scenario) -> None:
-    """Refuse bounds on things that do not exist.
-
-    Raises:
-        Mistake: An unknown measure or outcome, or a bound that is no number.
-    """
-    for name, bound in scenario.expect.items():
-        place = f"{scenario.name}: expect"
-        if name == "outcome":
-            if not isinstance(bound, str) or bound not in Outcome.__members__:
-                raise Mistake(
-                    f"{place}.outcome = {bound!r}: one of {', '.join(Outcome.__members__)}"
-                )
-        elif name not in MEANINGS:
-            raise Mistake(f"{place}: {unknown(name, (*MEANINGS, 'outcome'))}")
-        elif not is_number(bound):
-            raise Mistake(f"{place}.{name} = {bound!r}: a bound is a finite number")
 
 
 def violations(report: Report, expect: dict[str, float | str]) -> list[Violation]:

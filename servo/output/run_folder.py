@@ -42,7 +42,7 @@ class RunReport(Made):
     units: dict[str, str]
     """Units of the measures by name."""
     expect: dict[str, Number | str]
-    """The scenario's bounds."""
+    """The scenario's bounds for its tracker."""
     missed: list[Violation]
     """The bounds that were not kept."""
     features: dict[str, str]
@@ -55,6 +55,8 @@ class RunReport(Made):
     """The scenario's TOML table, including changes."""
     rates: dict[str, Number] = field(default_factory=dict)
     """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
+    unjudged: str = ""
+    """Why there is no verdict, where the bounds are made for another tracker."""
 
     @staticmethod
     def of(
@@ -78,6 +80,7 @@ class RunReport(Made):
             settings=as_json(settings),
             table=_table(scenario),
             rates=scenario.rates_changed,
+            unjudged=scenario.unjudged,
         )
 
 

@@ -75,7 +75,7 @@ def _bounds(run: RunReport) -> Block:
     head = ("measure", "value", "unit", "bound", "", "meaning")
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
-        text = ["This scenario has no bounds."]
+        text = [run.unjudged or "This scenario has no bounds."]
     if run.settings["run"].get("tracker_ms") == "measured":
         text.append(f"{DOES_NOT_REPEAT}.")
     table = Table(head, rows, words=(0, 2, 4, 5))

@@ -4,20 +4,20 @@ its place.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.calibration import calibrated
-from servo.scenario.catalogue import LISTS, PLUGINS, shipped
+from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import AS_WRITTEN, draws_of
+from servo.scenario.expected import Expected, tracker_of
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
-from servo.scenario.named_files import found_beside
 from servo.scenario.sections import (
     GoalConfig,
     MeasureConfig,
@@ -26,6 +26,8 @@ from servo.scenario.sections import (
     StartConfig,
     check_frames,
 )
+from servo.scenario.source import path_of as path_of
+from servo.scenario.source import read as read
 from servo.scenario.toml import override, put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
@@ -76,7 +78,9 @@ class Scenario:
     controller: Any
     disturbances: tuple[Any, ...]
     expect: dict[str, float | str]
-    """Bounds on measures by name, and `outcome`."""
+    """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
+    bounds: Expected
+    """The bounds of all trackers."""
     drawn: Table = field(default_factory=dict)
     """The settings that were drawn for this seed, and their values."""
 
@@ -84,6 +88,11 @@ class Scenario:
     def frames(self) -> int:
         """Number of frames of a run."""
         return max(1, round(self.run.duration * self.camera.rate))
+
+    @property
+    def unjudged(self) -> str:
+        """A sentence where the bounds are made for another tracker; else nothing."""
+        return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
     def rates_changed(self) -> dict[str, float]:
@@ -124,6 +133,8 @@ def load(
     """
     scenario = _loaded(name, overrides, seed)
     own = {key: _part(key, value) for key, value in parts.items()}
+    if "tracker" in own:
+        own["expect"] = scenario.bounds.of(kinds.kind_of(own["tracker"]))
     return dataclasses.replace(scenario, **own) if own else scenario
 
 
@@ -142,18 +153,19 @@ def _part(key: str, value: Any) -> Any:
 
 def _loaded(name: str, overrides: Sequence[str], seed: int | None) -> Scenario:
     table, place = read(name)
+    written = copy.deepcopy(table)
     for item in overrides:
         override(table, item)
     if seed is not None:
         put(table, "run.seed", seed, f"--seed {seed}")
     try:
-        return parse(table, Path(name).stem, place)
+        return parse(table, Path(name).stem, place, written)
     except Mistake:
         culprit = _culprit(name, overrides)
         if culprit is None:
             raise
         place = f"--set {culprit}"
-    return parse(table, Path(name).stem, place)
+    return parse(table, Path(name).stem, place, written)
 
 
 def _culprit(name: str, overrides: Sequence[str]) -> str | None:
@@ -176,21 +188,14 @@ def _is_right(table: Table, place: str) -> bool:
     return True
 
 
-def read(name: str) -> tuple[Table, str]:
-    """The TOML table of a scenario, not looked at yet, and the name of its file for messages.
-
-    Files that it names are looked for beside it first, then from the working directory.
-
-    Raises:
-        Mistake: There is no such file, or it is no TOML.
-    """
-    path = path_of(name)
-    table = toml.decode(toml.read(path, "scenario"), path.name)
-    return (table if name in shipped() else found_beside(table, path.parent)), path.name
-
-
-def parse(table: Table, name: str, place: str) -> Scenario:
+def parse(table: Table, name: str, place: str, written: Table | None = None) -> Scenario:
     """The scenario of a TOML table; place names it in messages.
+
+    Args:
+        table: With all changes.
+        name: Of the scenario.
+        place: Its file.
+        written: The table as it stands in its file, whose tracker the bounds are made for.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
@@ -210,13 +215,15 @@ def parse(table: Table, name: str, place: str) -> Scenario:
         values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
     for key, folder in LISTS.items():
         values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
-    expect = table.get("expect", {})
-    if not isinstance(expect, dict):
-        raise Mistake(f"{place}: expect should be a table of bounds, not {expect!r}")
+    bounds = Expected.read(table, table if written is None else written, place)
     if not isinstance(table.get("sweep", {}), dict):
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
     check_frames(values["run"], values["camera"].rate, place)
-    return Scenario(name=name, table=base, expect=expect, drawn=table.get("drawn", {}), **values)
+    expect = bounds.of(tracker_of(table))
+    if tracker_of(table) != bounds.own:
+        base = base | {"expect": expect}
+    found = {"expect": expect, "bounds": bounds, "drawn": table.get("drawn", {})}
+    return Scenario(name=name, table=base, **found, **values)
 
 
 def _drawn(table: Table, name: str, place: str) -> Table:
@@ -231,17 +238,3 @@ def _drawn(table: Table, name: str, place: str) -> Table:
     seed = fill(RunConfig, fixed.get("run", {}), f"{place}: run").seed
     drawn = {} if seed == AS_WRITTEN else {d.key: d.value(seed) for d in draws}
     return with_settings(fixed, drawn, place) | {"drawn": drawn}
-
-
-def path_of(name: str) -> Path:
-    """The file of a scenario, by its shipped name or by its path.
-
-    Raises:
-        Mistake: There is no such name.
-    """
-    path = Path(name)
-    if path.suffix == ".toml":
-        return path
-    if name not in shipped():
-        raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
-    return Path(str(resources.files("scenes") / f"{name}.toml"))

@@ -11,7 +11,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from servo.loop.run_measures import MEANINGS, check_expect
+from servo.loop.check_expect import check_expect
+from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import sentence, shipped, studies
@@ -132,7 +133,7 @@ def _check(study: Study, place: str) -> None:
     for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
         table = run.table  # its mistakes name their place already
         try:
-            check_expect(scenarios.parse(table, run.base.name, run.base.place))
+            check_expect(scenarios.parse(table, run.base.name, run.base.place, run.base.table))
         except Mistake as error:
             _check_base(run.base, place)
             settings = study.changes | run.settings

@@ -54,7 +54,7 @@ def perform(run: Run) -> Row:
             tiles.append(_tile(step))
 
     steps, report = measured_run(scenario, keep)
-    hoped = scenario.expect.get("outcome", Outcome.CONVERGED.name)
+    hoped = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
     return {
         "run": run.number,
         "scenario": run.scenario,

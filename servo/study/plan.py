@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import tomli_w
 
-from servo.loop.run_measures import check_expect
+from servo.loop.check_expect import check_expect
 from servo.output.formats import Document, Made, Number, command_line
 from servo.output.versions import versions
 from servo.scenario import load as scenarios
@@ -74,7 +74,7 @@ class Run:
         Raises:
             Mistake: A setting is not valid.
         """
-        scenario = scenarios.parse(self.table, self.base.name, self.base.place)
+        scenario = scenarios.parse(self.table, self.base.name, self.base.place, self.base.table)
         check_expect(scenario)
         return scenario
 

@@ -1,0 +1,73 @@
+"""What a scenario expects of its own tracker, and what of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from servo.mistake import Mistake
+from servo.scenario.catalogue import PLUGINS
+
+Table = dict[str, Any]
+TRACKER = "tracker"
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """The bounds of a scenario, by kind of tracker."""
+
+    own: str
+    """The kind of tracker in the scenario's file, which [expect] is made for."""
+    expect: Table
+    """[expect], without those of other trackers."""
+    changed: Table
+    """What --set or a study has changed of it, which holds for any tracker."""
+    others: dict[str, Table]
+    """[expect.tracker.KIND] by kind."""
+
+    @staticmethod
+    def read(table: Table, written: Table, place: str) -> Expected:
+        """The bounds of a scenario's table; `written` is the table in its file, before changes.
+
+        Raises:
+            Mistake: They are no tables, or the scenario's own tracker is among the others.
+        """
+        given = table.get("expect", {})
+        if not isinstance(given, dict):
+            raise Mistake(f"{place}: expect should be a table of bounds, not {given!r}")
+        others = given.get(TRACKER, {})
+        if not isinstance(others, dict) or not all(isinstance(b, dict) for b in others.values()):
+            raise Mistake(f"{place}: expect.tracker should be a table of bounds by kind of tracker")
+        own, before = tracker_of(written), written.get("expect", {})
+        if own in others:
+            raise Mistake(
+                f"{place}: expect.tracker.{own}: this is the scenario's own tracker; its bounds "
+                "stand in [expect] itself"
+            )
+        expect = {name: bound for name, bound in given.items() if name != TRACKER}
+        known: Table = before if isinstance(before, dict) else {}
+        replaced = not known.keys() - {TRACKER} <= expect.keys()  # as a whole: --set expect={}
+        changed = {name: b for name, b in expect.items() if replaced or b != known.get(name)}
+        return Expected(own, expect, changed, others)
+
+    def of(self, kind: str) -> Table:
+        """The bounds for a kind of tracker; none where none are made for it."""
+        return self.expect if kind == self.own else self.others.get(kind, {}) | self.changed
+
+    @property
+    def success(self) -> Any:
+        """The outcome that counts as success, of any tracker; None if the scenario names none."""
+        return self.expect.get("outcome")
+
+    def unjudged(self, kind: str) -> str:
+        """A sentence where there are bounds, but none for this kind of tracker; else nothing."""
+        if self.of(kind) or not self.expect:
+            return ""
+        return f"No verdict: the bounds are made for {self.own}, and there are none for {kind}."
+
+
+def tracker_of(table: Table) -> str:
+    """The kind of tracker in a scenario's table."""
+    tracker = table.get(TRACKER, {})
+    default = PLUGINS[TRACKER][1]
+    return str(tracker.get("kind", default)) if isinstance(tracker, dict) else str(default)
