@@ -151,7 +151,7 @@ BAD = {
     "no suite": (
         ["magic"],
         "there is no suite 'magic'; there is clutter, hard_clutter, similarity, texture, "
-        "closed_loop, or give a folder or a .toml",
+        "camouflage, closed_loop, or give a folder or a .toml",
     ),
     "no tracker": (
         ["clutter", "--trackers", "kams:book"],

@@ -26,6 +26,7 @@ SUITES: dict[str, list[dict[str, Any]]] = {
     "hard_clutter": HARD_CLUTTER,
     "similarity": [{"kind": "similarity"}],
     "texture": [{"kind": "texture"}],
+    "camouflage": [{"kind": "camouflage"}],
 }
 CLOSED_LOOP = "closed_loop"
 KEYS = ("sequences", "trackers")
