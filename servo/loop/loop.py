@@ -18,7 +18,7 @@ import numpy as np
 
 from servo.estimators.difference import Difference
 from servo.loop.part_checks import check_built, check_command, check_estimate
-from servo.loop.part_failed import part_failed
+from servo.loop.part_failed import PartFailed, part_failed
 from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
@@ -119,6 +119,7 @@ class Loop:
             ValueError: The region is none, or a setting does not fit the features.
         """
         scenario = self._scenario
+        self._check_pictures()
         self._goal_picture = None if goal is None else CameraImage(goal, self._camera)
         try:
             self.tracker.start(frame, region, state)
@@ -130,7 +131,7 @@ class Loop:
         )
         self._to_sight = EstimateToSight(scenario.sight, self._camera, region, self._outline)
         self._carried = np.zeros(4)
-        self._is_first = True
+        self._is_first, self._is_checked = True, False
         self._estimator.start(self.features)
         self._difference = Difference(self.features)
         self.goal_sight = self._goal_sight(0.0)
@@ -141,6 +142,25 @@ class Loop:
                 scenario.run.latency,
             )
         )  # fmt: skip
+
+    def _check_pictures(self) -> None:
+        """Refuse what features made of pixels cannot do.
+
+        Raises:
+            ValueError: A setting does not fit them.
+        """
+        if not self.uses_pictures:
+            return
+        if self.needs_truth:
+            raise ValueError(
+                "estimator: the true motion of features made of pixels is not known; choose "
+                "another one, such as none"
+            )
+        if self._scenario.goal.depth_to is not None:
+            raise ValueError(
+                "goal.depth_to: features made of pixels are compared with one picture, taken at "
+                "goal.depth, so their goal cannot move"
+            )
 
     def step(self, frame: Frame, posture: Posture, motion_true: Array | None = None) -> Command:
         """Track, and decide how the camera shall move.
@@ -205,6 +225,18 @@ class Loop:
             return
         self._carried = np.zeros(4)
         self.estimate = check_estimate(self.tracker.update(frame, ego), self._scenario.tracker)
+        if not self._is_checked and self.estimate.status is Status.LOCKED:
+            self._check_known()
+
+    def _check_known(self) -> None:
+        """Refuse features of which the tracker, which has reported what it follows, gives none."""
+        self._is_checked = True
+        angle, size = (has or self.estimate.corners is not None for has in self.estimate.follows)
+        sight = replace(self.goal_sight, angle_known=angle, size_known=size)
+        if not (angle and size) and not self.features.known(sight).any():
+            missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
+            what = f"the tracker follows no {missing}, without which none of them is known"
+            raise PartFailed.by("features", self._scenario.features, what)
 
     def _measured(self, command: Command) -> Array:
         unknown, trace = np.full(len(self.features.names), np.nan), command.trace
