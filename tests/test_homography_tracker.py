@@ -10,7 +10,7 @@ from sim.types import Frame
 from tracking import create
 from tracking.hot import plane_alignment
 from tracking.trackers._plane import SQUARE, homography, through
-from tracking.types import Status
+from tracking.types import Region, State, Status
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +100,17 @@ def test_a_target_that_is_gone_is_lost_and_found_again_where_it_was(scene):
     found = statuses.index(Status.LOCKED, 24)
     assert all(s is Status.LOCKED for s in statuses[found:])
     assert errors[found:].max() < 0.5
+
+
+@pytest.mark.parametrize(("contrast", "status"), [(2, Status.LOST), (40, Status.LOCKED)])
+def test_a_target_without_texture_is_never_locked(contrast, status):
+    """It was LOCKED on the plate's rim, with corners 8 px off."""
+    grey = np.random.default_rng(0).normal(120, contrast, (24, 32, 1))
+    image = cv2.resize(np.repeat(grey, 3, axis=2), (320, 240)).clip(0, 255).astype(np.uint8)
+    image[:72, :] = image[:, :102] = 0
+    tracker = create("homography")
+    tracker.start(Frame(image, 0.0, 0), Region(120, 100), State(160, 120, 0.0))
+    assert [tracker.update(Frame(image, k * 1.0, k)).status for k in (1, 2, 3)][-1] is status
 
 
 def test_told_how_the_camera_turned_it_follows_a_jump(scene):

@@ -44,6 +44,10 @@ COARSE = 4
 STILL = 2e-4
 """A step that moves the corners by less, over the side, is the last."""
 AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+INSIDE, LEAST_CONTRAST = 0.4, 3.0
+"""How far from the middle of the unit square the rim begins, which the ground around the target
+changes; with a smaller standard deviation of the brightness inside [grey levels] there is nothing
+to align."""
 SURE, WORSE = 0.95, 0.2
 """Where the target is less alike, or more surprising than before by this, the coarse descent is
 perhaps misled by what hides it."""
@@ -83,7 +87,7 @@ class Homography:
         self._config, self._rng = config, rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the template."""
+        """Learn the template; one without texture is never seen again."""
         check_region(frame, region, state)
         self._region, self._state = region, state
         self._corners, self._light = region.first_corners(state), np.array([1.0, 0.0])
@@ -91,6 +95,9 @@ class Homography:
         self._velocity = Velocity(state, self._config.velocity_memory)
         n = self._config.points
         self._levels = [self._learn(frame.image, side) for side in (n // COARSE, n)]
+        _, points, seen, *_ = self._levels[1]
+        inside = seen[np.abs(points).max(axis=1) < INSIDE]
+        self._has_texture = inside.size > 0 and bool(np.std(inside) >= LEAST_CONTRAST)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict and descend; a target that is not seen is waited for, and searched, where it was
@@ -101,7 +108,7 @@ class Homography:
         before = state_of(expected, self._region, self._state)
         corners, light, found, surprise = self._descend(frame.image, expected, before)
         grown = np.log(state_of(corners, self._region, before).scale / before.scale)
-        if abs(grown) > np.log(LARGEST_GROWTH):
+        if abs(grown) > np.log(LARGEST_GROWTH) or not self._has_texture:
             found = 0.0
         status = self._lock.judge(1.0 - found, frame.time)
         seen = status is Status.LOCKED
