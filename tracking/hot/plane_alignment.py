@@ -155,7 +155,8 @@ def align(
         image: Brightness (height, width).
         begin: H at first.
         light: Gain and bias at first.
-        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8), cells (n,).
+        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8), and
+            the cells (n,) that the points are in.
         most: Largest number of steps.
         tolerance: After a step with all parts below this the descent ends.
 

@@ -145,7 +145,9 @@ class Homography:
     def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Aligned:
         part, to_part = _part(image, corners, level[0])
         begin, steps = to_part @ homography(SQUARE, corners), self._config.steps
-        H, light, found, surprise = plane_alignment.align(part, begin, light, level[1:], steps, STILL)
+        H, light, found, surprise = plane_alignment.align(
+            part, begin, light, level[1:], steps, STILL
+        )
         aligned = through(np.linalg.inv(to_part) @ H, SQUARE)
         if found > 0 and (np.abs(aligned) <= FARTHEST).all() and convex(aligned):
             return aligned, light, found, surprise
