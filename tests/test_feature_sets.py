@@ -111,6 +111,34 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("still", ["features.kind=points", "tracker.kind=kams"],
+         "features 'points': the tracker follows no angle nor size, without which none of them is "
+         "known"),
+        ("photometric", ["estimator.kind=true"],
+         "photometric: estimator: the true motion of features made of pixels is not known; choose "
+         "another one, such as none"),
+        ("photometric", ["goal.depth_to=0.7"],
+         "photometric: goal.depth_to: features made of pixels are compared with one picture, taken "
+         "at goal.depth, so their goal cannot move"),
+        ("photometric", ["camera.width=32", "camera.height=20"],
+         "photometric: a picture of 32 x 20 px is too small for features made of pixels, which "
+         "leave out 10 px at each side"),
+        ("photometric", ["controller.preset=paper"],
+         'photometric: controller.feed_forward: xn, yn, an, theta (as in preset = "paper") are '
+         "features of 'moments'; there is x, y, z, rx, ry, rz"),
+    ],
+)  # fmt: skip
+def test_what_a_feature_set_cannot_do_is_a_sentence(name, changes, message):
+    from servo.loop.episode import measured_run
+
+    with pytest.raises(Mistake) as refused:
+        measured_run(load(name, [*changes, "run.duration=0.2"]))
+    assert str(refused.value) == message
+
+
 def test_a_controller_without_features_leaves_their_columns_empty(tmp_path):
     changes = ["controller.kind=hold", "run.duration=0.3", "expect={}"]
     run_command.run_scenario("still", changes, 0, tmp_path / "out", quiet=True, rerun=True)

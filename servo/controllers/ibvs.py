@@ -48,6 +48,10 @@ def _fed_forward(config: Config, features: FeatureSet) -> Array:
     """1 for the features (k,) whose target motion is compensated, 0 for the others."""
     names, chosen = features.names, config.feed_forward
     for name in chosen or ():
+        if name not in names and list(chosen or ()) == PRESETS["paper"]["feed_forward"]:
+            fed = ", ".join(chosen or ())
+            raise ValueError(f"controller.feed_forward: {fed} (as in preset = \"paper\") are "
+                             f"features of 'moments'; there is {', '.join(names)}")  # fmt: skip
         if name not in names:
             raise ValueError(f"controller.feed_forward: {unknown(name, names, 'feature')}")
     fed = features.feed_forward if chosen is None else chosen

@@ -124,6 +124,11 @@ def _grey(picture: CameraImage) -> Array:
 
 
 def _inside(whole: Array) -> Array:
+    if min(whole.shape) <= 2 * BORDER:
+        raise ValueError(
+            f"a picture of {whole.shape[1]} x {whole.shape[0]} px is too small for features made "
+            f"of pixels, which leave out {BORDER} px at each side"
+        )
     return whole[BORDER:-BORDER, BORDER:-BORDER]
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from math import radians
 from time import perf_counter
@@ -14,7 +14,7 @@ import numpy as np
 from servo.loop.goal import Goal
 from servo.loop.loop import Loop
 from servo.loop.part_checks import check_built
-from servo.loop.part_failed import PartFailed, part_failed
+from servo.loop.part_failed import PartFailed, parts_named
 from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Taken, Timeline, mean_twist
@@ -68,16 +68,9 @@ class Episode:
 
     __exit__ = close
 
-    @contextmanager
-    def naming_parts(self) -> Generator[None]:
+    def naming_parts(self) -> AbstractContextManager[None]:
         """Turn an exception of a part's code into a sentence that names the part."""
-        try:
-            yield
-        except BaseException as error:
-            failed = part_failed(error, self._parts)
-            if failed is None:
-                raise
-            raise failed from error
+        return parts_named(self._parts)
 
     def _build_world(self, renderer: MakeRenderer) -> World:
         s = self.scenario

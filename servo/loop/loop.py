@@ -9,8 +9,6 @@ It serves a simulated or a real camera and robot alike:
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -19,8 +17,9 @@ import numpy as np
 
 from servo.estimators.difference import Difference
 from servo.loop.goal import Goal
-from servo.loop.part_checks import check_built, check_command, check_estimate
-from servo.loop.part_failed import part_failed
+from servo.loop.part_checks import check_built, check_command, check_estimate, check_known
+from servo.loop.part_failed import parts_named
+from servo.loop.posture_record import elapsed
 from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
@@ -29,8 +28,6 @@ from servo.types import CameraImage, Command, Sight
 from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
-REGULAR = 1e-6
-"""Pictures that come within this share of a frame interval come at the camera's rate."""
 NO_TRUTH = (
     "this estimator needs the true motion of the target (motion_true), which only a simulation "
     "knows; with a real camera choose another one, such as kalman_cv"
@@ -112,6 +109,7 @@ class Loop:
             ValueError: The region is none, or a setting does not fit the features.
         """
         scenario = self._scenario
+        self._check_pictures()
         self._goal_picture = None if goal is None else CameraImage(goal, self._camera)
         try:
             self.tracker.start(frame, region, state)
@@ -125,7 +123,7 @@ class Loop:
             scenario.sight, self._camera, region, self._outline, scenario.believed.depth_factor
         )
         self._carried = np.zeros(4)
-        self._shown = None
+        self._shown, self._is_checked = None, False
         self.sight, self.interval, self.seconds = None, self._period, (0.0, 0.0)
         self.motion_measured = np.full(len(self.features.names), np.nan)
         self._estimator.start(self.features)
@@ -138,6 +136,25 @@ class Loop:
                 scenario.run.latency,
             )
         )  # fmt: skip
+
+    def _check_pictures(self) -> None:
+        """Refuse what features made of pixels cannot do.
+
+        Raises:
+            ValueError: A setting does not fit them.
+        """
+        if not self.uses_pictures:
+            return
+        if self.needs_truth:
+            raise ValueError(
+                "estimator: the true motion of features made of pixels is not known; choose "
+                "another one, such as none"
+            )
+        if self._scenario.goal.depth_to is not None:
+            raise ValueError(
+                "goal.depth_to: features made of pixels are compared with one picture, taken at "
+                "goal.depth, so their goal cannot move"
+            )
 
     def step(self, frame: Frame, posture: Posture, motion_true: Array | None = None) -> Command:
         """Track, and decide how the camera shall move.
@@ -160,8 +177,8 @@ class Loop:
         began = perf_counter()
         self._tracked = self.estimate
         if self._shown is not None:
-            self.interval = self._since(self._shown.time, frame.time)
-            with self._naming_parts():
+            self.interval = elapsed(self._shown.time, frame.time, self._period)
+            with parts_named(self.parts):
                 self._track(frame, posture)
         self._shown = frame
         self.seconds = perf_counter() - began, 0.0
@@ -173,29 +190,11 @@ class Loop:
             if motion_true is None:
                 raise ValueError(NO_TRUTH)
             self._estimator.give(motion_true / self._scales)
-        with self._naming_parts():
+        with parts_named(self.parts):
             command = self._decide(self._shown, posture)
         self.seconds = self.seconds[0], perf_counter() - began
         self.motion_measured = self._measured(command)
         return command
-
-    @contextmanager
-    def _naming_parts(self) -> Generator[None]:
-        try:
-            yield
-        except BaseException as error:
-            failed = part_failed(error, self.parts)
-            if failed is None:
-                raise
-            raise failed from error
-
-    def _since(self, last: float, now: float) -> float:
-        """The time between two pictures [s], exact where it is a number of frame intervals."""
-        if now <= last:
-            raise ValueError(f"expected a frame later than {last} s, got one of {now} s")
-        frames = (now - last) / self._period
-        whole = round(frames)
-        return whole * self._period if abs(frames - whole) < REGULAR else now - last
 
     def _decide(self, frame: Frame | None, posture: Posture) -> Command:
         if frame is None:
@@ -228,6 +227,10 @@ class Loop:
             return
         self._carried = np.zeros(4)
         self._tracked = check_estimate(self.tracker.update(frame, ego), self._scenario.tracker)
+        if not self._is_checked and self._tracked.status is Status.LOCKED:
+            self._is_checked = True
+            given = self._scenario.features, self.features
+            check_known(*given, self._tracked, self.goal_sight)
 
     def _measured(self, command: Command) -> Array:
         unknown, trace = np.full(len(self.features.names), np.nan), command.trace

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from servo.loop.part_failed import PartFailed
+from servo.parts import FeatureSet
 from servo.types import Command, Sight
 from sim.robot import Design
 from sim.target import Target
@@ -100,3 +102,17 @@ def check_command(
             raise PartFailed.by(part, parts[part][0], f"gave the values {np.array(values)}")
     what = f"the twist is {np.array(command.twist)}; it should be six finite numbers"
     raise PartFailed.by("controller", config, what)
+
+
+def check_known(config: Any, features: FeatureSet, estimate: Estimate, goal: Sight) -> None:
+    """Refuse features of which the tracker, which has reported what it follows, gives none.
+
+    Raises:
+        PartFailed: There are none.
+    """
+    angle, size = (follows or estimate.corners is not None for follows in estimate.follows)
+    sight = replace(goal, angle_known=angle, size_known=size)
+    if not (angle and size) and not features.known(sight).any():
+        missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
+        what = f"the tracker follows no {missing}, without which none of them is known"
+        raise PartFailed.by("features", config, what)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from servo.mistake import Mistake
@@ -56,15 +57,13 @@ def naming_parts(items: Iterable[Item], parts: Mapping[str, tuple[Any, ...]]) ->
     Raises:
         Mistake: A ValueError, or an exception of a part's code.
     """
-    try:
-        yield from items
-    except BaseException as error:
-        if isinstance(error, ValueError) and not isinstance(error, Mistake):
-            raise Mistake(str(error)) from None
-        failed = part_failed(error, parts)
-        if failed is None:
+    with parts_named(parts):
+        try:
+            yield from items
+        except Mistake:
             raise
-        raise failed from error
+        except ValueError as error:
+            raise Mistake(str(error)) from None
 
 
 def _class_of(item: Any) -> tuple[str, str]:
@@ -75,3 +74,19 @@ def _modules(part: tuple[Any, ...]) -> set[str]:
     """Modules with the code of a part: of its objects, and of a class that an adapter wraps."""
     named = kind_of(part[0]).partition(":")[0]
     return {named, *(type(item).__module__ for item in part)}
+
+
+@contextmanager
+def parts_named(parts: Mapping[str, tuple[Any, ...]]) -> Generator[None]:
+    """Turn an exception of a part's code into a sentence that names the part.
+
+    Args:
+        parts: Each part's `Config`, and what that built if it is there yet; by name.
+    """
+    try:
+        yield
+    except BaseException as error:
+        failed = part_failed(error, parts)
+        if failed is None:
+            raise
+        raise failed from error

@@ -10,6 +10,22 @@ import numpy as np
 from sim.geometry import exp_se3, log_se3
 from sim.types import Pose, Posture
 
+REGULAR = 1e-6
+"""Pictures that come within this share of a frame interval come at the camera's rate."""
+
+
+def elapsed(last: float, now: float, period: float) -> float:
+    """The time between two pictures [s], exact where it is a number of frame intervals.
+
+    Raises:
+        ValueError: The second one is not later.
+    """
+    if now <= last:
+        raise ValueError(f"expected a frame later than {last} s, got one of {now} s")
+    frames = (now - last) / period
+    whole = round(frames)
+    return whole * period if abs(frames - whole) < REGULAR else now - last
+
 
 @final
 class PostureRecord:

@@ -14,7 +14,9 @@ from servo.loop.step import Step
 from tracking.evaluation.drawing.figures import literal, panels, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f",
+           "#7b3fa0", "#159aa0", "#d6559a", "#555555")  # fmt: skip
+"""As many as the largest of our feature sets has features."""
 ABOVE: dict[str, Any] = {
     "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1, "frameon": False,
 }  # fmt: skip

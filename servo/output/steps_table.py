@@ -111,7 +111,7 @@ def _states() -> Iterator[Quantity]:
     yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
     yield _single("tracking_error_px", "estimated to true centre of the same picture",
                   lambda s: s.tracking_error)  # fmt: skip
-    yield _single("distance", "Bhattacharyya distance of the estimate, 0..1",
+    yield _single("distance", "Distance of the estimate from the target's appearance, 0..1",
                   lambda s: s.estimate.distance)  # fmt: skip
     yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
     yield _single("ess", "effective sample size", lambda s: s.estimate.ess)

@@ -99,8 +99,11 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
         return []
     model = UNIT * (*size, 0.0)
     found: list[tuple[Pose, float]] = []
-    for vector, t in _solutions(model, corners):
-        pose = Pose(cv2.Rodrigues(vector)[0].astype(np.float64), t.ravel().astype(np.float64))
+    # At half a turn IPPE divides by nearly zero; the rectangle looks the same the other way round.
+    back = corners[1:3, 0].sum() < corners[[0, 3], 0].sum()
+    for vector, t in _solutions(model, np.roll(corners, 2, axis=0) if back else corners):
+        R = cv2.Rodrigues(vector)[0] * ((-1, -1, 1) if back else 1)
+        pose = Pose(R.astype(np.float64), t.ravel().astype(np.float64))
         seen = pose.apply(model)
         if np.isfinite(seen).all() and seen[:, 2].min() > 0:
             miss = seen[:, :2] / seen[:, 2:] - corners

@@ -18,10 +18,15 @@ if TYPE_CHECKING:
 
 TUKEY = 4.685
 """Residuals beyond so many robust standard deviations have no weight."""
+QUANTILE, NORMAL = 0.35, 0.4538
+"""The residuals' standard deviation is taken from the size of so many of them, over that of normal
+ones: the median would grow with what hides a third of the target."""
 LEAST_SIGMA = 1.0
 """The residuals' standard deviation is taken for at least this [grey levels]."""
 USUAL = 0.8
 """Mean weight where all points but the noise are the template's."""
+HIDDEN, SHOWN = 0.3, 0.6
+"""With a smaller mean weight a part of the template counts as hidden, with a larger as seen."""
 LARGEST_STEP, LARGEST_GAIN = 0.7, 10.0
 """A descent with a larger step has failed; the light is never changed by more."""
 LEAST_SEEN, FEWEST = 0.4, 12
@@ -50,15 +55,37 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 
 @compiled(error_model="numpy")
-def tukey(error: Array) -> Array:
-    """Tukey's weights (n,), 0..1, of errors (n,) over their robust standard deviation."""
-    known = error[~np.isnan(error)]
-    limit = TUKEY * max(1.4826 * float(np.median(np.abs(known))), LEAST_SIGMA)
+def sigma_of(error: Array) -> float:
+    """Robust standard deviation of errors (n,)."""
+    size = np.abs(error[~np.isnan(error)])
+    return max(float(np.quantile(size, QUANTILE)) / NORMAL, LEAST_SIGMA)
+
+
+@compiled(error_model="numpy")
+def tukey(error: Array, sigma: float) -> Array:
+    """Tukey's weights (n,), 0..1, of errors (n,) with this standard deviation."""
+    limit = TUKEY * sigma
     weights = np.zeros(len(error))
     for i in range(len(error)):
         if abs(error[i]) < limit:  # nan is not
             weights[i] = (1.0 - (error[i] / limit) ** 2) ** 2
     return weights
+
+
+@compiled(error_model="numpy")
+def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
+    """Weights (n,) of points, less where their neighbours in a cell (n,) have little: what hides a
+    target hides whole parts of it, of which some points are alike by chance.
+    """
+    total, count = np.zeros(cells.max() + 1), np.zeros(cells.max() + 1)
+    for i in range(len(cells)):
+        total[cells[i]] += weights[i]
+        count[cells[i]] += 1.0
+    better = np.empty(len(weights))
+    for i in range(len(cells)):
+        mean = total[cells[i]] / count[cells[i]]
+        better[i] = weights[i] * min(max((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
+    return better
 
 
 @compiled(error_model="numpy")
@@ -108,38 +135,53 @@ def likeness(seen: Array, template: Array, weights: Array) -> float:
 
 
 @compiled(error_model="numpy")
+def surprise(weights: Array, sigma: float, spread: float) -> float:
+    """Mean logarithm of the points' standard deviations: sigma [grey levels] for the share that is
+    seen, for what hides the others that of the template's brightness, spread.
+
+    Of two alignments the better one has less, be it that more is seen or that it fits better.
+    """
+    seen = min(1.0, weights.sum() / (USUAL * len(weights)))
+    return seen * np.log(sigma) + (1.0 - seen) * np.log(max(spread, sigma))
+
+
+@compiled(error_model="numpy")
 def align(
     image: NDArray[np.float32], begin: Array, light: Array, level: Any, most: int, tolerance: float
-) -> tuple[Array, Array, float]:
+) -> tuple[Array, Array, float, float]:
     """Find H (3, 3) with I(H x) = gain T(x) + bias.
 
     Args:
         image: Brightness (height, width).
         begin: H at first.
         light: Gain and bias at first.
-        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8).
+        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8), and
+            the cells (n,) that the points are in.
         most: Largest number of steps.
         tolerance: After a step with all parts below this the descent ends.
 
     Returns:
-        The new H, the new light, and the likeness there; 0 where the template left the picture.
+        The new H, the new light, the likeness and the surprise there; the likeness is 0 where the
+        template left the picture.
     """
-    points, template, rows = level
+    points, template, rows, cells = level
     at, gain, bias = begin, light[0], light[1]
     k = 0
     while True:
         seen = sample(image, at, points)
         if (~np.isnan(seen)).sum() < max(LEAST_SEEN * len(seen), FEWEST):
-            return at, light, 0.0
+            return at, light, 0.0, np.inf
         error = seen - gain * template - bias
-        weights = tukey(error)
+        sigma = sigma_of(error)
+        weights = agreed(tukey(error, sigma), cells)
         if k >= most:
-            return at, np.array([gain, bias]), likeness(seen, template, weights)
+            alike, spread = likeness(seen, template, weights), gain * np.std(template)
+            return at, np.array([gain, bias]), alike, surprise(weights, sigma, spread)
         A, g = normal_equations(error, weights, rows, template, gain)
         d = np.linalg.solve(A, g)
         size = np.max(np.abs(d[:8]))
         if not size < LARGEST_STEP:
-            return at, light, 0.0
+            return at, light, 0.0, np.inf
         gain, bias = min(max(gain + d[8], 1.0 / LARGEST_GAIN), LARGEST_GAIN), bias + d[9]
         step = np.array([[1 + d[0], d[1], d[2]], [d[3], 1 + d[4], d[5]], [d[6], d[7], 1.0]])
         at = at @ np.linalg.inv(step)

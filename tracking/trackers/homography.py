@@ -31,18 +31,26 @@ from tracking.types import (
     unknown_covariance,
 )
 
-Level = tuple[int, Array, Array, Array]
-"""How many points a template has; those (n, 2) that were seen, their brightness (n,), and its
-derivatives (n, 8)."""
-Aligned = tuple[Array, Array, float]
-"""Corners (4, 2), gain and bias of the light (2,), likeness 0..1."""
+Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
+"""How many points a template has; those (n, 2) that were seen, their brightness (n,), its
+derivatives (n, 8), and the parts of the template that they are in (n,)."""
+Aligned = tuple[Array, Array, float, float]
+"""Corners (4, 2), gain and bias of the light (2,), likeness 0..1, surprise."""
+CELL, MOST_CELLS = 3, 10
+"""Points along a side of a part that is hidden or seen as a whole, at least; most such parts along
+the template's side."""
 COARSE = 4
 """The first alignment reads every so many points of the template along each side."""
 STILL = 2e-4
 """A step that moves the corners by less, over the side, is the last."""
 AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-SURE = 0.95
-"""Where the target is less alike, the coarse descent is perhaps misled by what hides it."""
+INSIDE, LEAST_CONTRAST = 0.4, 3.0
+"""How far from the middle of the unit square the rim begins, which the ground around the target
+changes; with a smaller standard deviation of the brightness inside [grey levels] there is nothing
+to align."""
+SURE, WORSE = 0.95, 0.2
+"""Where the target is less alike, or more surprising than before by this, the coarse descent is
+perhaps misled by what hides it."""
 LARGEST_GROWTH = 2.0
 """From picture to picture no target grows or shrinks by more."""
 SPREAD = np.array([0.3, 0.3, 0.3, 0.1])
@@ -79,14 +87,17 @@ class Homography:
         self._config, self._rng = config, rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the template."""
+        """Learn the template; one without texture is never seen again."""
         check_region(frame, region, state)
         self._region, self._state = region, state
         self._corners, self._light = region.first_corners(state), np.array([1.0, 0.0])
-        self._lock = Lock(self._config.lock)
+        self._lock, self._surprise = Lock(self._config.lock), 0.0
         self._velocity = Velocity(state, self._config.velocity_memory)
         n = self._config.points
         self._levels = [self._learn(frame.image, side) for side in (n // COARSE, n)]
+        _, points, seen, *_ = self._levels[1]
+        inside = seen[np.abs(points).max(axis=1) < INSIDE]
+        self._has_texture = inside.size > 0 and bool(np.std(inside) >= LEAST_CONTRAST)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict and descend; a target that is not seen is waited for, and searched, where it was
@@ -95,14 +106,14 @@ class Homography:
         change, followed = self._velocity.step(ego), self._lock.locked
         expected = _moved(self._corners, self._state, change if followed else ego)
         before = state_of(expected, self._region, self._state)
-        corners, light, found = self._descend(frame.image, expected, before)
+        corners, light, found, surprise = self._descend(frame.image, expected, before)
         grown = np.log(state_of(corners, self._region, before).scale / before.scale)
-        if abs(grown) > np.log(LARGEST_GROWTH):
+        if abs(grown) > np.log(LARGEST_GROWTH) or not self._has_texture:
             found = 0.0
         status = self._lock.judge(1.0 - found, frame.time)
         seen = status is Status.LOCKED
         if seen:
-            self._corners, self._light = corners, light
+            self._corners, self._light, self._surprise = corners, light, surprise
         else:
             self._corners = _moved(self._corners, self._state, ego)
         self._state = state_of(self._corners, self._region, before)
@@ -125,20 +136,22 @@ class Homography:
             begins += [_moved(expected, state, draw) for draw in draws]
         coarse, fine = self._levels
         aligned = [self._align(image, begin, self._light, coarse) for begin in begins]
-        corners, light, found = max(aligned, key=_likeness)
+        corners, light, found, _ = max(aligned, key=_likeness)
         best = self._align(image, corners, light, fine) if found > 0 else aligned[0]
-        if best[2] < SURE and self._lock.locked:
-            best = max(best, self._align(image, expected, self._light, fine), key=_likeness)
+        if self._lock.locked and (best[2] < SURE or best[3] > self._surprise + WORSE):
+            best = min(best, self._align(image, expected, self._light, fine), key=_surprise)
         return best
 
     def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Aligned:
         part, to_part = _part(image, corners, level[0])
         begin, steps = to_part @ homography(SQUARE, corners), self._config.steps
-        H, light, found = plane_alignment.align(part, begin, light, level[1:], steps, STILL)
+        H, light, found, surprise = plane_alignment.align(
+            part, begin, light, level[1:], steps, STILL
+        )
         aligned = through(np.linalg.inv(to_part) @ H, SQUARE)
         if found > 0 and (np.abs(aligned) <= FARTHEST).all() and convex(aligned):
-            return aligned, light, found
-        return corners, light, 0.0
+            return aligned, light, found, surprise
+        return corners, light, 0.0, np.inf
 
     def _learn(self, image: Image, side: int) -> Level:
         """The template and its derivatives, of this many points along each side."""
@@ -153,11 +166,17 @@ class Homography:
         (x, y), slope = points.T, gx * points[:, 0] + gy * points[:, 1]
         rows = np.column_stack([gx * x, gx * y, gx, gy * x, gy * y, gy, -slope * x, -slope * y])
         hidden = np.isnan(seen) | np.isnan(rows).any(axis=1)
-        return side**2, points[~hidden], seen[~hidden], rows[~hidden]
+        wide = int(np.clip(side // CELL, 1, MOST_CELLS))
+        cells = ((points + 0.5) * wide).astype(np.intp) @ np.array([1, wide])
+        return side**2, points[~hidden], seen[~hidden], rows[~hidden], cells[~hidden]
 
 
 def _likeness(aligned: Aligned) -> float:
     return aligned[2]
+
+
+def _surprise(aligned: Aligned) -> float:
+    return aligned[3]
 
 
 def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32], Array]:

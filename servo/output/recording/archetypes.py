@@ -137,7 +137,7 @@ def blueprint(features: Sequence[str]) -> rrb.Blueprint:
             plot("twist/angular", "Camera turn [rad/s]"),
         ),
         rrb.Tabs(
-            plot("distance", "Bhattacharyya distance"),
+            plot("distance", "Distance in appearance"),
             plot("ess", "Effective sample size"),
             plot("ms", "Stages [ms]"),
         ),

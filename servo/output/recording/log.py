@@ -14,7 +14,7 @@
 | plots/nis | innovation of the estimator's filter, squared, over its variance |
 | plots/joints, plots/range | joint positions; limited joints within their range, -1..1 |
 | plots/tilt | optical axis against straight down [deg] |
-| plots/distance, plots/ess | Bhattacharyya distance; effective sample size |
+| plots/distance, plots/ess | distance in appearance; effective sample size |
 | plots/ms | stage times |
 | events | occluded, lost, coasting, searching, found again, saturated (which limits) |
 

@@ -1,0 +1,1 @@
+"""A control law from the literature as a package of its own."""
