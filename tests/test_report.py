@@ -85,26 +85,13 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
         "tracker.kind = kams, camera.rate = 5.0: success_rate is 0, expected at least 0.9",
     ]
     assert blocks["Compared"].points == []
-    assert blocks["Compared"].tables[1].rows == [
-        ["pf_ssd", "kams", "draw", "2", "0", "0", "0.707", "0.5", "0.5"],
-    ]
-    assert blocks["Compared"].tables[0].rows[1][:6] == [
-        "kams",
-        "4",
-        "2 draws",
-        "0.5 (0.0945 to 0.905)",
-        "2",
-        "2",
-    ]
+    (row,) = blocks["Compared"].tables[1].rows
+    assert row == ["pf_ssd", "kams", "draw", "2", "0", "0", "0.707", "0.5", "0.5"]
+    said = blocks["Compared"].tables[0].rows[1][:6]
+    assert said == ["kams", "4", "2 draws", "0.5 (0.0945 to 0.905)", "2", "2"]
     cells = blocks["Cells"].tables[0]
-    assert cells.rows[3][:6] == [
-        "kams",
-        "30",
-        "2",
-        "2 draws",
-        "1 (0.342 to 1)",
-        "6.5 (0.147 to 12.9)",
-    ]
+    said = cells.rows[3][:6]
+    assert said == ["kams", "30", "2", "2 draws", "1 (0.342 to 1)", "6.5 (0.147 to 12.9)"]
     assert blocks["Contact sheets"].pictures[0].title == (
         "run 4, tracker.kind = kams, camera.rate = 5, seed = 0: TARGET_LOST"
     )
