@@ -117,6 +117,17 @@ def test_texture_changes_size_and_speed_over_its_own_colour():
     assert patch.std() > 1.5 * image.std()
 
 
+def test_a_camouflaged_car_has_the_colours_of_its_ground_and_finer_paint():
+    sequence = build("camouflage", 2, gravel=0, noise=0.0)
+    image = picture(sequence, 0).astype(float)
+    x, y = sequence.states[0, :2].astype(int)
+    car = image[y - 14 : y + 14, x - 24 : x + 24]
+    assert np.abs(car.mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max() < 6
+    np.testing.assert_allclose(car.std(axis=(0, 1)), image.std(axis=(0, 1)), rtol=0.2)
+    rough, smooth = (np.abs(np.diff(part, axis=1)).mean() for part in (car, image))
+    assert rough > 2.5 * smooth
+
+
 def test_a_contact_sheet_shows_truth_white_and_estimate_green():
     grey = Painted(lambda _: np.full((120, 160, 3), 90, np.uint8), 9)
     truth = np.tile(np.array([[40, 30], [90, 30], [90, 70], [40, 70]], float), (9, 1, 1))
