@@ -150,8 +150,8 @@ def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place)
 BAD = {
     "no suite": (
         ["magic"],
-        "there is no suite 'magic'; there is clutter, similarity, texture, closed_loop, or give a "
-        "folder or a .toml",
+        "there is no suite 'magic'; there is clutter, hard_clutter, similarity, texture, "
+        "closed_loop, or give a folder or a .toml",
     ),
     "no tracker": (
         ["clutter", "--trackers", "kams:book"],
@@ -167,7 +167,7 @@ BAD = {
     "no sequences": (["none.toml"], "none.toml: there are no [[sequences]] in this suite"),
     "no level": (
         ["level.toml"],
-        "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c' or 'd'",
+        "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c', 'd', 'e', 'f', 'g' or 'h'",
     ),
     "the same sequence twice": (
         ["twice.toml"],

@@ -57,7 +57,7 @@ def test_a_clutter_disc_has_its_centre_where_the_truth_says():
     assert apart[np.triu_indices(4, 1)].min() > 90
 
 
-@pytest.mark.parametrize(("level", "sigma"), [(k, s) for k, (s, _) in LEVELS.items()])
+@pytest.mark.parametrize(("level", "sigma"), [(k, s) for k, (s, *_) in LEVELS.items()])
 def test_clutter_noise_has_the_papers_sigma(level, sigma):
     """Second differences of smooth path plus white noise have sqrt(6) sigma."""
     xy = np.concatenate([build("clutter", s, level=level).states[:, :2] for s in range(3)])
@@ -75,6 +75,21 @@ def test_clutter_is_wholly_inside_and_as_long_as_the_papers():
     assert (sequence.truth.max(axis=(0, 1)) <= (320, 240)).all()
     covered = [np.mean(picture(build("clutter", 0, level=k), 0) != 255) for k in "ad"]
     assert covered[0] < 0.5 < 0.9 < covered[1]
+
+
+def test_discs_of_harder_levels_share_three_of_the_targets_colours():
+    """Level f has 3/2 of the level b's pixels in the target's colours; a third lies on seams."""
+    shares = []
+    for level in "bf":
+        image = picture(build("clutter", 4, level=level), 0).reshape(-1, 3)
+        x, y = build("clutter", 4, level=level).states[0, :2]
+        own = picture(build("clutter", 4, level=level), 0)[int(y) - 9 : int(y) + 9, int(x) - 9 :]
+        colours, counts = np.unique(own[:, :18].reshape(-1, 3), axis=0, return_counts=True)
+        colours = colours[np.argsort(counts)[-4:]].astype(int)
+        painted = image[(image != 255).any(axis=1)].astype(int)
+        near = np.abs(painted[:, None] - colours).max(axis=2).min(axis=1) < 3
+        shares.append(near.mean())
+    assert shares == pytest.approx([0.33, 0.49], abs=0.03)
 
 
 def test_similarity_hides_turns_scales_and_doubles_its_speed():

@@ -20,8 +20,10 @@ from tracking.external import OF_THE_USER
 
 GENERATORS, TRACKERS = "tracking.evaluation.sequences.generators", "tracking.trackers"
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
+HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]
 SUITES: dict[str, list[dict[str, Any]]] = {
     "clutter": CLUTTER,
+    "hard_clutter": HARD_CLUTTER,
     "similarity": [{"kind": "similarity"}],
     "texture": [{"kind": "texture"}],
 }

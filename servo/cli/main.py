@@ -87,8 +87,8 @@ def track(**options: Any) -> None:
 @app.command()
 @click.argument(
     "suite", type=opt.SOURCE,
-    help="clutter, similarity, texture, closed_loop, a folder of sequences (OTB, VOT), or a .toml "
-    "file.",
+    help="clutter, hard_clutter, similarity, texture, closed_loop, a folder of sequences (OTB, "
+    "VOT), or a .toml file.",
 )  # fmt: skip
 @click.option(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
