@@ -10,7 +10,7 @@ HOLDS, DOES_NOT_HOLD, UNDECIDED = Finding
 @pytest.mark.parametrize(
     ("low", "high", "as_good", "more"),
     [
-        (-1.0, 0.29, HOLDS, UNDECIDED), (-1.0, 0.3, UNDECIDED, UNDECIDED),
+        (-1.0, 0.29, HOLDS, DOES_NOT_HOLD), (-1.0, 0.3, UNDECIDED, UNDECIDED),
         (0.3, 2.0, UNDECIDED, UNDECIDED), (0.31, 2.0, DOES_NOT_HOLD, HOLDS),
         (-2.0, -1.0, HOLDS, DOES_NOT_HOLD), (np.nan, np.nan, UNDECIDED, UNDECIDED),
     ],
