@@ -127,12 +127,12 @@ def sweep(**options: Any) -> None:
 @app.command()
 @click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
-@click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
+@click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1a.")
 @opt.workers_option
 @opt.out_option("runs/papers, also to continue")
 @opt.quiet_option
 def papers(claims: tuple[str, ...], quick: bool, sequences: Path | None, **options: Any) -> None:
-    """Test the papers' claims again; exit 1 if one does not hold."""
+    """Test the papers' claims again; exit 1 if a verdict is not the known one."""
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
 

@@ -1,8 +1,9 @@
-"""Results of runs: those with something in common, their measures, and a mean in words."""
+"""Results of runs: those with something in common, their measures, differences and ratios."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,37 @@ def column(results: Sequence[Result], measure: str) -> Array:
     return np.array([np.nan if v is None else v for v in found], dtype=float)
 
 
+def difference(first: Sequence[Result], second: Sequence[Result], measure: str) -> Interval:
+    """The mean of first less second, each pair on the same unit."""
+    return bootstrap(column(first, measure) - column(second, measure))
+
+
+def completed(results: Sequence[Result]) -> Interval:
+    """The share of sequences on which the target was never lost [%]."""
+    return percent(bootstrap(column(results, "completed")))
+
+
+def completed_more(first: Sequence[Result], second: Sequence[Result]) -> Interval:
+    """The share that the first completes, less that of the second on the same sequences [%]."""
+    return percent(difference(first, second, "completed"))
+
+
+def percent(share: Interval) -> Interval:
+    """A share [%]."""
+    return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
+
+
+def ratio(first: Array, second: Array) -> Interval:
+    """The geometric mean of first over second (n,), each pair of the same unit."""
+    log = bootstrap(np.log(first / second))
+    return Interval(*np.exp([log.value, log.low, log.high]).tolist())
+
+
 def words(interval: Interval, unit: str = "") -> str:
-    """Such as "2.1 px (1.9 to 2.4)"."""
+    """Such as "2.1 px (1.9 to 2.4)"; without the ends where there is no interval."""
     value = f"{interval.value:.3g} {unit}".rstrip()
+    if not np.isfinite([interval.low, interval.high]).all():
+        return value
     return f"{value} ({interval.low:.3g} to {interval.high:.3g})"
 
 
