@@ -117,7 +117,7 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
 
 def _scatter(results: list[Result], first: str, second: str, folder: Path, name: str) -> Path:
     """Draw the angle errors of two trackers, one dot a sequence; the file's path."""
-    figure, (ax,) = panels(2)
+    figure, (ax,) = figures.panels(5.0, 4.5)
     x, y = (column(group(results, tracker=t), "angle_rmse_deg") for t in (second, first))
     kept = np.array([column(group(results, tracker=t), "completed") for t in (second, first)])
     for both, colour, said in (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +14,6 @@ from servo.batch.jobs import Job
 from servo.papers.claim import COLOURS, FRESH, Claim, Effort, Rule, Verdict, panels
 from servo.papers.groups import Result, column, group, mean, percent, ratio, words
 from servo.papers.loop_series import LINE, REVERSAL, LoopSeries, varied
-from sim.types import Array
 from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import Interval, bootstrap
 from tracking.evaluation.verdicts import greater, not_worse
@@ -141,13 +141,13 @@ def _longest_away(run: Result) -> float:
 def _draw_error(results: list[Result], title: str) -> Figure:
     figure, (ax,) = panels(1)
     for i, estimator in enumerate(ESTIMATORS):
-        runs = group(results, estimator=estimator)
-        error: Array = np.array([r["servo_error"] for r in runs])
-        ax.plot(runs[0]["time"], np.median(error, axis=0), color=COLOURS[i], label=estimator)
-        low, high = np.percentile(error, [10, 90], axis=0)
-        ax.fill_between(runs[0]["time"], low, high, color=COLOURS[i], alpha=0.2, lw=0)
-    ax.set(xlabel="time [s]", ylabel="distance [px]", title=title, ylim=(0, None))
-    ax.legend(frameon=False, title="median, and 80 % of the runs")
+        for k, run in enumerate(group(results, estimator=estimator)):
+            look: dict[str, Any] = {"alpha": 0.2, "lw": 0.7} if k else {"label": estimator}
+            ax.plot(run["time"], run["servo_error"], color=COLOURS[i], **look)
+    most = max(max(r["servo_error"]) for r in results)
+    ax.set(xlabel=f"time [s] (thick: seed {FRESH})", ylabel="distance [px]", title=title,
+           ylim=(0, 1.25 * most))  # fmt: skip
+    ax.legend(frameon=False, ncols=2, loc="upper right")
     return figure
 
 

@@ -29,7 +29,10 @@ ENTRY = generated("texture")
 ASIDE_PX = (5, 10, 20)
 LIKE, MOST = 0.9, 0.9
 """Share of the truth's coefficient that counts as like it, and least share of such frames."""
-FOUND = "filter"
+FOUND, TRUTH = "filter", "0"
+PLACES = {FOUND: "at the filter's estimate", TRUTH: "at the truth"} | {
+    str(px): f"{px} px beside the truth" for px in ASIDE_PX
+}
 
 
 def _still(one: Contender) -> Contender:
@@ -88,7 +91,7 @@ class Likeness:
         pictures = [p.image for p in sequence.source if p.image is not None]
         assert sequence.states is not None
         truth = _logarithmic(sequence.states)
-        places = {FOUND: _logarithmic(read(track_path(folder, self.job.key)).states), "0": truth}
+        places = {FOUND: _logarithmic(read(track_path(folder, self.job.key)).states), TRUTH: truth}
         for px in ASIDE_PX:
             places[str(px)] = truth + np.array([px, 0, 0, 0])
         model = self.job.contender.config.model(pictures[0], sequence.region, sequence.start)
@@ -109,17 +112,15 @@ def _likeness(effort: Effort) -> Sequence[Job]:
 
 
 def _judge_likeness(results: list[Result], folder: Path) -> Verdict:
-    rho = {place: np.array([r[place] for r in results]) for place in results[0]}
-    like = {place: percent(bootstrap(np.mean(values >= LIKE * rho["0"], axis=1)))
+    rho = {place: np.array([r[place] for r in results]) for place in PLACES}
+    like = {place: percent(bootstrap(np.mean(values >= LIKE * rho[TRUTH], axis=1)))
             for place, values in rho.items()}  # fmt: skip
     share = like[FOUND]
     figure, (ax,) = panels(1)
-    titles = {FOUND: "at the filter's estimate", "0": "at the truth"}
     table = [["place", "mean coefficient", f"frames at least {LIKE:g} of the truth's [%]"]]
     for i, (place, values) in enumerate(rho.items()):
-        title = titles.get(place, f"{place} px beside the truth")
-        ax.plot(values[0], color=COLOURS[i], lw=1.2, label=title)
-        table.append([title, words(bootstrap(values.mean(axis=1))), words(like[place])])
+        ax.plot(values[0], color=COLOURS[i], lw=1.2, label=PLACES[place])
+        table.append([PLACES[place], words(bootstrap(values.mean(axis=1))), words(like[place])])
     ax.set(xlabel="frame", ylabel="Bhattacharyya coefficient", ylim=(0, 1),
            title=f"P2-2: likeness to the target, seed {FRESH}")  # fmt: skip
     ax.legend(frameon=False, ncols=2, fontsize=7)
