@@ -209,6 +209,30 @@ def result(tracker, seed, frames, auc):
     return {"tracker": tracker, "sequence": "s", "family": "f", "seed": seed, "measures": measures}
 
 
+def test_seeds_on_a_recording_are_one_observation_and_every_pair_of_trackers_is_corrected_for():
+    kinds = {"good": 0.6, "middle": 0.5, "poor": 0.4}
+    results = [
+        result(tracker, seed, 100 * auc, auc + 0.01 * k) | {"sequence": f"s{k}", "drawn": False}
+        for tracker, auc in kinds.items() for k in range(8) for seed in range(3)
+    ]  # fmt: skip
+    best, _, last = ranking.rows_of(results)
+    assert (best.runs, best.units, best.means["auc"].units) == (24, 8, 8)
+    test = last.against_best
+    assert (test.wins, test.losses) == (0, 8)
+    assert last.p == pytest.approx(3 * 2 / 2**8)  # three pairs, each 8 to 0
+
+
+def test_a_file_of_a_bench_on_one_recording_keeps_that_there_is_no_interval(tmp_path):
+    run = result("a", 0, 10, 0.4) | {"frames": 9, "drawn": False, "success": [], "precision": []}
+    rows = ranking.rows_of([run])
+    ranking.write([run], rows, tmp_path, "again")
+    (kept,) = ranking.SequenceBench.read(tmp_path / "bench.json").trackers
+    assert (kept.means["auc"].value, kept.means["auc"].known, kept.units) == (0.4, False, 1)
+    assert json.loads((tmp_path / "bench.json").read_text())["trackers"][0]["means"]["auc"] == {
+        "value": 0.4, "low": None, "high": None, "units": 1
+    }  # fmt: skip
+
+
 def test_trackers_are_ranked_and_tested_against_the_best():
     results = [result("a", s, 10, 0.4) for s in range(9)]
     results += [result("b", s, 30 if s < 8 else 5, 0.6) for s in range(9)]

@@ -122,7 +122,7 @@ def test_what_is_not_there_leaves_its_place_empty(tmp_path):
     assert study_data._array(pa.chunked_array([[None]], pa.list_(pa.float32()))).tolist() == []
     blind = LoopRun("kams", "x, y", "still", 0, "TARGET_LOST", {"servo_rms_px": None})
     assert bench_section.mean([blind], "servo_rms_px") is None
-    assert bench_section.loop_table([blind]).rows[0][4:] == [words.NOTHING] * 4
+    assert bench_section.loop_table([blind]).rows[0][4:] == ["1 run", *[words.NOTHING] * 4]
 
 
 def test_the_commands_are_listed_as_they_stand():

@@ -75,7 +75,7 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
         fact.label: (getattr(fact.value, "text", fact.value), fact.note) for fact in section.facts
     }
     assert facts["runs"] == ("8 of 8", "2 seeds a cell")
-    assert facts["success rate"][0] == "0.75"
+    assert facts["success rate"] == ("0.75", "mean of 2 draws, 95 %: 0.198 to 0.973")
     assert facts["true centre against the goal, rms, median"] == ("3.5 px", "servo_rms_px")
     blocks = {block.title: block for block in section.blocks}
     assert list(blocks) == ["What was varied, and what held", "Compared", "Over time",
@@ -86,11 +86,25 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     ]
     assert blocks["Compared"].points == []
     assert blocks["Compared"].tables[1].rows == [
-        ["pf_ssd", "kams", "2", "0", "2", "0.707", "0.5", "0.5"],
+        ["pf_ssd", "kams", "draw", "2", "0", "0", "0.707", "0.5", "0.5"],
     ]
-    assert blocks["Compared"].tables[0].rows[1][:5] == ["kams", "4", "0.5 (0 to 1)", "2", "2"]
+    assert blocks["Compared"].tables[0].rows[1][:6] == [
+        "kams",
+        "4",
+        "2 draws",
+        "0.5 (0.0945 to 0.905)",
+        "2",
+        "2",
+    ]
     cells = blocks["Cells"].tables[0]
-    assert cells.rows[3][:5] == ["kams", "30", "2", "1", "6.5 (6 to 7)"]
+    assert cells.rows[3][:6] == [
+        "kams",
+        "30",
+        "2",
+        "2 draws",
+        "1 (0.342 to 1)",
+        "6.5 (0.147 to 12.9)",
+    ]
     assert blocks["Contact sheets"].pictures[0].title == (
         "run 4, tracker.kind = kams, camera.rate = 5, seed = 0: TARGET_LOST"
     )
@@ -103,7 +117,7 @@ def test_a_difference_that_is_sure_is_a_sentence(tmp_path):
     section = study_section.section(make_study(tmp_path / "study", seeds=10))
     (compared,) = (block for block in section.blocks if block.title == "Compared")
     assert compared.points == [
-        "pf_ssd succeeds more often than kams: 10 to 0 (p = 0.002 after Holm)."
+        "pf_ssd succeeds more often than kams: in 10 draws against 0 (p = 0.002 after Holm)."
     ]
 
 

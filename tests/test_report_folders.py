@@ -33,7 +33,7 @@ def text_of(folder, tmp_path):
 def make_bench(folder):
     (folder / "sheets").mkdir(parents=True)
     trackers = [
-        Row(name, 1, {"auc": Interval(auc, auc, 0.9)}, {"a": auc, "b": auc}, test, p)
+        Row(name, 1, {"auc": Interval(auc, auc, 0.9, 1)}, {"a": auc, "b": auc}, test, p)
         for name, auc, test, p in (("kams", 0.857, None, 1.0), (EVIL, 0.25, McNemar(0, 11), 0.01))
     ]
     runs = [SequenceRun(t.tracker, "a", "a", 0, 9, {"auc": 0.5}, [], []) for t in trackers]

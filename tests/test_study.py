@@ -16,7 +16,9 @@ from servo.study.axes import Draw
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
 from servo.study.plan import StudyFile
+from servo.study.units import Units
 from sim import kinds
+from tracking.evaluation.statistics import McNemar
 from tracking.external import OF_THE_USER
 
 SMALL = """# mine
@@ -171,13 +173,52 @@ def test_cells_have_means_with_intervals_and_pairs_are_compared(small):
         {"tracker.kind": "pf_ssd", "run.latency": 0},
     ]
     assert cells[1].success.value == 0.9
-    assert 0.6 <= cells[1].success.low < 0.9 < cells[1].success.high == 1.0
+    assert cells[1].success.low == pytest.approx(0.5958, abs=1e-4)  # Wilson, 9 of 10
+    assert (cells[1].unit, cells[1].success.units) == ("draw", 10)
     assert cells[1].means["servo_rms_px"].value == 5.5
     assert "settle_s" not in cells[1].means
-    (pair,) = results.comparisons(small.compare, [axis.key for axis in small.every_axis], found)
+    axes = [axis.key for axis in small.every_axis]
+    (pair,) = results.comparisons(small.compare, axes, found, drawn=True)
     assert (pair.first, pair.second) == ("pf_ssd", "frozen")
     assert (pair.test.wins, pair.test.losses, pair.test.ties) == (9, 0, 1)
     assert pair.p_holm == pytest.approx(2 / 2**9)
+
+
+def clustered(*at):
+    """Rows of (scenario, tracker, seed, success, rms)."""
+    return [row | {"scenario": scenario} for scenario, *rest in at
+            for row in rows((rest[0], 0, *rest[1:]))]  # fmt: skip
+
+
+def test_a_study_of_scenarios_has_as_many_units_as_scenarios():
+    found = clustered(*(
+        (f"s{k}", tracker, seed, seed < 2 or tracker == "a", 1.0 + k + seed)
+        for k in range(6) for tracker in "ab" for seed in range(4)
+    ))  # fmt: skip
+    axes = ["scenario", "tracker.kind", "run.latency"]
+    of_b = Units.of([r for r in found if r["tracker.kind"] == "b"], axes, drawn=True)
+    assert (of_b.name, of_b.mean("success").units, of_b.mean("success").value) == (
+        "scenario", 6, 0.5
+    )  # fmt: skip
+    (pair,) = results.comparisons("tracker.kind", axes, found, drawn=True)
+    assert (pair.first, pair.unit, pair.test) == ("a", "scenario", McNemar(6, 0, 0))
+
+
+def test_seeds_that_draw_nothing_are_one_observation():
+    alike = rows(*(("frozen", 0, s, True, 1.5) for s in range(10)))
+    axes = ["tracker.kind", "run.latency"]
+    for row, time in zip(alike, range(10), strict=True):
+        row["step_ms"] = row["track_ms"] = float(time)
+    found = Units.of(alike, axes, drawn=False)
+    assert (found.name, found.mean("servo_rms_px").units) == ("run", 1)
+    assert not found.mean("servo_rms_px").known
+    assert Units.of(alike, axes, drawn=True).mean("success").units == 10
+    other = rows(*(("kams", 0, s, False, 2.0) for s in range(10)))
+    (pair,) = results.comparisons("tracker.kind", axes, alike + other)
+    assert (pair.unit, pair.test) == ("run", McNemar(1, 0, 0))
+    other[3]["servo_rms_px"] = 2.5
+    (pair,) = results.comparisons("tracker.kind", axes, alike + other)
+    assert (pair.unit, pair.test) == ("seed", McNemar(10, 0, 0))
 
 
 def test_a_bound_is_for_every_cell():
@@ -193,7 +234,7 @@ def test_in_a_narrow_terminal_names_give_way_and_no_digit_is_left_out(small, cap
     (cell,) = results.cells_of(small, rows(*(("frozen", 0, s, True, 1.237) for s in range(10))))
     long = {"estimator.kind": "kalman_cv", "sight.depth_factor": 0.354, "scenario": "reversal"}
     sweep_command._print_cells(Console(width=64), [replace(cell, settings=long)])
-    assert "10    1 1.24" in capsys.readouterr().out
+    assert "10 draws 1 (0.722 to 1) 1.24" in capsys.readouterr().out
 
 
 NAMED = """# mine

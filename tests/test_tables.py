@@ -53,7 +53,7 @@ def results(families, seeds=8):
                     measures[MEASURES[-1].name] = None
                 found.append({
                     "tracker": tracker, "sequence": f"{family}-1", "family": family, "seed": seed,
-                    "frames": 100 + seed, "measures": measures,
+                    "drawn": True, "frames": 100 + seed, "measures": measures,
                     "success": (skill * (1 - OVERLAPS)).tolist(),
                     "precision": np.minimum(1, skill * PIXELS / 30).tolist(),
                 })  # fmt: skip

@@ -17,6 +17,7 @@ from servo.output.formats import Made, Number
 from servo.output.versions import versions
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
+from tracking.evaluation.statistics import Interval, mean_of
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 from tracking.files.json_text import number
@@ -31,8 +32,11 @@ SHOWN = {
 RANKS = "servo_rms_px"
 LEGEND = (
     "true centre against the goal, rms and peak [px]; estimate against truth, rms [px]; tracker's "
-    "time [ms];\nmeans, with 95 % bootstrap intervals where there are several seeds"
+    "time [ms]: means over the seeds,\nwith 95 % intervals; seeds that draw nothing, so that all "
+    "runs are the same, are one unit, without an interval"
 )
+TIMED = ("step_ms", "track_ms")
+"""Measures that differ when a run is repeated."""
 COLUMNS = ("tracker", "follows", "scenario", "seed", "outcome")
 
 
@@ -100,6 +104,22 @@ class LoopBench(Made):
     KIND: ClassVar[str] = "bench closed_loop"
 
     runs: list[LoopRun]
+
+
+def draws(runs: Sequence[LoopRun]) -> bool:
+    """Whether the seeds of one tracker in one scenario draw anything: else all runs are alike."""
+    return len({(r.outcome, *(v for k, v in r.measures.items() if k not in TIMED))
+                for r in runs}) > 1  # fmt: skip
+
+
+def mean(runs: Sequence[LoopRun], measure: str) -> Interval | None:
+    """Mean of a measure of one tracker in one scenario with its interval over the seeds; None if no
+    run has it.
+    """
+    found = np.array([v for r in runs if (v := r.measures.get(measure)) is not None], float)
+    if not len(found):
+        return None
+    return mean_of(found if draws(runs) else found.mean(keepdims=True), least=0.0)
 
 
 def write(runs: Sequence[LoopRun], folder: Path, command: str) -> list[Path]:

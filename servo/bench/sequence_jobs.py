@@ -129,6 +129,7 @@ class SequenceJob:
             "sequence": sequence.name,
             "family": self.entry.name,
             "seed": self.seed,
+            "drawn": isinstance(self.entry, Generated),
             "frames": len(shots),
             "measures": {k: number(v) for k, v in measure_all(comparison).items()},
             "success": comparison.success().tolist(),

@@ -18,7 +18,7 @@ from servo.batch.workers import Lost
 from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
 from servo.mistake import Mistake, Refused
 from servo.output.formats import command_line
-from servo.report.words import Table, shown, spread
+from servo.report.words import Table, counted, shown, spread
 from servo.study.parse import load
 from servo.study.perform import parquet, perform
 from servo.study.plan import Study, StudyFile
@@ -31,9 +31,9 @@ SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rm
          "ms": "track_ms"}  # fmt: skip
 """Measures in the table, by the titles of their columns."""
 LEGEND = (
-    "held: share of runs with the expected outcome, with its 95 % bootstrap interval; true centre "
-    "against the goal, rms and\npeak [px]; estimate against truth, rms [px]; tracker's time [ms]: "
-    "means over runs"
+    "held: share of runs with the expected outcome, with its 95 % interval over the units; true "
+    "centre against the goal,\nrms and peak [px]; estimate against truth, rms [px]; tracker's time "
+    "[ms]: means"
 )
 MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
@@ -133,7 +133,8 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     table = store.table(done)
     rows = table.to_pylist()
     keys = [axis.key for axis in study.every_axis]
-    cells, pairs = cells_of(study, rows), comparisons(study.compare, keys, rows)
+    cells = cells_of(study, rows)
+    pairs = comparisons(study.compare, keys, rows, drawn=bool(study.draws))
     _print_cells(console, cells)
     paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
@@ -142,7 +143,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
         for c in [c for c in pairs if c.p_holm < 0.05][:10]:
             console.print(
                 f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "
-                f"{c.test.wins} to {c.test.losses}, p = {c.p_holm:.2g} after Holm"
+                f"in {c.test.wins} {c.unit}s against {c.test.losses}, p = {c.p_holm:.2g} after Holm"
             )
     for path in paths:
         plain(console, f"  {path}")
@@ -156,11 +157,12 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
     keys = [key.replace(".", ".\n", 1) for key in cells[0].settings]
     rows = [
-        [*map(shown, cell.settings.values()), str(cell.runs), spread(cell.success),
+        [*map(shown, cell.settings.values()), counted(cell.success, cell.unit),
+         spread(cell.success),
          *(shown(mean and mean.value) for mean in map(cell.means.get, SHOWN.values()))]
         for cell in cells[:MOST_SHOWN]
     ]  # fmt: skip
-    print_table(console, Table((*keys, "runs", "held", *SHOWN), rows, range(len(keys))))
+    print_table(console, Table((*keys, "units", "held", *SHOWN), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
     plain(console, LEGEND)

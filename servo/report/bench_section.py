@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from servo.bench import loop_jobs, ranking
-from servo.bench.loop_jobs import LoopBench, LoopRun
+from servo.bench.loop_jobs import LoopBench, LoopRun, draws, mean
 from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.mistake import Mistake
 from servo.output import formats
 from servo.report import charts, page
 from servo.report.page import Block, Fact, PageImage, Section, again
-from servo.report.words import Badge, Cell, Table, Tone, cut, shown, spread
-from tracking.evaluation.statistics import Interval, bootstrap
+from servo.report.words import Badge, Cell, Table, Tone, basis, cut, shown, spread
 
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 MOST_SHEETS = 24
@@ -50,8 +49,8 @@ def section(folder: Path) -> Section:
     score = best.means.get(ranking.RANKS)
     facts = [
         Fact("best tracker", best.tracker),
-        Fact("its success AUC", shown(score.value if score else None), "95 % interval: "
-             + (f"{score.low:.3f} to {score.high:.3f}" if score else "none")),
+        Fact("its success AUC", shown(score.value if score else None),
+             basis(score, ranking.UNIT) if score else ""),
         Fact("trackers", str(len(bench.trackers))),
         Fact("sequences", str(len({r.sequence for r in bench.runs}))),
         Fact("runs", str(len(bench.runs))),
@@ -79,8 +78,8 @@ def trackers_table(trackers: Sequence[Row]) -> Table:
         cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
         test = t.against_best
         end = [shown(test.z), shown(t.p)] if test else ["", ""]
-        rows.append([t.tracker, str(t.runs), *cells.values(), *end])
-    head = ("tracker", "runs", *ranking.SHOWN, "z", "p")
+        rows.append([t.tracker, str(t.units), *cells.values(), *end])
+    head = ("tracker", "n", *ranking.SHOWN, "z", "p")
     return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
 
 
@@ -129,7 +128,8 @@ def loop_section(folder: Path, bench: LoopBench) -> Section:
     errors = {
         name: [mean(group(runs, name, t), loop_jobs.RANKS) for t in trackers] for name in names
     }
-    figure = charts.by_name("True centre against the goal, rms", "px", trackers, errors)
+    note = "Means over the seeds with 95 % intervals; without one where the seeds draw nothing."
+    figure = charts.by_name("True centre against the goal, rms", "px", trackers, errors, note=note)
     facts = [
         Fact("runs that held", Badge.of(held == len(runs), f"{held} of {len(runs)}")),
         Fact("trackers", str(len(trackers))),
@@ -152,12 +152,6 @@ def group(runs: Sequence[LoopRun], scenario: str, tracker: str) -> list[LoopRun]
     return [r for r in runs if (r.scenario, r.tracker) == (scenario, tracker)]
 
 
-def mean(runs: Sequence[LoopRun], measure: str) -> Interval | None:
-    """Mean of a measure with its interval; None if no run has it."""
-    found = [value for r in runs if (value := r.measures.get(measure)) is not None]
-    return bootstrap(np.array(found)) if found else None
-
-
 def loop_table(runs: Sequence[LoopRun]) -> Table:
     """The means of each tracker in each scenario; the best tracker is the first."""
     rows: list[list[Cell]] = []
@@ -167,9 +161,11 @@ def loop_table(runs: Sequence[LoopRun]) -> Table:
         for _, found in sorted(ranked, key=lambda one: one[0].value if one[0] else np.inf):
             held = sum(r.held for r in found)
             kept = Badge.of(held == len(found), f"{held} of {len(found)}")
-            cells = [spread(mean(found, measure)) for measure in loop_jobs.SHOWN.values()]
-            rows.append([name, found[0].tracker, found[0].follows, kept, *cells])
-    head = ("scenario", "tracker", "follows", "held", *loop_jobs.SHOWN)
+            count = len(found) if draws(found) else 1
+            units = f"{count} seeds" if count > 1 else "1 run"
+            cells = [spread(mean(found, name), count) for name in loop_jobs.SHOWN.values()]
+            rows.append([name, found[0].tracker, found[0].follows, kept, units, *cells])
+    head = ("scenario", "tracker", "follows", "held", "units", *loop_jobs.SHOWN)
     return Table(head, rows, words=range(3), note=" ".join(loop_jobs.LEGEND.split()))
 
 

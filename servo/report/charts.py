@@ -89,7 +89,12 @@ def curves(
 
 
 def by_name(
-    title: str, across: str, names: Sequence[str], groups: Mapping[str, Sequence[Interval | None]]
+    title: str,
+    across: str,
+    names: Sequence[str],
+    groups: Mapping[str, Sequence[Interval | None]],
+    *,
+    note: str = "",
 ) -> Figure:
     """A figure of values with intervals: a row for each name, a colour for each group."""
     with canvas(FRAME + ROW * max(2, len(names)) * max(1, 0.6 * len(groups))) as (figure, axes):
@@ -98,7 +103,8 @@ def by_name(
             for row, value in enumerate(values):
                 if value is not None:
                     at = row + (i - (len(groups) - 1) / 2) * step
-                    bars = [[max(value.value - value.low, 0)], [max(value.high - value.value, 0)]]
+                    ends = (value.low, value.high) if value.known else (value.value, value.value)
+                    bars = [[max(value.value - ends[0], 0)], [max(ends[1] - value.value, 0)]]
                     axes.errorbar([value.value], [at], xerr=bars, fmt="o", ms=4, lw=1.4,
                                   color=colour(i), label=label)  # fmt: skip
         axes.set_yticks(range(len(names)), names)
@@ -108,7 +114,7 @@ def by_name(
         found = [np.array([v.value, v.low]) for vs in groups.values() for v in vs if v is not None]
         _scale(axes, Scale(across, low=0, log_from=ERRORS), found, "x")
         keys = [Key(label, css(colour(i))) for i, label in enumerate(groups) if len(groups) > 1]
-        return Figure(title, svg(figure, title), keys)
+        return Figure(title, svg(figure, title), keys, note)
 
 
 def heat(

@@ -16,12 +16,12 @@ from servo.report import files
 from servo.study.perform import CAMERA, CORNERS
 from servo.study.plan import FailureFile, StudyFile
 from servo.study.store import FAILURES, RESULTS, RUNS
+from servo.study.units import SUCCESS, Units, values
 from sim.types import Array
-from tracking.evaluation.statistics import Interval, bootstrap
+from tracking.evaluation.statistics import Interval
 
 SERIES = ("servo_error_px", "tracking_error_px", "on_target", *CAMERA, *CORNERS)
 SHEET, TIME = "sheet", "time_s"
-SUCCESS = "success"
 NEEDED = ("run", "outcome", SUCCESS)
 Row = dict[str, Any]
 
@@ -68,6 +68,14 @@ class StudyResults:
         if self.plan.compare in self.axes:
             return self.plan.compare
         return next(iter(self.axes), None)
+
+    def units(self, rows: list[Row]) -> Units:
+        """What the intervals of these rows are over."""
+        return Units.of(rows, self.axes, bool(self.plan.draws))
+
+    def interval(self, rows: list[Row], name: str) -> Interval | None:
+        """Mean of a measure with its 95 % interval over the units; None if no run has it."""
+        return self.units(rows).mean(name)
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
         """The rows by value of an axis, in the order of the axis; one group if there is no axis."""
@@ -121,18 +129,6 @@ def load(folder: Path) -> StudyResults:
 def same(found: Any, value: Any) -> bool:
     """Whether a cell is a value of an axis; columns of mixed types hold texts."""
     return found == value or str(found) == str(value)
-
-
-def values(rows: list[Row], name: str) -> Array:
-    """The finite values of a measure (n,)."""
-    found = [r[name] for r in rows if r.get(name) is not None]
-    return np.array([v for v in found if np.isfinite(v)], dtype=float)
-
-
-def interval(rows: list[Row], name: str) -> Interval | None:
-    """Mean of a measure with its 95 % interval; None if no run has it."""
-    found = values(rows, name)
-    return bootstrap(found) if len(found) else None
 
 
 def median(rows: list[Row], name: str) -> float:

@@ -10,8 +10,20 @@ from typing import Any
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
-from servo.report.study_data import SUCCESS, Row, StudyResults, interval, load, median
-from servo.report.words import NOTHING, Badge, Cell, Table, Tone, cut, listed, shown, spread
+from servo.report.study_data import SUCCESS, Row, StudyResults, load, median
+from servo.report.words import (
+    NOTHING,
+    Badge,
+    Cell,
+    Table,
+    Tone,
+    basis,
+    counted,
+    cut,
+    listed,
+    shown,
+    spread,
+)
 from servo.study.results import COMPARED, Compared, comparisons, grouped, missed
 
 MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
@@ -20,6 +32,10 @@ COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost
 WAYS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
 """Measures in the tables, of studies and of those that show ways; the files have all of them."""
 SURE = 0.05
+UNITS = (
+    "Intervals are over the units: scenarios where there are several, else draws or seeds; seeds "
+    "that draw nothing are one run."
+)
 
 
 def section(folder: Path) -> Section:
@@ -67,10 +83,10 @@ def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
     plan, rows = study.plan, study.rows
     facts = [Fact("runs", f"{len(rows)} of {plan.runs}", f"{len(plan.seeds)} seeds a cell")]
     if rows:
-        rate = interval(rows, SUCCESS)
+        units = study.units(rows)
+        rate = units.mean(SUCCESS)
         if rate is not None:
-            said = f"95 % interval: {shown(rate.low)} to {shown(rate.high)}"
-            facts.append(Fact("success rate", shown(rate.value), said))
+            facts.append(Fact("success rate", shown(rate.value), basis(rate, units.name)))
         for name in ("servo_rms_px", "tracking_rms_px"):
             unit, meaning = MEANINGS[name]
             facts.append(Fact(f"{meaning}, median", f"{shown(median(rows, name))} {unit}", name))
@@ -109,20 +125,24 @@ def _compared(study: StudyResults) -> list[Block]:
     for name, group in groups.items():
         ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
         medians = [shown(median(group, m)) for m in _columns(study)]
-        rows.append(
-            [name, str(len(group)), spread(interval(group, SUCCESS)), *map(str, ended), *medians]
-        )
-    head = (study.compared or "runs", "runs", "success (95 %)", *outcomes, *_columns(study))
-    note = "Outcomes are counts of runs, measures are medians over runs."
+        units = study.units(group)
+        rate = units.mean(SUCCESS)
+        over = counted(rate, units.name)
+        rows.append([name, str(len(group)), over, spread(rate), *map(str, ended), *medians])
+    head = (study.compared or "runs", "runs", "units", "success (95 %)", *outcomes,
+            *_columns(study))  # fmt: skip
+    note = f"{UNITS} Outcomes are counts of runs, measures are medians over runs."
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None
-    pairs = comparisons(compared, list(study.axes), study.rows)
+    drawn = bool(study.plan.draws)
+    pairs = comparisons(compared, list(study.axes), study.rows, drawn=drawn)
     if pairs:
         cells = [list(map(shown, pair.cells)) for pair in pairs[: page.MOST_ROWS]]
         described = (
-            "McNemar's test on success, paired over all else; p_holm is corrected for their number."
+            "McNemar's test on success: in how many units the first succeeds more often than the "
+            "second in runs that are otherwise the same; p_holm is corrected for their number."
         )
-        tables.append(Table(COMPARED, cells, words=range(2), note=described))
+        tables.append(Table(COMPARED, cells, words=range(3), note=described))
     return [Block("Compared", points=_sure(pairs), tables=tables)]
 
 
@@ -133,8 +153,8 @@ def _columns(study: StudyResults) -> tuple[str, ...]:
 def _sure(pairs: Sequence[Compared]) -> list[str]:
     found = [c for c in pairs if c.p_holm < SURE and c.test.wins > c.test.losses]
     return [
-        f"{c.first} succeeds more often than {c.second}: {c.test.wins} to {c.test.losses} "
-        f"(p = {c.p_holm:.2g} after Holm)."
+        f"{c.first} succeeds more often than {c.second}: in {c.test.wins} {c.unit}s against "
+        f"{c.test.losses} (p = {c.p_holm:.2g} after Holm)."
         for c in found[:MOST_LISTED]
     ]
 
@@ -175,12 +195,13 @@ def _cells(study: StudyResults) -> Block:
     found = grouped(list(study.axes), study.rows)
     rows = (
         [*(shown(v) for v in settings.values()), str(len(group)),
-         *(spread(interval(group, name)) for name in (SUCCESS, *_columns(study)))]
+         counted((units := study.units(group)).mean(SUCCESS), units.name),
+         *(spread(units.mean(name), len(units.rows)) for name in (SUCCESS, *_columns(study)))]
         for settings, group in found
     )  # fmt: skip
-    head = (*study.axes, "runs", "success", *_columns(study))
+    head = (*study.axes, "runs", "units", "success", *_columns(study))
     block = page.rows_of("cells", head, rows, len(found), range(len(study.axes)))
-    return replace(block, text=["Means with 95 % bootstrap intervals.", *block.text])
+    return replace(block, text=[f"Means with 95 % intervals. {UNITS}", *block.text])
 
 
 def _runs(study: StudyResults) -> Block:

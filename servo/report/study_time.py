@@ -12,7 +12,7 @@ from servo.report import charts
 from servo.report.charts import ERRORS, SETTINGS, Curve, Scale, curves
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
-from servo.report.study_data import SUCCESS, Row, Series, StudyResults, interval, median, same
+from servo.report.study_data import SUCCESS, Row, Series, StudyResults, median, same
 from servo.report.words import cut, shown
 from sim.types import Array
 
@@ -100,7 +100,7 @@ ERROR = "servo_rms_px"
 MOST_AXES, MOST_CELLS, MOST_SERIES = 6, 20, len(LIGHT)
 COLOURED = 8.0
 """Errors that differ by more than this factor are coloured on a logarithmic scale."""
-AVERAGED = "Mean over all else, with its 95 % interval."
+AVERAGED = "Mean over all else, with its 95 % interval over"
 
 
 def against(study: StudyResults) -> list[Figure]:
@@ -118,7 +118,9 @@ def against(study: StudyResults) -> list[Figure]:
             ]
             drawn = [curve for curve in drawn if len(curve.x)]
             if drawn:
-                found.append(_against(key, name, drawn, f"{AVERAGED} {note}"))
+                over = study.units(study.rows)
+                said = f"{AVERAGED} {len(over.rows)} {over.name}s. {note}"
+                found.append(_against(key, name, drawn, said))
     return found
 
 
@@ -154,7 +156,7 @@ def _curve(
 ) -> Curve:
     at: list[tuple[float, float, float, float]] = []
     for value in sorted(study.axes[key]):
-        found = interval([r for r in rows if same(r[key], value)], name)
+        found = study.interval([r for r in rows if same(r[key], value)], name)
         if found is not None:
             at.append((float(value), found.value, found.low, found.high))
     x, y, low, high = np.array(at).reshape(-1, 4).T

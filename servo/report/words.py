@@ -61,13 +61,32 @@ def shown(value: Any) -> str:
     return f"{value:,.0f}" if LARGE <= abs(value) < HUGE else f"{value:.3g}"
 
 
-def spread(interval: Interval | None) -> str:
-    """A value with its interval, such as "2.1 (1.9 to 2.4)"."""
+def spread(interval: Interval | None, units: int = 0) -> str:
+    """A value with its interval, such as "2.1 (1.9 to 2.4)", and with the number of its units where
+    that differs from the one that is said beside it.
+    """
     if interval is None:
         return NOTHING
-    if interval.low == interval.high:
+    if not interval.known or interval.low == interval.high:
         return shown(interval.value)
-    return f"{shown(interval.value)} ({shown(interval.low)} to {shown(interval.high)})"
+    fewer = f", n {interval.units}" if units and interval.units != units else ""
+    return f"{shown(interval.value)} ({shown(interval.low)} to {shown(interval.high)}{fewer})"
+
+
+def basis(interval: Interval, unit: str) -> str:
+    """What an interval is over, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
+    if not interval.units:  # a file of before
+        return f"95 %: {shown(interval.low)} to {shown(interval.high)}"
+    over = f"mean of {counted(interval, unit)}"
+    if not interval.known:
+        return f"{over}: no interval"
+    return f"{over}, 95 %: {shown(interval.low)} to {shown(interval.high)}"
+
+
+def counted(interval: Interval | None, unit: str) -> str:
+    """The number of units of an interval, such as "7 recordings"."""
+    count = interval.units if interval else 0
+    return f"{count} {unit}{'' if count == 1 else 's'}"
 
 
 def listed(settings: Mapping[str, Any]) -> str:

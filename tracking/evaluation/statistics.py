@@ -1,9 +1,10 @@
-"""Statistics of comparisons: McNemar's test, bootstrap intervals, and Holm's correction."""
+"""Statistics of comparisons: McNemar's test, intervals of means, and Holm's correction."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Annotated
 
 import numpy as np
@@ -11,8 +12,8 @@ from annotated_types import Ge, Le
 
 from sim.types import Array
 
-DRAWS = 2000
-"""Number of the bootstrap's resamples."""
+NO_SKEWNESS = 1e-6
+"""Smallest skewness that is removed: below it the transformation is the identity."""
 Count = Annotated[int, Ge(0), Le(1 << 53)]
 
 
@@ -60,39 +61,115 @@ class Interval:
     value: float
     low: float
     high: float
+    """Both ends are nan where there is no interval: over one unit, or where a score is not finite.
+    """
+    units: int = 0
+    """Number of independent scores behind it; 0: not said."""
+
+    @property
+    def known(self) -> bool:
+        """Whether there is an interval around the value."""
+        return bool(np.isfinite(self.low) and np.isfinite(self.high))
 
 
-def bootstrap(scores: Array, seed: int = 0, confidence: float = 0.95) -> Interval:
-    """The mean of scores (n,) with a percentile interval (Efron, Bootstrap methods, 1979).
+def mean_of(
+    scores: Array, confidence: float = 0.95, least: float = -np.inf, most: float = np.inf
+) -> Interval:
+    """The mean of the scores (n,) of n independent units, with an interval that covers.
 
-    The same scores and seed give the same interval. The interval of a single score is its value.
+    Scores that are all 0 or 1, or equal between such bounds, are a share: Wilson's interval.
+    Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
+    removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). One score, or one that is
+    not finite, has no interval; other equal scores have one without width. It covers 93 to 97 %
+    from n = 10 on (tests/test_statistics.py), but of a lognormal of sigma 1 only 89 %, and a
+    single share 90 to 98 %, because counts jump.
+
+    Args:
+        scores: One score for each unit: average over what was measured several times first.
+        confidence: How often such an interval contains the true mean.
+        least: Smallest and
+        most: largest possible score, beyond which no interval reaches.
 
     Raises:
         ValueError: There are no scores.
     """
-    if len(scores) == 0:
+    count = len(scores)
+    if count == 0:
         raise ValueError("an interval needs at least one score")
     mean = float(scores.mean())
-    if len(scores) == 1 or not np.isfinite(scores).all():
-        return Interval(mean, mean, mean)
-    from scipy import stats  # takes a second
+    if count == 1 or not np.isfinite(scores).all():
+        return Interval(mean, np.nan, np.nan, count)
+    deviation = float(scores.std(ddof=1))
+    equal = np.ptp(scores) == 0 or deviation == 0
+    if np.isin(scores, (0.0, 1.0)).all() or (equal and (least, most) == (0, 1)):
+        return _share(mean, count, confidence)
+    if equal:
+        return Interval(mean, mean, mean, count)
+    from scipy.special import stdtrit  # takes a second
 
-    low, high = stats.bootstrap(
-        (scores,), np.mean, method="percentile", n_resamples=DRAWS, confidence_level=confidence,
-        rng=np.random.default_rng(seed),
-    ).confidence_interval  # fmt: skip
-    return Interval(mean, float(low), float(high))
+    skewness = float(np.mean(((scores - mean) / deviation) ** 3))
+    reach = float(stdtrit(count - 1, (1 + confidence) / 2) / np.sqrt(count))
+    low, high = (mean - deviation * _unskewed(t, skewness, count) for t in (reach, -reach))
+    return Interval(mean, max(low, least), min(high, most), count)
+
+
+def bootstrap(scores: Array, seed: int = 0, confidence: float = 0.95) -> Interval:
+    """The former name of `mean_of`, which needs no seed: it draws nothing."""
+    del seed
+    return mean_of(scores, confidence)
+
+
+def difference_of_shares(first: Array, second: Array, confidence: float = 0.95) -> Interval:
+    """The share of successes of the first less that of the second on the same units, whose flags
+    (n,) are 0 or 1 (Bonett and Price, Adjusted Wald confidence interval for a difference of
+    binomial proportions based on paired data, 2012).
+    """
+    count = len(first)
+    only = np.array([np.sum(first > second), np.sum(first < second)])
+    value = float(only[0] - only[1]) / count
+    if count == 1:
+        return Interval(value, np.nan, np.nan, count)
+    shares = (only + 1) / (count + 2)
+    middle = float(shares[0] - shares[1])
+    variance = float(shares.sum() - middle**2) / (count + 2)
+    width = _quantile(confidence) * variance**0.5
+    return Interval(value, max(middle - width, -1.0), min(middle + width, 1.0), count)
+
+
+def _unskewed(t: float, skewness: float, count: int) -> float:
+    """The standardised mean of which Hall's transformation is t; t itself without skewness."""
+    if abs(skewness) < NO_SKEWNESS:
+        return t
+    inner = 1 + skewness * (t - skewness / (6 * count))
+    return 3 / skewness * float(np.cbrt(inner) - 1)
+
+
+def _quantile(confidence: float) -> float:
+    """How many standard deviations a normal variable is within."""
+    return NormalDist().inv_cdf((1 + confidence) / 2)
+
+
+def _share(share: float, count: int, confidence: float) -> Interval:
+    """A share of n units with its score interval (Wilson, Probable inference, 1927)."""
+    z = _quantile(confidence)
+    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
+    variance = share * (1 - share) / count + (z / count) ** 2 / 4
+    width = z / (1 + z * z / count) * variance**0.5
+    return Interval(share, min(middle - width, share), max(middle + width, share), count)
 
 
 def titles(names: Iterable[str]) -> list[str]:
-    """Titles of the columns of intervals in a table: NAME, NAME_low and NAME_high for each."""
-    return [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
+    """Titles of the columns of intervals in a table: NAME, NAME_low, NAME_high and NAME_units."""
+    return [f"{name}{end}" for name in names for end in ("", "_low", "_high", "_units")]
 
 
 def cells(intervals: Iterable[Interval | None]) -> list[float | str]:
-    """Cells of intervals under `titles`; empty for None."""
-    found = [("", "", "") if i is None else (i.value, i.low, i.high) for i in intervals]
-    return [cell for three in found for cell in three]
+    """Cells of intervals under `titles`; empty where there is no value or no interval."""
+    found: list[float | str] = []
+    for i in intervals:
+        ends: list[float | str] = [i.low, i.high] if i and i.known else ["", ""]
+        found += [i.value, *ends, i.units] if i else ["", "", "", ""]
+    return found
 
 
 def holm(p_values: Array) -> Array:

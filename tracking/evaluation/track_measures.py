@@ -30,6 +30,12 @@ HALF, MOST = 0.5, 0.9
 """Criterion of success: an overlap above this in at least this share of the frames."""
 
 
+SHARES_OF_ONE = (
+    "auc", "auc_turned", "precision_20", "precision_norm", "completed", "held", "lost_auc",
+)  # fmt: skip
+"""Measures that are at most 1."""
+
+
 class Better(Enum):
     """Whether higher or lower values are better."""
 
@@ -93,6 +99,11 @@ class TrackMeasure:
     better: Better
     meaning: str
     of: Callable[[Comparison], float]
+
+    @property
+    def most(self) -> float:
+        """Its largest possible value; the smallest is 0."""
+        return 1.0 if self.name in SHARES_OF_ONE else np.inf
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
