@@ -85,7 +85,6 @@ class PapersReport(Made):
 
     FILE: ClassVar[str] = "papers.json"
     KIND: ClassVar[str] = "papers"
-    FORMAT: ClassVar[int] = 2
 
     quick: bool
     claims: dict[str, Judged]

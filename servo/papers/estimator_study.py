@@ -15,7 +15,7 @@ from servo.papers.groups import Result, column, group
 from servo.papers.loop_series import LoopSeries
 from sim import kinds
 from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval, bootstrap
+from tracking.evaluation.statistics import Interval, mean_of
 from tracking.evaluation.verdicts import Finding
 
 SEEDS = 10
@@ -75,7 +75,7 @@ Scores = dict[str, list[Interval]]
 def _judge(results: list[Result], folder: Path) -> Verdict:
     found: Scores = {
         estimator: [
-            bootstrap(column(group(results, estimator=estimator, scenario=c.scenario,
+            mean_of(column(group(results, estimator=estimator, scenario=c.scenario,
                                  label=c.rate.replace(" ", "")), c.measure))
             for c in CASES
         ]

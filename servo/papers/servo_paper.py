@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
 from servo.papers.claim import COLOURS, FRESH, Claim, Effort, Rule, Verdict, panels
-from servo.papers.groups import Result, column, group, mean, percent, ratio, words
+from servo.papers.groups import Result, column, group, mean, mean_percent, ratio, words
 from servo.papers.loop_series import LINE, REVERSAL, LoopSeries, varied
 from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval, bootstrap
+from tracking.evaluation.statistics import Interval, mean_of
 from tracking.evaluation.verdicts import greater, not_worse
 
 SEEDS = 20
@@ -71,7 +71,7 @@ def _table(results: list[Result]) -> list[list[str]]:
     for e in ESTIMATORS:
         runs = group(results, estimator=e)
         rows.append([e, mean(runs, "servo_rms_px", "px"), mean(runs, "servo_peak_px", "px"),
-                     words(bootstrap(np.array([_longest_away(r) for r in runs])), "s"),
+                     words(mean_of(np.array([_longest_away(r) for r in runs])), "s"),
                      words(_agreements(runs), "%") if runs[0]["scenario"] == REVERSAL else "",
                      mean(runs, "tilt_peak_deg", "deg")])  # fmt: skip
     return rows
@@ -107,7 +107,7 @@ def _judge_sign(results: list[Result], folder: Path, name: str, way: Way) -> Ver
 
 
 def _agreements(runs: list[Result]) -> Interval:
-    return percent(bootstrap(np.array([_agreement(r) for r in runs])))
+    return mean_percent(np.array([_agreement(r) for r in runs]))
 
 
 def _agreement(run: Result) -> float:
@@ -118,7 +118,7 @@ def _agreement(run: Result) -> float:
 
 def _judge_peak(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
     runs = group(results, estimator=FILTER)
-    away = bootstrap(np.array([_longest_away(r) for r in runs]))
+    away = mean_of(np.array([_longest_away(r) for r in runs]))
     figure = _draw_error(results, f"{name}: distance of the target from the goal, reversals")
     return Verdict(
         not_worse(away, way.within), away, "s", len(runs),

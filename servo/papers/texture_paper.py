@@ -13,11 +13,11 @@ from servo.batch.jobs import Job
 from servo.bench.sequence_jobs import Contender, SequenceJob, track_path
 from servo.papers.claim import COLOURS, FRESH, Claim, Effort, Rule, Verdict, every, panels
 from servo.papers.experiments import generated, sequence_jobs
-from servo.papers.groups import Result, by_tracker, column, mean, percent, ratio, words
+from servo.papers.groups import Result, by_tracker, column, mean, mean_percent, ratio, words
 from servo.papers.tuning import published, tuned
 from sim.types import Array
 from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import bootstrap
+from tracking.evaluation.statistics import mean_of
 from tracking.evaluation.track_file import read
 from tracking.evaluation.verdicts import greater
 
@@ -113,14 +113,14 @@ def _likeness(effort: Effort) -> Sequence[Job]:
 
 def _judge_likeness(results: list[Result], folder: Path) -> Verdict:
     rho = {place: np.array([r[place] for r in results]) for place in PLACES}
-    like = {place: percent(bootstrap(np.mean(values >= LIKE * rho[TRUTH], axis=1)))
+    like = {place: mean_percent(np.mean(values >= LIKE * rho[TRUTH], axis=1))
             for place, values in rho.items()}  # fmt: skip
     share = like[FOUND]
     figure, (ax,) = panels(1)
     table = [["place", "mean coefficient", f"frames at least {LIKE:g} of the truth's [%]"]]
     for i, (place, values) in enumerate(rho.items()):
         ax.plot(values[0], color=COLOURS[i], lw=1.2, label=PLACES[place])
-        table.append([PLACES[place], words(bootstrap(values.mean(axis=1))), words(like[place])])
+        table.append([PLACES[place], words(mean_of(values.mean(axis=1))), words(like[place])])
     ax.set(xlabel="frame", ylabel="Bhattacharyya coefficient", ylim=(0, 1),
            title=f"P2-2: likeness to the target, seed {FRESH}")  # fmt: skip
     ax.legend(frameon=False, ncols=2, fontsize=7)

@@ -69,7 +69,7 @@ FAMILIES = {
     "clutter": Family(
         tuple(generated("clutter", level=level) for level in LEVELS), 6, "frames_until_loss", 1
     ),
-    "similarity": Family((generated("similarity"),), 4, "auc_turned", 1),
+    "similarity": Family((generated("similarity"),), 3, "auc_turned", 1),
     "texture": Family((generated("texture"),), 6, "rmse_px", -1),
 }
 STILL_OR_MOVING = (RANDOM_WALK, CONSTANT_VELOCITY)
