@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from matplotlib import ticker
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
@@ -92,3 +94,11 @@ def every(findings: Iterable[Finding]) -> Finding:
 def panels(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[Axes]]:
     """A figure of the given width [inch] with plain axes, row by row."""
     return figures.panels(width, 0.8 + 2.3 * rows, rows, columns)
+
+
+def plain_ticks(*axes: Axis) -> None:
+    """Ticks such as 0.5, 1, 2 on logarithmic axes."""
+    for axis in axes:
+        axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+        axis.set_minor_locator(ticker.NullLocator())

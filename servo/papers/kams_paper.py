@@ -12,7 +12,17 @@ import numpy as np
 from servo.batch.jobs import Job
 from servo.bench.ranking import compare
 from servo.bench.sequence_jobs import Contender, Generated, Recorded
-from servo.papers.claim import COLOURS, WORDS, Claim, Effort, Rule, Verdict, every, panels
+from servo.papers.claim import (
+    COLOURS,
+    WORDS,
+    Claim,
+    Effort,
+    Rule,
+    Verdict,
+    every,
+    panels,
+    plain_ticks,
+)
 from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import (
     Result,
@@ -165,6 +175,7 @@ def _judge_errors(results: list[Result], folder: Path) -> Verdict:
     ax.plot(range(len(EASY)), PAPER_PX, "_", ms=30, color=COLOURS[5], label="paper's result")
     ax.set_xticks(range(len(EASY)), [f"level {level}" for level in EASY])
     ax.set(ylabel="mean error [px]", yscale="log", title="P0-2: mean error, one dot a sequence")
+    plain_ticks(ax.yaxis)
     ax.legend(frameon=False)
     ours = group(results, tracker=published("kams").label)
     done = [column(group(ours, family=f"clutter-{level}"), "completed") for level in EASY]

@@ -11,7 +11,17 @@ import numpy as np
 
 from servo.batch.jobs import Job
 from servo.bench.sequence_jobs import track_path
-from servo.papers.claim import COLOURS, FRESH, Claim, Effort, Rule, Verdict, every, panels
+from servo.papers.claim import (
+    COLOURS,
+    FRESH,
+    Claim,
+    Effort,
+    Rule,
+    Verdict,
+    every,
+    panels,
+    plain_ticks,
+)
 from servo.papers.experiments import sequence_jobs
 from servo.papers.groups import (
     Result,
@@ -131,6 +141,7 @@ def _scatter(results: list[Result], first: str, second: str, folder: Path, name:
     ax.plot(ends, ends, "--", color=COLOURS[5], lw=0.8)
     ax.set(xlabel=f"{second} [deg]", ylabel=f"{first} [deg]", xscale="log", yscale="log",
            title=f"{name}: angle RMSE, one dot a sequence")  # fmt: skip
+    plain_ticks(ax.xaxis, ax.yaxis)
     ax.legend(frameon=False)
     return figures.save(figure, folder, f"{name}.png")
 
