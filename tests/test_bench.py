@@ -167,7 +167,8 @@ BAD = {
     "no sequences": (["none.toml"], "none.toml: there are no [[sequences]] in this suite"),
     "no level": (
         ["level.toml"],
-        "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c', 'd', 'e', 'f', 'g' or 'h'",
+        "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c', 'd', 'e', 'f', 'g' "
+        "or 'h'",
     ),
     "the same sequence twice": (
         ["twice.toml"],

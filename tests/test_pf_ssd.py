@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sim import kinds
 from sim.types import Frame
 from tracking.evaluation.track_measures import turned_overlaps
 from tracking.lock import LockConfig
@@ -37,6 +38,10 @@ def paint(state, hidden=False, index=0):
 
 def path(k):
     return State(100 + 1.2 * k, 80 - 0.3 * k, 0.2 + 0.01 * k, 1.0 + 0.004 * k)
+
+
+def config_of(kind):
+    return kinds.config_of("tracking.trackers", kind)
 
 
 def track(config, frames, seed=0):
@@ -171,3 +176,25 @@ def test_what_is_not_believed_is_not_the_estimate():
         mean = estimate.particles[:, 4] @ estimate.particles[:, :2]
         np.testing.assert_allclose((estimate.state.x, estimate.state.y), mean, atol=1e-9)
         assert estimate.status is not Status.LOCKED
+
+
+@pytest.mark.parametrize("kind", ["condensation", "mk_pf"])
+def test_every_filter_strews_its_particles_while_the_target_is_lost(kind):
+    frames = [paint(FIRST, k >= 10, k) for k in range(46)]
+    near = {"noise": 0.05, "widen_when_lost": 1.0, "gamma": 1e-6, "contrast": 0.0}
+    ends = [track(config_of(kind)(scatter=s, **near), frames) for s in (0.7, 0.0)]
+    wide, narrow = (np.std(end[-1].particles[:, 0]) for end in ends)
+    assert ends[0][-1].status is Status.LOST
+    assert wide > 0.7 * 240 / np.sqrt(12)
+    assert narrow < 30
+
+
+@pytest.mark.parametrize("kind", ["condensation", "kams", "mean_shift", "mk_pf", "mk_ssd"])
+def test_every_tracker_of_colours_may_see_them_evenly_lit(kind):
+    """The light falls to 60 %: every bin changes, except where colours are compared evenly lit."""
+    frames = [paint(FIRST, index=k) for k in range(4)]
+    dim = [Frame((f.image * 0.6).astype(np.uint8), 0.2, 4) for f in frames[:1]]
+    config = config_of(kind)
+    even, plain = (track(config(even=e), frames + dim)[-1].distance for e in (True, False))
+    assert even < 0.5
+    assert plain > even + 0.2

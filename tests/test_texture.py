@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from tracking.appearance.bins import ColourBins, Window
-from tracking.appearance.local_patterns import TextureBins, ones_of, texture_or_colour
+from tracking.appearance.local_patterns import TextureBins, ones_of, riu2, texture_or_colour
+from tracking.appearance.model import model_of
+from tracking.appearance.reference import Learning
 from tracking.types import Region, State
 
 EVERYWHERE = Window(0, 0, 40, 30)
@@ -25,6 +27,45 @@ def patch(*rows):
 def test_ones_of_uniform_patterns(grey, ones):
     # Diagonal neighbours lie at radius 1: half of them is the corner pixel, the rest the sides.
     assert ones_of(grey, threshold=45.0 if ones == 1 else 8.0)[0, 0] == ones
+
+
+def test_the_papers_pattern_241_has_the_label_5():
+    """Figure 1 of the PFJCTH paper; 241 is 0b11110001, a run of five around the circle."""
+    codes = [np.array([code >> p & 1 for p in range(8)], bool) for code in (241, 240, 255, 5, 0)]
+    assert [int(riu2(bits)) for bits in codes] == [5, 4, 8, -1, 0]
+    assert ones_of(patch([90, 90, 90], [90, 9, 90], [9, 9, 9]), threshold=45.0)[0, 0] == 5
+
+
+def test_any_circle_is_read_bilinearly():
+    """On a plane that rises to the right, the neighbours right of the centre are brighter."""
+    columns = np.tile(10 * np.arange(15, dtype=np.float32), (15, 1))
+    for neighbours, radius, margin in ((16, 2.0, 2), (12, 2.5, 3), (24, 3.0, 3)):
+        turns = 2 * np.pi * np.arange(neighbours) / neighbours
+        for over in (3.0, 8.0, 17.0):
+            found = ones_of(columns, over, neighbours, radius)
+            assert found.shape == (15 - 2 * margin,) * 2
+            assert (found == np.sum(10 * radius * np.cos(turns) >= over)).all()
+
+
+def test_points_without_texture_are_left_out_of_the_normaliser():
+    """Most points of a target have no major texture, yet at the truth it is like itself."""
+    rng = np.random.default_rng(5)
+    image = np.full((60, 80, 3), 90, np.uint8)
+    image[20:40, 20:60] = rng.integers(40, 200, (20, 40, 3))
+    image[20:40, 37:43] = 90
+    where = Region(40.0, 20.0), State(40.0, 30.0)
+    for rest in ("discard", "colour", "bin"):
+        bins = TextureBins(2, rest=rest)
+        model = model_of(image, *where, bins, Learning(), density=40)
+        assert model.distances(model.label(image), where[1].vector[None])[0] < 0.12
+    labels = [
+        TextureBins(2, rest=r).label(image, Window(20, 20, 60, 40)) for r in ("bin", "colour")
+    ]
+    plain = TextureBins(2).label(image, Window(20, 20, 60, 40)) < 0
+    assert 0.5 < plain.mean() < 0.9
+    assert set(labels[0][plain]) == {2**3 * 5}
+    assert labels[1][plain].min() >= 2**3 * 5
+    assert labels[1].max() < 2**3 * 6
 
 
 def test_a_turned_edge_keeps_its_number_of_ones():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from sim.types import Array, Image
 from tracking.hot import colour_labels as hot
 
-Labels = NDArray[np.int16]
+Labels = NDArray[np.integer[Any]]
+MOST_LEVELS = 32
+"""Colour bins a channel whose joint numbers have 16 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,19 +78,19 @@ class ColourBins:
     """Equal bins in each channel of RGB."""
 
     levels: int = 8
-    """Bins a channel: a power of two."""
+    """Bins a channel, 1 to 32."""
 
     def __post_init__(self) -> None:
-        if self.levels not in (2, 4, 8, 16, 32):
-            raise ValueError(f"levels must be 2, 4, 8, 16 or 32, not {self.levels}")
+        if not 1 <= self.levels <= MOST_LEVELS:
+            raise ValueError(f"levels must be 1 to {MOST_LEVELS}, not {self.levels}")
 
     @property
     def count(self) -> int:
         return self.levels**3
 
     def label(self, image: Image, window: Window) -> Labels:
-        bits = self.levels.bit_length() - 1
-        return hot.labels(image, window.left, window.top, window.right, window.bottom, bits)
+        at = (window.left, window.top, window.right, window.bottom)
+        return hot.labels(image, *at, self.levels)
 
 
 class Labelled:

@@ -8,6 +8,7 @@ outside the object.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from tracking.appearance.bins import Labelled
 from tracking.hot import point_histograms as hot
 from tracking.types import Region, State
 
+Kernel = Literal["epanechnikov", "linear"]
+Combine = Literal["mean", "sum"]
+"""Of the parts' squared distances: the mean, or the sum, as if the parts were independent."""
 TINY = 1e-12
 LEAST_RING = 8
 """Points along each side of a ring: with fewer, none might lie outside the template."""
@@ -36,13 +40,18 @@ class Layout:
     """Distance of the farthest point from the centre [px]."""
     count: int
     """Number of parts K."""
+    pulls: Array
+    """How much each point counts in a mean-shift step (P,): -k'(r^2), up to a factor."""
 
     @staticmethod
-    def of(points: Array, parts: NDArray[np.int64], kernel: Array) -> Layout:
+    def of(
+        points: Array, parts: NDArray[np.int64], kernel: Array, pulls: Array | None = None
+    ) -> Layout:
         """A layout with the kernel's values (P,) normalised over each part."""
         mass = np.bincount(parts, kernel)
         radius = float(np.max(np.hypot(points[:, 0], points[:, 1])))
-        return Layout(points, parts, kernel / mass[parts], radius, len(mass))
+        pulls = np.ones(len(points)) if pulls is None else pulls
+        return Layout(points, parts, kernel / mass[parts], radius, len(mass), pulls)
 
 
 def grid(region: Region, per_side: int, density: int) -> Layout:
@@ -55,14 +64,22 @@ def grid(region: Region, per_side: int, density: int) -> Layout:
     return Layout.of(points, (row * per_side + column).ravel(), np.ones(len(points)))
 
 
-def disc(region: Region, density: int) -> Layout:
-    """One part: the ellipse in the template, under an Epanechnikov kernel."""
+def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout:
+    """One part: the ellipse in the template under a kernel 1 - r^2, or 1 - r, whose pull is 1 / r.
+
+    The KAMS paper steps under its linear kernel as if all points pulled alike, which does not climb
+    the linear kernel's coefficient; with 1 / r the step does.
+    """
     at = (2 * np.arange(density) + 1) / density - 1
     u, v = np.meshgrid(at, at)
-    kernel = 1 - u**2 - v**2
+    squared = u**2 + v**2
+    kernel = 1 - u**2 - v**2 if shape == "epanechnikov" else 1 - np.sqrt(squared)
     inside = kernel > 0
     points = np.stack([u[inside] * region.width / 2, v[inside] * region.height / 2], axis=1)
-    return Layout.of(points, np.zeros(len(points), np.int64), kernel[inside])
+    pulls = None
+    if shape == "linear":
+        pulls = 1 / np.sqrt(np.maximum(squared[inside], 1 / density**2))  # finite in the middle
+    return Layout.of(points, np.zeros(len(points), np.int64), kernel[inside], pulls)
 
 
 def ring(region: Region, width: float, density: int) -> Layout:

@@ -2,12 +2,15 @@
 (Ning, Zhang, Zhang, Wu 2009; Nagy, Ahmed, Zayed).
 
 A neighbour counts as 1 where it is at least `threshold` brighter than the centre; the pattern is
-uniform if it has at most two changes around the circle. Uniform patterns of two to six ones are the
-texture's five bins; all other pixels (flat, spots, noise) count as nothing. The PFJCTH paper's
-equation 13 says "otherwise 0": it means discard, not bin 0.
+uniform if it has at most two changes around the circle, and its label is its number of ones (riu2
+of Ojala, Pietikainen, Maenpaa 2002, for any number of neighbours and any radius). Uniform patterns
+of two to six ones of eight are the texture's five bins; all other pixels (flat, spots, noise) count
+as nothing. The PFJCTH paper's equation 13 says "otherwise 0": it means discard, not bin 0.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -19,61 +22,110 @@ from tracking.types import Region, State
 
 THRESHOLD = 8.0
 """How much brighter a neighbour must be [grey levels]: the a = -8 of the authors' program."""
-MAJOR = range(2, 7)
-"""Numbers of ones in the patterns that count."""
-DIAGONAL = 1 - 0.5**0.5
-"""A diagonal neighbour at radius 1 lies this far from the corner pixel, in both directions."""
+FEWEST = 2
+"""Least number of ones, and of zeros, in the patterns that count."""
+NO_FRACTION = 1e-9
+"""A neighbour nearer than this to a pixel's row or column is on it [px]."""
+
+Rest = Literal["discard", "bin", "colour"]
+Grey = NDArray[np.float32]
 
 
-def ones_of(grey: NDArray[np.float32], threshold: float = THRESHOLD) -> NDArray[np.int16]:
-    """Number of ones of the uniform pattern at each inner pixel (h - 2, w - 2); -1: not uniform.
-
-    Args:
-        grey: (h, w).
-        threshold: How much brighter a neighbour must be.
-    """
-    height, width = grey.shape
-
-    def at(dy: int, dx: int) -> NDArray[np.float32]:
-        return grey[1 + dy : height - 1 + dy, 1 + dx : width - 1 + dx]
-
-    def between(dy: int, dx: int) -> NDArray[np.float32]:
-        near, far = np.float32(DIAGONAL), np.float32(1 - DIAGONAL)
-        sides = near * far * (at(dy, 0) + at(0, dx))
-        mixed = far * far * at(dy, dx) + sides + near * near * at(0, 0)
-        return mixed.astype(np.float32)
-
-    around = [
-        at(0, 1), between(1, 1), at(1, 0), between(1, -1),
-        at(0, -1), between(-1, -1), at(-1, 0), between(-1, 1),
-    ]  # fmt: skip
-    bits = np.stack([neighbour >= at(0, 0) + np.float32(threshold) for neighbour in around])
+def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
+    """Number of ones of uniform patterns (P, ...); -1: not uniform (Ojala's label P + 1)."""
     changes = np.sum(bits != np.roll(bits, 1, axis=0), axis=0)
     return np.where(changes <= 2, bits.sum(axis=0), -1).astype(np.int16)
 
 
+def ones_of(
+    grey: Grey, threshold: float = THRESHOLD, neighbours: int = 8, radius: float = 1.0
+) -> NDArray[np.int16]:
+    """Number of ones of the uniform pattern at each inner pixel (h - 2m, w - 2m); -1: not uniform.
+
+    Args:
+        grey: (h, w).
+        threshold: How much brighter a neighbour must be.
+        neighbours: Points P on the circle, the first to the right, then clockwise.
+        radius: Of the circle [px]; the margin m is the next whole number.
+    """
+    least = _inner(grey, radius, 0, 0) + np.float32(threshold)
+    turns = 2 * np.pi * np.arange(neighbours) / neighbours
+    circle = radius * np.column_stack([np.sin(turns), np.cos(turns)])
+    around = [_between(grey, radius, dy, dx) for dy, dx in circle.tolist()]
+    return riu2(np.stack([neighbour >= least for neighbour in around]))
+
+
+def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
+    """The inner pixels' neighbours at a whole distance."""
+    (height, width), margin = grey.shape, math.ceil(radius)
+    return grey[margin + dy : height - margin + dy, margin + dx : width - margin + dx]
+
+
+def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
+    """The inner pixels' neighbours at any distance, bilinearly."""
+    (near_y, far_y, by_y), (near_x, far_x, by_x) = _split(dy), _split(dx)
+    if by_y == 0 and by_x == 0:
+        return _inner(grey, radius, near_y, near_x)
+    rest_y, rest_x = np.float32(1 - by_y), np.float32(1 - by_x)
+    by_y, by_x = np.float32(by_y), np.float32(by_x)
+    below, beside = by_y * rest_x, rest_y * by_x
+    a, b = _inner(grey, radius, far_y, near_x), _inner(grey, radius, near_y, far_x)
+    sides = below * (a + b) if below == beside else below * a + beside * b
+    corner = by_y * by_x * _inner(grey, radius, far_y, far_x)
+    mixed = corner + sides + rest_y * rest_x * _inner(grey, radius, near_y, near_x)
+    return mixed.astype(np.float32)
+
+
+def _split(distance: float) -> tuple[int, int, float]:
+    """The whole distances before and after one, and the share of the one after."""
+    size = abs(distance)
+    whole = math.floor(size + NO_FRACTION)
+    share = max(size - whole, 0.0)
+    sign = 1 if distance > 0 else -1
+    if share < NO_FRACTION:
+        return sign * whole, sign * whole, 0.0
+    return sign * whole, sign * (whole + 1), share
+
+
 @dataclass(frozen=True, slots=True)
 class TextureBins:
-    """levels^3 colours times five textures; pixels without major texture are in no bin."""
+    """levels^3 colours times the major textures; pixels without one of these are in no bin."""
 
     levels: int = 8
-    """Colour bins a channel: a power of two."""
+    """Colour bins a channel; 1: texture alone."""
     threshold: float = THRESHOLD
     """How much brighter a neighbour must be [grey levels]."""
+    neighbours: int = 8
+    """Points on the circle."""
+    radius: float = 1.0
+    """Of the circle [px]."""
+    rest: Rest = "discard"
+    """What pixels without major texture count as."""
+
+    @property
+    def textures(self) -> int:
+        """Number of major textures: of eight neighbours, five."""
+        return self.neighbours + 1 - 2 * FEWEST
 
     @property
     def count(self) -> int:
-        return self.levels**3 * len(MAJOR)
+        major = self.levels**3 * self.textures
+        return major + {"discard": 0, "bin": 1, "colour": self.levels**3}[self.rest]
 
     def label(self, image: Image, window: Window) -> Labels:
         """Bin numbers (h, w) of the pixels in a window; -1: no major texture."""
         colours = ColourBins(self.levels).label(image, window)
         if colours.size == 0:
             return colours
-        grey = cv2.cvtColor(_cut(image, window), cv2.COLOR_RGB2GRAY).astype(np.float32)
-        ones = ones_of(grey, self.threshold)
-        major = (ones >= MAJOR[0]) & (ones <= MAJOR[-1])
-        return np.where(major, colours * len(MAJOR) + ones - MAJOR[0], -1).astype(np.int16)
+        part = _cut(image, window, math.ceil(self.radius))
+        grey = cv2.cvtColor(part, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        texture = ones_of(grey, self.threshold, self.neighbours, self.radius) - FEWEST
+        major = (texture >= 0) & (texture < self.textures)
+        number = np.int16 if self.count <= np.iinfo(np.int16).max else np.int32
+        joint = colours.astype(number) * number(self.textures) + texture
+        plain = self.levels**3 * self.textures
+        rest = {"discard": -1, "bin": plain, "colour": plain + colours}[self.rest]
+        return np.where(major, joint, rest).astype(number)
 
 
 def texture_or_colour(
@@ -81,16 +133,18 @@ def texture_or_colour(
 ) -> Bins:
     """Joint bins, or colour alone where a smaller share than `least` of the target is textured.
 
-    Few pixels in so many bins make a histogram that no two pictures share.
+    Few pixels in so many bins make a histogram that no two pictures share. Texture alone stays.
     """
+    if joint.levels == 1:
+        return joint
     inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
     textured = np.mean(joint.label(image, inside) >= 0)
     return joint if textured >= least else ColourBins(joint.levels)
 
 
-def _cut(image: Image, window: Window) -> Image:
-    """The window with a pixel around it; at the image's border, its last pixel again."""
+def _cut(image: Image, window: Window, margin: int) -> Image:
+    """The window with a margin around it; at the image's border, its last pixel again."""
     height, width = image.shape[:2]
-    rows = np.arange(window.top - 1, window.bottom + 1).clip(0, height - 1)
-    columns = np.arange(window.left - 1, window.right + 1).clip(0, width - 1)
+    rows = np.arange(window.top - margin, window.bottom + margin).clip(0, height - 1)
+    columns = np.arange(window.left - margin, window.right + margin).clip(0, width - 1)
     return image[rows[:, None], columns]

@@ -19,7 +19,7 @@ import numpy as np
 
 from sim.types import Array, Image
 from tracking.appearance.bins import Bins, Labelled
-from tracking.appearance.layout import Layout, disc, grid, ring
+from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, ring
 from tracking.appearance.reference import Learning, Reference
 from tracking.hot import point_histograms as hot
 from tracking.types import Region, State
@@ -38,7 +38,9 @@ class SampledModel:
     does not see.
     """
 
-    def __init__(self, layout: Layout, around: Layout, bins: Bins, reference: Reference) -> None:
+    def __init__(
+        self, layout: Layout, around: Layout, bins: Bins, reference: Reference, combine: Combine
+    ) -> None:
         """Put a model together.
 
         Args:
@@ -46,7 +48,9 @@ class SampledModel:
             around: The ring, for the contrast.
             bins: What is counted.
             reference: The target's appearance.
+            combine: How the energies of the parts are combined.
         """
+        self._factor = layout.count if combine == "sum" else 1
         self._bins, self._layout, self._ring = bins, layout, around
         self._reference = reference
         self._radius = max(layout.radius, around.radius)
@@ -61,15 +65,17 @@ class SampledModel:
         return np.sqrt(hot.squared_distances(rho))
 
     def energy(self, image: Labelled, states: Array) -> Array:
-        """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring."""
+        """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring; with
+        summed parts, times their number.
+        """
         window = self._window(image, states)
         squared = hot.squared_distances(self._coefficients(window, states))
         eta = self._reference.learning.contrast
         if eta == 0:
-            return squared
+            return self._factor * squared
         ring = (self._ring.points, self._ring.parts, self._ring.weights)
         likeness = hot.coefficients(window, states, *ring, self._reference.root_whole)[:, 0]
-        return squared + eta * likeness
+        return self._factor * (squared + eta * likeness)
 
     def climb(
         self, image: Labelled, states: Array, *, most: int, tolerance: float, reach: float
@@ -84,9 +90,9 @@ class SampledModel:
             reach: How far a search may go [px].
         """
         window = self._window(image, states, reach)
-        points, weights = self._layout.points, self._layout.weights
+        at = (self._layout.points, self._layout.weights, self._layout.pulls)
         found, rho, evaluations = hot.mean_shift(
-            window, states, points, weights, self._reference.root_parts, most, tolerance
+            window, states, *at, self._reference.root_parts, most, tolerance
         )
         return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
 
@@ -111,15 +117,19 @@ def model_of(
     *,
     density: int,
     per_side: int | None = None,
+    kernel: Kernel = "epanechnikov",
+    combine: Combine = "mean",
 ) -> SampledModel:
     """The template with a ring around it: in per_side^2 cells, with `density` points along each
-    side; or under one Epanechnikov kernel, with so many along its diameter.
+    side; or under one kernel, with so many along its diameter.
     """
 
     def layout(density: int) -> Layout:
-        return disc(region, density) if per_side is None else grid(region, per_side, density)
+        return (
+            disc(region, density, kernel) if per_side is None else grid(region, per_side, density)
+        )
 
     around = ring(region, learning.ring, density * (per_side or 1))
     dense, labelled = layout(REFERENCE_DENSITY * density), Labelled(image, bins)
     reference = Reference(labelled, region, state, dense, learning)
-    return SampledModel(layout(density), around, bins, reference)
+    return SampledModel(layout(density), around, bins, reference, combine)

@@ -10,8 +10,8 @@ from tracking.hot.compiled import compiled
 
 
 @compiled()
-def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int) -> NDArray[Any]:
-    """Bin numbers (h, w) of the pixels of a window: the leading bits of red, green and blue.
+def labels(image: Image, left: int, top: int, right: int, bottom: int, levels: int) -> NDArray[Any]:
+    """Bin numbers (h, w) of the pixels of a window: equal bins of red, green and blue.
 
     Args:
         image: RGB (H, W, 3).
@@ -19,17 +19,15 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, bits: int
         top: First row.
         right: Column after the last.
         bottom: Row after the last.
-        bits: Number of bits of each channel that are used.
+        levels: Bins a channel.
     """
     found = np.empty((max(bottom - top, 0), max(right - left, 0)), np.int16)
-    shift = 8 - bits
     part = image[top:bottom, left:right]
     for i in range(found.shape[0]):
         for j in range(found.shape[1]):
-            red, green, blue = part[i, j, 0], part[i, j, 1], part[i, j, 2]
-            found[i, j] = (
-                ((red >> shift) << 2 * bits) | ((green >> shift) << bits) | (blue >> shift)
-            )
+            red, green, blue = int(part[i, j, 0]), int(part[i, j, 1]), int(part[i, j, 2])
+            first = ((red * levels) >> 8) * levels + ((green * levels) >> 8)
+            found[i, j] = first * levels + ((blue * levels) >> 8)
     return found
 
 

@@ -2,6 +2,7 @@
 
 A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
 the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
+Points on such pixels are left out of histogram and normaliser; points off the image stay in it.
 """
 
 from typing import Any
@@ -16,8 +17,12 @@ Window = tuple[NDArray[Any], int, int]
 """Labels (h, w) of a part of the image, and its left and top [px]."""
 Points = tuple[Array, NDArray[Any], Array]
 """Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
-Scratch = tuple[Array, NDArray[Any], NDArray[Any]]
-"""A flat histogram of zeros (K * bins,), and two arrays (P,) for indices of bins."""
+Scratch = tuple[Array, NDArray[Any], NDArray[Any], Array]
+"""A flat histogram of zeros (K * bins,), two arrays (P,) for indices of bins, and the mass (K,) of
+each part that lies in no bin.
+"""
+LEAST_KEPT = 1e-9
+"""A part with less mass in bins than this has no histogram."""
 
 
 @compiled()
@@ -29,7 +34,8 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
     """
     labels, left, top = window
     points, parts, weights = template
-    histogram, seen, used = scratch
+    histogram, seen, used, masked = scratch
+    masked[:] = 0.0
     h, w = labels.shape
     scale = np.exp(state[3])
     c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
@@ -48,12 +54,23 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
                     count += 1
                 histogram[place] += weights[p]
                 seen[p] = place
+            else:
+                masked[parts[p]] += weights[p]
     return count
 
 
 @compiled()
-def _scratch(bins: int, points: int) -> Scratch:
-    return np.zeros(bins), np.empty(points, np.int64), np.empty(points, np.int64)
+def _normalised(rho: float, masked: float) -> float:
+    """A coefficient as of a histogram that sums to 1 without the masked points."""
+    if 0.0 < masked < 1.0 - LEAST_KEPT:
+        return rho / np.sqrt(1.0 - masked)
+    return rho
+
+
+@compiled()
+def _scratch(parts: int, bins: int, points: int) -> Scratch:
+    indices = np.empty((2, points), np.int64)
+    return np.zeros(parts * bins), indices[0], indices[1], np.zeros(parts)
 
 
 @compiled()
@@ -67,7 +84,7 @@ def histograms(
     bins: int,
 ) -> Array:
     """Histograms (count, bins) of the parts of one state (4,), not normalised."""
-    scratch = _scratch(count * bins, len(points))
+    scratch = _scratch(count, bins, len(points))
     _read(window, state, (points, parts, weights), bins, scratch)
     return scratch[0].reshape((count, bins))
 
@@ -88,14 +105,16 @@ def coefficients(
     """
     rho = np.zeros((len(states), len(root_q)))
     flat_q, bins = root_q.ravel(), root_q.shape[1]
-    scratch = _scratch(len(flat_q), len(points))
-    histogram, _, used = scratch
+    scratch = _scratch(len(root_q), bins, len(points))
+    histogram, _, used, masked = scratch
     for n in range(len(states)):
         count = _read(window, states[n], (points, parts, weights), bins, scratch)
         for i in range(count):
             place = used[i]
             rho[n, place // bins] += flat_q[place] * np.sqrt(histogram[place])
             histogram[place] = 0.0
+        for k in range(len(root_q)):
+            rho[n, k] = _normalised(rho[n, k], masked[k])
     return rho
 
 
@@ -110,11 +129,11 @@ def squared_distances(rho: Array) -> Array:
 
 @compiled()
 def _mean_shift_step(
-    window: Window, state: Array, template: Points, root_q: Array, scratch: Scratch
+    window: Window, state: Array, template: Points, pulls: Array, root_q: Array, scratch: Scratch
 ) -> tuple[float, float, float]:
     """Coefficient at a state, and the mean-shift vector in the image [px]."""
     count = _read(window, state, template, 0, scratch)
-    points, (histogram, seen, used) = template[0], scratch
+    points, (histogram, seen, used, masked) = template[0], scratch
     mass, shift_x, shift_y, rho = 0.0, 0.0, 0.0, 0.0
     for i in range(count):  # the mass of a bin is replaced by the weight of its points
         root = float(np.sqrt(histogram[used[i]]))
@@ -122,7 +141,7 @@ def _mean_shift_step(
         histogram[used[i]] = root_q[used[i]] / root
     for p in range(len(points)):
         if seen[p] >= 0:
-            pull = histogram[seen[p]]
+            pull = histogram[seen[p]] * pulls[p]
             mass += pull
             shift_x += pull * points[p, 0]
             shift_y += pull * points[p, 1]
@@ -133,6 +152,7 @@ def _mean_shift_step(
     scale = np.exp(state[3])
     c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
     shift_x, shift_y = shift_x / mass, shift_y / mass
+    rho = _normalised(rho, masked[0])
     return rho, c * shift_x - s * shift_y, s * shift_x + c * shift_y
 
 
@@ -142,6 +162,7 @@ def mean_shift(
     states: Array,
     points: Array,
     weights: Array,
+    pulls: Array,
     root_q: Array,
     most: int,
     tolerance: float,
@@ -151,8 +172,9 @@ def mean_shift(
     Args:
         window: Labels, left, top.
         states: First states (N, 4).
-        points: Template points under an Epanechnikov kernel (P, 2) [px].
+        points: Template points (P, 2) [px].
         weights: Their kernel weights (P,), summing to 1.
+        pulls: How much they count in a step (P,): all alike under an Epanechnikov kernel.
         root_q: Square roots of the reference histogram (1, B).
         most: Largest number of evaluated histograms for a state.
         tolerance: A shorter shift ends the search [px].
@@ -163,17 +185,19 @@ def mean_shift(
     found, rho, evaluations = states.copy(), np.zeros(len(states)), 0
     template = points, np.zeros(len(points), np.int64), weights
     flat_q = root_q.ravel()
-    scratch = _scratch(len(flat_q), len(points))
+    scratch = _scratch(1, len(flat_q), len(points))
     for n in range(len(states)):
         here = found[n]
-        rho[n], dx, dy = _mean_shift_step(window, here, template, flat_q, scratch)
+        rho[n], dx, dy = _mean_shift_step(window, here, template, pulls, flat_q, scratch)
         evaluations += 1
         left = most - 1
         while left > 0 and dx * dx + dy * dy > tolerance * tolerance:
             there = here.copy()
             there[0] += dx
             there[1] += dy
-            better, next_x, next_y = _mean_shift_step(window, there, template, flat_q, scratch)
+            better, next_x, next_y = _mean_shift_step(
+                window, there, template, pulls, flat_q, scratch
+            )
             evaluations += 1
             left -= 1
             if better < rho[n]:  # halve the step (Comaniciu, Ramesh, Meer 2003)

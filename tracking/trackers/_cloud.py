@@ -31,23 +31,32 @@ class CloudTracker:
         """Learn the histogram and put all particles on the target."""
         check_region(frame, region, state)
         c = self._config
-        self._model = c.model(frame.image, region, state)
+        self._model = c.model(c.view(frame.image), region, state)
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
-        self._lock, self._status = Lock(c.lock), Status.LOCKED
+        self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, estimate, resample."""
-        c, image, cloud = self._config, self._model.label(frame.image), self._cloud
-        widen = c.widen_when_lost if self._status is Status.LOST else 1.0
+        c, cloud, lost = self._config, self._cloud, self._status is Status.LOST
+        image = self._model.label(c.view(frame.image))
+        widen = c.widen_when_lost if lost else 1.0
+        strewn = lost and c.scatter > 0
+        if strewn:
+            height, width = frame.image.shape[:2]
+            cloud.scatter(c.scatter, (width, height), self._found)
         evaluations = self._search(cloud, self._model, image, self._velocity.step(ego), widen)
         state = cloud.best() if c.estimate == "best" else cloud.mean()
         distance = float(self._model.distances(image, state.vector[None])[0])
         self._status = self._lock.judge(distance, frame.time)
         found = cloud.estimate(state, distance, self._status, evaluations + 1)
-        self._velocity.learn(state, seen=self._status is Status.LOCKED)
+        seen = self._status is Status.LOCKED
+        self._velocity.learn(state, seen=seen and not strewn)
         cloud.resample()
-        if self._status is Status.LOCKED:
+        if seen:
+            self._found = state
             self._model.learn(image, state)
+        if seen and strewn:
+            cloud.gather(state)
         return found

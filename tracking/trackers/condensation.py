@@ -19,6 +19,7 @@ FILTER: dict[str, Any] = PLAIN | {
     "gamma": 20.0,
     "velocity_memory": 0.0,
     "scale_noise": 0.0,
+    "scatter": 0.0,
 }
 """The KAMS paper's particle filters with constant velocity. It does not give the noise: this is
 half the largest motion per frame of its wildest sequences, for all filters alike. Its weights 1 - d

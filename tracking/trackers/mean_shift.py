@@ -57,14 +57,15 @@ class MeanShift:
         """Learn the histogram."""
         check_region(frame, region, state)
         c = self._config
-        self._model = c.model(frame.image, region, state)
+        self._model = c.model(c.view(frame.image), region, state)
         self._size = float(np.sqrt(region.area(state)))
         self._state, self._lock = state, Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Climb from where the target was, and from around it if that is far off; keep the best."""
-        c, image = self._config, self._model.label(frame.image)
+        c = self._config
+        image = self._model.label(c.view(frame.image))
         begin = self._state.vector + self._velocity.step(ego)
         found, distances, evaluations = self._climb(image, self._sizes(begin))
         if 1 - distances.min() < c.confidence:

@@ -8,12 +8,13 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Image
 from tracking.appearance.bins import ColourBins
+from tracking.appearance.layout import Combine
 from tracking.appearance.model import SampledModel, model_of
 from tracking.settings import PLAIN, Sharpness
 from tracking.trackers import condensation
 from tracking.types import Region, State
 
-PRESETS: dict[str, dict[str, Any]] = {"paper": PLAIN | {"density": 16}}
+PRESETS: dict[str, dict[str, Any]] = {"paper": PLAIN | {"density": 16, "scatter": 0.0}}
 """With so many points a side of a cell, every pixel of a common target is read."""
 
 
@@ -33,6 +34,9 @@ class Config(condensation.Config):
     """Points along each side of a cell at which a particle reads the image."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Cells along each side: 3 is the paper's nine kernels."""
+    combine: Combine = "mean"
+    """Of the cells' squared distances: the mean, or the sum, as Perez et al. have it, which is the
+    mean with so many times gamma."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     discriminate: bool = False
     update: Share = 0.0
@@ -42,5 +46,5 @@ class Config(condensation.Config):
         """The target's appearance: a histogram for each cell."""
         return model_of(
             image, region, state, ColourBins(self.levels), self,
-            per_side=self.cells, density=self.density,
+            per_side=self.cells, density=self.density, combine=self.combine,
         )  # fmt: skip

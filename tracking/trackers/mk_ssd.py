@@ -6,7 +6,7 @@ Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, final
+from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -16,19 +16,18 @@ from sim.types import Array, Frame
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel
 from tracking.search.velocity import Velocity
+from tracking.settings import Colours
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class Config(Colours):
     """Kernels and descent."""
 
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Kernels along each side: 3 is the paper's nine."""
-    levels: Literal[2, 4, 8, 16, 32] = 8
-    """Colour bins a channel."""
     span: Annotated[float, Ge(0.5), Le(10)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
     inset: Annotated[float, Ge(0), Le(0.49)] = 0.03
@@ -57,7 +56,7 @@ class MkSsd:
         check_region(frame, region, state)
         c = self._config
         self._kernels = KernelModel(
-            frame.image, region, state,
+            c.view(frame.image), region, state,
             per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
         )  # fmt: skip
         self._state, self._lock = state, Lock(c.lock)
@@ -67,7 +66,8 @@ class MkSsd:
         """Predict, descend, and stay if the descent ended on something else."""
         expected = self._velocity.step(ego)
         begin = self._state.moved(expected if self._lock.locked else ego)
-        ended = self._kernels.refine(frame.image, begin, most=self._config.steps)
+        image = self._config.view(frame.image)
+        ended = self._kernels.refine(image, begin, most=self._config.steps)
         status = self._lock.judge(ended.distance, frame.time)
         self._state = ended.state if status is Status.LOCKED else self._state.moved(ego)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)

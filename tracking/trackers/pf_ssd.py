@@ -12,7 +12,7 @@ where Newton would lock onto what is in front.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, final
+from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -20,24 +20,21 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
 from tracking.appearance.bins import ColourBins
+from tracking.appearance.layout import Combine
 from tracking.appearance.model import model_of
 from tracking.appearance.reference import Learning
-from tracking.hot.colour_labels import evened
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN, Sharpness
+from tracking.settings import PLAIN, Colours, Sharpness
 from tracking.types import Estimate, Region, State, Status, check_region
-
-DARK = 8
-"""Pixels about as dark as this have no colour worth the name."""
 
 PRESETS = {"paper": PLAIN | {"inset": 0.0, "density": 16}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Learning):
+class Config(Colours, Learning):
     """Settings; the defaults hold for the 60 x 30 px car at 5 to 30 Hz."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 75
@@ -54,14 +51,12 @@ class Config(Learning):
     """Share of the old velocity that the new one keeps."""
     cells: Annotated[int, Ge(1), Le(8)] = 3
     """Kernels along each side: 3 is the paper's nine."""
-    levels: Literal[2, 4, 8, 16, 32] = 8
-    """Colour bins a channel."""
+    combine: Combine = "mean"
+    """Of the cells' squared distances: the mean, or the sum, which is the mean with so many times
+    gamma."""
     density: Annotated[int, Ge(1), Le(64)] = 4
     """Points along each side of a cell at which a particle reads the image."""
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    even: bool = False
-    """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
-    light changes, at the price of telling bright things from dark ones less well."""
     span: Annotated[float, Ge(0.5), Le(10)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
     inset: Annotated[float, Ge(0), Le(0.49)] = 0.03
@@ -102,11 +97,11 @@ class PfSsd:
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn both representations from the first frame."""
         check_region(frame, region, state)
-        c, image = self._config, self._view(frame.image)
+        c, image = self._config, self._config.view(frame.image)
         self._size = float(np.sqrt(region.area(state)))
         self._cells = model_of(
             image, region, state, ColourBins(c.levels), c,
-            per_side=c.cells, density=c.density,
+            per_side=c.cells, density=c.density, combine=c.combine,
         )  # fmt: skip
         self._kernels = KernelModel(
             image, region, state,
@@ -119,7 +114,7 @@ class PfSsd:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
-        c, image = self._config, self._view(frame.image)
+        c, image = self._config, self._config.view(frame.image)
         labelled, lost = self._cells.label(image), self._status is Status.LOST
         self._filter.predict(self._velocity.step(ego), c.widen_when_lost if lost else 1.0)
         if lost:
@@ -150,10 +145,6 @@ class PfSsd:
         # States while the target is lost carry no information on its motion.
         self._velocity.learn(state, seen=seen and not lost)
         return estimate
-
-    def _view(self, image: Image) -> Image:
-        """The picture as the tracker sees it."""
-        return evened(image, DARK) if self._config.even else image
 
     def _descend(self, image: Image, proposed: State) -> Refined:
         """The end of the descent from the proposal; the proposal itself if that is too far away."""

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 from sim.ranges import Share
-from tracking.settings import PLAIN
 from tracking.trackers import condensation
-from tracking.trackers.texture_ms import TextureSettings
+from tracking.trackers.texture_ms import PAPERS, TextureSettings
 
-PRESETS = {"paper": PLAIN | {"least_texture": 0.05, "estimate": "mean"}}
+PRESETS = {"paper": PAPERS | {"estimate": "mean", "scatter": 0.0}}
 
 
 @dataclass(frozen=True, slots=True)

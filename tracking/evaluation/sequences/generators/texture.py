@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.kinds import kind_of
 from sim.types import Array, Image
 from tracking.evaluation.sequences.generators._painting import blotches, paste
 from tracking.evaluation.sequences.sequence import Sequence
@@ -19,6 +20,7 @@ from tracking.types import Region, State
 
 WIDTH, HEIGHT = 320, 240
 REGION = Region(56.0, 32.0)
+SIZE = (round(REGION.width), round(REGION.height))
 ROAD, SHADE = 24.0, 14.0
 """Size of the road's blotches [px], and their spread [grey levels]: a smooth texture."""
 GRAIN, RELIEF = 1.4, 34.0
@@ -40,10 +42,7 @@ class Config:
 
     def build(self, rng: np.random.Generator) -> Sequence:
         """A random sequence."""
-        colour = rng.uniform(80, 170, 3)
-        ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
-        size = (round(REGION.width), round(REGION.height))
-        patch = blotches(rng, *size, GRAIN, colour, RELIEF)
+        ground, patch = self._paint(rng)
         states = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
 
@@ -52,7 +51,14 @@ class Config:
             draws = np.random.default_rng([noise_seed, index]).normal(0, self.noise, image.shape)
             return np.clip(image + draws, 0, 255).round().astype(np.uint8)
 
-        return Sequence.of_states("texture", "texture", Painted(paint, self.frames), REGION, states)
+        name = kind_of(self)
+        return Sequence.of_states(name, name, Painted(paint, self.frames), REGION, states)
+
+    def _paint(self, rng: np.random.Generator) -> tuple[Image, Image]:
+        """The ground, and the car."""
+        colour = rng.uniform(80, 170, 3)
+        ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
+        return ground, blotches(rng, *SIZE, GRAIN, colour, RELIEF)
 
     def _states(self, rng: np.random.Generator) -> Array:
         """x, y, theta, scale (n, 4) along an ellipse, with a speed that rises and falls."""
