@@ -17,7 +17,7 @@ from tracking.evaluation.verdicts import Finding
 NAMES = [
     "P0-1a", "P0-1b", "P0-2", "P0-3", "P0-4", "P0-5", "P0-6", "P0-7", "P0-8", "P1-1", "P1-2",
     "P1-3", "P1-4a", "P1-4b", "P1-5a", "P1-5b", "P1-6a", "P1-6b", "P1-7", "P1-8", "P1-9", "P2-1",
-    "P2-2", "estimators",
+    "P2-2", "P2-3", "estimators",
 ]  # fmt: skip
 FULL = Effort(quick=False, sequences=None)
 
@@ -113,7 +113,7 @@ def test_each_tracker_was_tuned_with_as_many_settings_and_has_the_best_of_them()
         "texture_pf": [(dict(s), k % 3 + 1) for k, s in enumerate(tuning.TUNED["texture_pf"].grid)],
     })  # fmt: skip
     assert file.best("kams") == {"noise": 0.8}  # the first of the best
-    assert file.best("texture_pf") == {"noise": 0.1, "contrast": 0.0}  # an error: the least
+    assert file.best("texture_pf") == {"noise": 0.1, "rest": "discard"}  # an error: the least
     assert tuning.TUNED["mean_shift"].grid[0] == {"levels": 4, "velocity_memory": 1.0}
 
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 from servo.output.formats import Document, Made
 from servo.papers import (
     annealing_layers,
+    camouflage_claim,
     estimator_study,
     kams_paper,
     kernel_paper,
@@ -24,7 +25,7 @@ from tracking.files.json_text import number
 CLAIMS = (
     *sorted((*kams_paper.CLAIMS, *annealing_layers.CLAIMS, *particle_counts.CLAIMS,
              *kernel_paper.CLAIMS, *kernel_surface.CLAIMS, *servo_paper.CLAIMS,
-             *texture_paper.CLAIMS), key=lambda claim: claim.name),
+             *texture_paper.CLAIMS, *camouflage_claim.CLAIMS), key=lambda claim: claim.name),
     *estimator_study.CLAIMS,
 )  # fmt: skip
 JOINED = "P0-1a"

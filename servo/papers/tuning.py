@@ -72,6 +72,7 @@ FAMILIES = {
     "similarity": Family((generated("similarity"),), 3, "auc_turned", 1),
     "texture": Family((generated("texture"),), 6, "rmse_px", -1),
 }
+RESTS = ("discard", "bin")
 STILL_OR_MOVING = (RANDOM_WALK, CONSTANT_VELOCITY)
 TUNED = {
     "kams": Tuned("clutter", "kams", {"particles": 50}, _over("noise", NOISES)),
@@ -91,9 +92,9 @@ TUNED = {
     "mk_pf-75": Tuned("similarity", "mk_pf", {"particles": 75}, _scaled("mk_pf")),
     "mk_ssd": Tuned("similarity", "mk_ssd", {}, _over("span", (0.75, 1.0, 1.25, 1.5, 2.0, 2.5))),
     "texture_pf": Tuned("texture", "texture_pf", {}, tuple(
-        s for c in (0.0, 0.25) for s in _over("noise", (0.1, 0.15, 0.25), contrast=c))),
+        s for rest in RESTS for s in _over("noise", (0.1, 0.15, 0.25), rest=rest))),
     "texture_ms": Tuned("texture", "texture_ms", {"scale": True}, tuple(
-        s for c in (0.0, 0.25) for s in _over("density", (16, 24, 32), contrast=c))),
+        s for rest in RESTS for s in _over("density", (16, 24, 32), rest=rest))),
 }  # fmt: skip
 """Particles of the clutter's filters: with about 1200 histograms a frame each, as KAMS with 50.
 Mean shift has no noise, and the octal kernel neither: of them other settings are tried."""
@@ -106,7 +107,7 @@ class TuningFile(Document):
     FILE: ClassVar[str] = "tuning.json"
     KIND: ClassVar[str] = "tuning"
 
-    scores: dict[str, list[tuple[dict[str, float], float]]]
+    scores: dict[str, list[tuple[dict[str, float | str], float]]]
 
     def best(self, name: str) -> Settings:
         """The settings of a tracker with the best score; the first of those that are equal."""
