@@ -37,6 +37,7 @@ def test_a_claim_is_run_told_drawn_and_written(monkeypatch, capfd, tmp_path):
     arguments = ["P1-3", "P0-3", "--quick", "--workers", "1", "--out", str(tmp_path)]
     code, out, err = call(monkeypatch, capfd, *arguments)
     assert (code, err) == (0, "")
+    assert out.startswith("claims: 2, runs: 2\n")
     said = out.index("above 2")
     assert said < out.index("times the slope of one kernel")  # the rule comes before the run
     rows = [line for line in out.splitlines() if line.startswith("| P")]

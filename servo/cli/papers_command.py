@@ -43,13 +43,7 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     Raises:
         Mistake: There is no such claim, or none of the claims uses the given sequences.
     """
-    there = {claim.name: claim for claim in (*CLAIMS, *TUNING)}
-    for name in names:
-        if name not in there:
-            raise Mistake(f"papers: {unknown(name, there, 'claim')}")
-    chosen = [there[name] for name in names] if names else list(CLAIMS)
-    if effort.sequences is not None and there[JOINED] not in chosen:
-        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    chosen = _chosen(names, effort)
     try:
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
     except ValueError as error:
@@ -58,6 +52,8 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     console = Console(quiet=quiet)
     if any(isinstance(job, LoopSeries) for some in jobs.values() for job in some):
         gl.backend()
+    runs = {job.key for some in jobs.values() for job in some}
+    plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
     verdicts: dict[str, Verdict] = {}
     failed = 0
     with Workers(workers) as pool, result_folder(folder, "papers"):
@@ -71,7 +67,7 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
             verdicts[claim.name] = verdict = claim.judge(results, figures)
             _print(console, verdict)
         again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
-        tested = {name: Judged.of(there[name], verdict) for name, verdict in verdicts.items()}
+        tested = {c.name: Judged.of(c, verdicts[c.name]) for c in chosen if c.name in verdicts}
         written = PapersReport(
             command=again, versions=versions(), quick=effort.quick, claims=tested
         ).write(folder)
@@ -83,6 +79,22 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     for sentence in broken:
         complain(f"papers: {sentence}")
     return failed or (1 if broken else 0)
+
+
+def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
+    """The claims of these names, or all.
+
+    Raises:
+        Mistake: There is no such claim, or none of the claims uses the given sequences.
+    """
+    there = {claim.name: claim for claim in (*CLAIMS, *TUNING)}
+    for name in names:
+        if name not in there:
+            raise Mistake(f"papers: {unknown(name, there, 'claim')}")
+    chosen = [there[name] for name in names] if names else list(CLAIMS)
+    if effort.sequences is not None and there[JOINED] not in chosen:
+        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    return chosen
 
 
 def _print_rule(console: Console, claim: Claim) -> None:
