@@ -150,7 +150,9 @@ def _judge_alone(results: list[Result], folder: Path) -> Verdict:
     ours, alone = (group(results, tracker=label) for label in (OURS, ALONE))
     gain = completed_more(ours, alone)
     figure, (ax,) = panels(1)
-    at = np.arange(SIMILARITY.config.frames)
+    c = SIMILARITY.config
+    at, hidden = np.arange(c.frames), HIDDEN_AT * c.frames - c.hidden
+    early = int(np.sum(column(alone, "frames_until_loss") < hidden))
     for i, label in enumerate((OURS, WHOLE, FEW, ALONE)):
         until = column(group(results, tracker=label), "frames_until_loss")
         held = 100 * np.mean(until[:, None] > at, axis=0)
@@ -161,7 +163,8 @@ def _judge_alone(results: list[Result], folder: Path) -> Verdict:
     ax.legend(frameon=False)
     return _verdict(
         results, greater(gain, FAILS), gain, "% of the sequences",
-        f"the combination completes {words(gain, '%')} more than the kernels alone",
+        f"the combination completes {words(gain, '%')} more than the kernels alone, which lost "
+        f"{early} of {len(alone)} before the target was hidden",
         figures.save(figure, folder, "P1-7.png"),
     )  # fmt: skip
 
