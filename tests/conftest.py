@@ -100,15 +100,18 @@ def ran(tmp_path_factory):
 def make_papers():
     """Writes what `servobench papers` leaves, with two claims and a figure, into a folder."""
 
+    from servo.papers.claim import Rule
     from servo.papers.claims import Judged, PapersReport
 
     def make(folder):
         (folder / "figures").mkdir(parents=True)
+        rule = Rule("error", "as they are", "2 worlds", "1 px", "none", "below 1 px")
         claims = {
-            name: Judged("it is so", "1 & 2", holds, [["x"], ["7"]], ["figures/one.png"])
-            for name, holds in (("P0-1", True), ("P2-2", False))
-        }
-        line = "servobench papers P0-1 P2-2 --quick"
+            name: Judged("it is so", rule, finding, 1.5, 1.0, 2.25, "px", 2, "1 & 2",
+                         [["x"], ["7"]], ["figures/one.png"])
+            for name, finding in (("P0-1a", "holds"), ("P2-2", "does not hold"))
+        }  # fmt: skip
+        line = "servobench papers P0-1a P2-2 --quick"
         versions = {"servobench": "0.1.0"}
         PapersReport(command=line, versions=versions, quick=True, claims=claims).write(folder)
         cv2.imwrite(str(folder / "figures" / "one.png"), np.zeros((30, 60, 3), np.uint8))

@@ -24,6 +24,7 @@ from servo.output import formats
 from servo.output.result_folder import Begun
 from servo.output.run_folder import RunReport
 from servo.output.track_folder import TrackReport
+from servo.papers.claim import Rule
 from servo.papers.claims import Judged, PapersReport
 from servo.study.plan import FailureFile, StudyFile
 from tracking.evaluation import track_file
@@ -48,7 +49,11 @@ FILES = [
         runs=[SequenceRun("a", "s", "f", 0, 9, {"auc": None}, [0.1], [0.2])],
     ),
     LoopBench(**MADE, runs=[LoopRun("a", "x, y", "still", 0, "CONVERGED", {"ms": 1.0})]),
-    PapersReport(**MADE, quick=True, claims={"P1-1": Judged("s", "m", True, [["a"]], ["f.png"])}),
+    PapersReport(**MADE, quick=True, claims={
+        "P1-1": Judged(
+            "s", Rule(*"msumth"), "holds", 1.0, None, 2.0, "px", 3, "m", [["a"]], ["f.png"]
+        )
+    }),
     StudyFile(
         **MADE, name="n", title="t", axes={"a": [1, 2.5, "x", True]}, draws={"b": {"normal": [0]}},
         seeds=[0], compare=None, expect={"a": 1.0}, runs=4, table={"t": [1]}, scenarios={"s": {}},

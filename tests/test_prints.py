@@ -22,12 +22,15 @@ from servo.loop.step import Seconds
 from servo.output import versions as found_versions
 from servo.output.formats import command_line
 from servo.output.recording import archetypes, track_log
-from servo.papers.claim import Claim, Verdict
+from servo.papers.claim import Claim, Rule, Verdict
+from servo.papers.claims import Judged
 from servo.scenario.load import load
 from tracking.evaluation.drawing import contact_sheet
 from tracking.evaluation.sequences.sources import Painted, Picture
+from tracking.evaluation.statistics import Interval
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
+from tracking.evaluation.verdicts import Finding
 from tracking.types import Estimate, Region, State, Status
 
 LOOP = SimpleNamespace(render=2.5, step=6.0)
@@ -107,10 +110,15 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
 
 
 def test_a_claim_is_printed_so(console, approved):
-    claim = Claim("P0-1", "[this] is better", lambda _: [], lambda *_: Verdict("", holds=False))
+    rule = Rule("error [px]", "as printed", "2 worlds", "1 px", "95 % interval", "below [1] px")
+    claim = Claim("P0-1a", "[this] is better", rule, lambda _: [], lambda *_: None)
     table = [["tracker", "error [px]", "z"], ["[kams]", "1.25", "3"], ["long-name", "10.5", "2.75"]]
-    for holds, rows in ((True, table), (False, [])):
-        papers_command._print(console, claim, Verdict("1 & [2]", holds, rows))
+    papers_command._print_rule(console, claim)
+    effect = Interval(0.5, 0.25, 0.75)
+    for finding, rows in zip(Finding, (table, [], []), strict=True):
+        verdict = Verdict(finding, effect, "[px]", 2, "1 & [2]", rows)
+        papers_command._print(console, verdict)
+    papers_command._print_rows(console, {"P0-1a": Judged.of(claim, verdict)})
     approved("prints/papers", lines(console))
 
 

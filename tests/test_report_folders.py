@@ -142,10 +142,11 @@ def test_all_that_is_said_of_a_bench_and_the_papers(section, approved, make_pape
 
 def test_papers_tell_which_claims_hold(make_papers, tmp_path):
     page = text_of(make_papers(tmp_path / "papers"), tmp_path)
-    assert '<span class="badge bad">1 of 2 hold</span>' in page
-    assert "<h2>P2-2 does not hold</h2>" in page
+    assert "1 holds, 1 does not hold</span>" in page
+    assert "<h2>P2-2: does not hold</h2>" in page
+    assert "<p>Effect: 1.5 px (1 to 2.25), 2 units.</p>" in page
     assert "<p>Measured: 1 &amp; 2.</p>" in page
-    assert "<code>servobench papers P0-1 P2-2 --quick</code>" in page
+    assert "<code>servobench papers P0-1a P2-2 --quick</code>" in page
 
 
 HEAD = {"format": 1, "kind": "sweep", "command": "", "versions": {}}

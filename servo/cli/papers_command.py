@@ -1,4 +1,4 @@
-"""The command `servobench papers`: run the experiments and print whether each claim holds."""
+"""The command `servobench papers`: run the experiments and print the verdict on each claim."""
 
 from __future__ import annotations
 
@@ -9,67 +9,115 @@ from rich.console import Console
 from rich.markup import escape
 
 from servo.batch.workers import Workers
-from servo.cli.terminal import plain, print_table, work
+from servo.cli.terminal import complain, plain, print_table, work
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
 from servo.output.versions import versions
-from servo.papers import estimator_study, servo_paper
-from servo.papers.claim import Claim, Effort, Verdict
-from servo.papers.claims import CLAIMS, FIGURES, JOINED, Judged, PapersReport
+from servo.papers.claim import WORDS, Claim, Effort, Verdict
+from servo.papers.claims import (
+    CLAIMS,
+    FIGURES,
+    JOINED,
+    TITLES,
+    Judged,
+    KnownVerdicts,
+    PapersReport,
+    known,
+)
+from servo.papers.groups import words
+from servo.papers.loop_series import LoopSeries
+from servo.papers.tuning import TUNING
 from servo.report.words import Table
 from sim import gl
+from tracking.evaluation.verdicts import Finding
 from tracking.files import atomic
+
+TONES = {Finding.HOLDS: "green", Finding.DOES_NOT_HOLD: "red", Finding.UNDECIDED: "yellow"}
 
 
 def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, quiet: bool) -> int:
-    """Test claims; the exit code: 1 if one does not hold or a run failed.
-
-    The numbers of a quick run do not change its exit code: one seed is too few.
+    """Test claims; the exit code: 1 if a run failed, or a full run found another verdict than is
+    known.
 
     Raises:
         Mistake: There is no such claim, or none of the claims uses the given sequences.
     """
-    known = {claim.name: claim for claim in CLAIMS}
-    for name in names:
-        if name not in known:
-            raise Mistake(f"papers: {unknown(name, known, 'claim')}")
-    chosen = [known[name] for name in names] if names else list(CLAIMS)
-    if effort.sequences is not None and known[JOINED] not in chosen:
-        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    chosen = _chosen(names, effort)
     try:
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
     except ValueError as error:
         raise Mistake(str(error)) from None
     folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
     console = Console(quiet=quiet)
-    if any(claim in (*servo_paper.CLAIMS, *estimator_study.CLAIMS) for claim in chosen):
+    if any(isinstance(job, LoopSeries) for some in jobs.values() for job in some):
         gl.backend()
+    runs = {job.key for some in jobs.values() for job in some}
+    plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
     verdicts: dict[str, Verdict] = {}
     failed = 0
     with Workers(workers) as pool, result_folder(folder, "papers"):
         for claim in chosen:
+            _print_rule(console, claim)
             results, code = work(jobs[claim.name], folder, pool, console, claim.name)
             if code:
                 failed = code
                 continue
             figures = atomic.folder(folder, FIGURES)
             verdicts[claim.name] = verdict = claim.judge(results, figures)
-            _print(console, claim, verdict)
+            _print(console, verdict)
         again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
-        tested = {name: Judged.of(known[name], verdict) for name, verdict in verdicts.items()}
+        tested = {c.name: Judged.of(c, verdicts[c.name]) for c in chosen if c.name in verdicts}
         written = PapersReport(
             command=again, versions=versions(), quick=effort.quick, claims=tested
         ).write(folder)
+        found = KnownVerdicts.of(verdicts)
+        found.write(folder)
+    _print_rows(console, tested)
     plain(console, f"  {folder / FIGURES}\n  {written}")
-    missed = [name for name, verdict in verdicts.items() if not verdict.holds]
-    return failed or (1 if missed and not effort.quick else 0)
+    broken = [] if effort.quick else known().broken(found)
+    for sentence in broken:
+        complain(f"papers: {sentence}")
+    return failed or (1 if broken else 0)
 
 
-def _print(console: Console, claim: Claim, verdict: Verdict) -> None:
-    word = "[green]holds[/]" if verdict.holds else "[red]does not hold[/]"
-    console.print(f"\n[bold]{claim.name}[/] {word}", highlight=False)
-    console.print(f"  paper:    {escape(claim.says)}", highlight=False)
+def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
+    """The claims of these names, or all.
+
+    Raises:
+        Mistake: There is no such claim, or none of the claims uses the given sequences.
+    """
+    there = {claim.name: claim for claim in (*CLAIMS, *TUNING)}
+    for name in names:
+        if name not in there:
+            raise Mistake(f"papers: {unknown(name, there, 'claim')}")
+    chosen = [there[name] for name in names] if names else list(CLAIMS)
+    if effort.sequences is not None and there[JOINED] not in chosen:
+        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    return chosen
+
+
+def _print_rule(console: Console, claim: Claim) -> None:
+    """Print what is claimed and how it will be judged, before anything is run."""
+    r = claim.rule
+    console.print(f"\n[bold]{claim.name}[/] {escape(claim.says)}", highlight=False)
+    for name, text in (("measure", r.measure), ("settings", r.settings), ("units", r.units),
+                       ("margin", r.margin), ("test", r.test), ("holds", r.holds)):  # fmt: skip
+        console.print(f"  {name + ':':9} {escape(text)}", highlight=False)
+
+
+def _print(console: Console, verdict: Verdict) -> None:
+    word, tone = WORDS[verdict.finding], TONES[verdict.finding]
+    effect = escape(f"{words(verdict.effect, verdict.unit)}, {verdict.count} units")
+    console.print(f"  verdict:  [{tone}]{word}[/]: {effect}", highlight=False)
     console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
     if verdict.table:
-        print_table(console, Table(verdict.table[0], verdict.table[1:]))
+        head, *rows = verdict.table
+        print_table(console, Table(head, rows, words=range(len(head))))
+
+
+def _print_rows(console: Console, tested: dict[str, Judged]) -> None:
+    """Print the claims as rows of a Markdown table, for the README of the papers."""
+    plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
+    for name, judged in tested.items():
+        plain(console, judged.row(name))

@@ -1,30 +1,54 @@
-"""All claims, and the file of their verdicts."""
+"""All claims, the file of their verdicts, and the verdicts that were found before."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import resources
 from typing import ClassVar
 
-from servo.output.formats import Made
-from servo.papers import estimator_study, kams_paper, kernel_paper, servo_paper, texture_paper
-from servo.papers.claim import Claim, Verdict
+from servo.output.formats import Document, Made
+from servo.papers import (
+    annealing_layers,
+    camouflage_claim,
+    estimator_study,
+    kams_paper,
+    kernel_paper,
+    kernel_surface,
+    particle_counts,
+    servo_paper,
+    texture_paper,
+)
+from servo.papers.claim import WORDS, Claim, Rule, Verdict
+from servo.papers.groups import words
+from tracking.files.json_text import number
 
 CLAIMS = (
-    *kams_paper.CLAIMS, *kernel_paper.CLAIMS, *servo_paper.CLAIMS, *texture_paper.CLAIMS,
+    *sorted((*kams_paper.CLAIMS, *annealing_layers.CLAIMS, *particle_counts.CLAIMS,
+             *kernel_paper.CLAIMS, *kernel_surface.CLAIMS, *servo_paper.CLAIMS,
+             *texture_paper.CLAIMS, *camouflage_claim.CLAIMS), key=lambda claim: claim.name),
     *estimator_study.CLAIMS,
 )  # fmt: skip
-JOINED = "P0-1"
+JOINED = "P0-1a"
 """The claim that also uses real sequences."""
 FIGURES = "figures"
+TITLES = ("claim", "rule", "effect", "95 % interval", "units", "verdict", "figure")
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A claim with its verdict, as stored."""
+    """A claim with its rule and its verdict, as stored."""
 
     says: str
+    rule: Rule
+    finding: str
+    effect: float | None
+    low: float | None
+    high: float | None
+    """The effect's 95 % interval; None where there is none."""
+    unit: str
+    count: int
+    """Number of units."""
     measured: str
-    holds: bool
     table: list[list[str]]
     """Rows of cells; the first row has the titles."""
     figures: list[str]
@@ -34,7 +58,26 @@ class Judged:
     def of(claim: Claim, verdict: Verdict) -> Judged:
         """A claim with its verdict."""
         figures = [f"{FIGURES}/{path.name}" for path in verdict.figures]
-        return Judged(claim.says, verdict.measured, bool(verdict.holds), verdict.table, figures)
+        e = verdict.effect
+        value, low, high = number(e.value), number(e.low), number(e.high)
+        return Judged(
+            claim.says, claim.rule, WORDS[verdict.finding], value, low, high, verdict.unit,
+            verdict.count, verdict.measured, verdict.table, figures,
+        )  # fmt: skip
+
+    def row(self, name: str) -> str:
+        """The claim's line in a Markdown table under `TITLES`."""
+        r, drawn = self.rule, ", ".join(path.rpartition("/")[2] for path in self.figures)
+        cells = (
+            f"{name} {self.says}", f"{r.measure}; holds: {r.holds}",
+            f"{_short(self.effect)} {self.unit}", f"{_short(self.low)} to {_short(self.high)}",
+            f"{self.count}: {r.units}", self.finding, drawn,
+        )  # fmt: skip
+        return f"| {' | '.join(cells)} |"
+
+
+def _short(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,3 +89,43 @@ class PapersReport(Made):
 
     quick: bool
     claims: dict[str, Judged]
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A verdict that was found before."""
+
+    finding: str
+    effect: str
+    """With its interval and unit, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownVerdicts(Document):
+    """verdicts.json: the verdicts of the last full run; a run that finds others exits with 1."""
+
+    FILE: ClassVar[str] = "verdicts.json"
+    KIND: ClassVar[str] = "verdicts"
+
+    claims: dict[str, Known]
+
+    @staticmethod
+    def of(verdicts: dict[str, Verdict]) -> KnownVerdicts:
+        """Those of this run."""
+        return KnownVerdicts(claims={
+            name: Known(WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()
+        })  # fmt: skip
+
+    def broken(self, now: KnownVerdicts) -> list[str]:
+        """A sentence for each claim of this run whose verdict is another one."""
+        return [
+            f"{name}: {new.finding}, {new.effect}; it was: {old.finding}, {old.effect}"
+            for name, new in now.claims.items()
+            if (old := self.claims.get(name)) is not None and old.finding != new.finding
+        ]
+
+
+def known() -> KnownVerdicts:
+    """The verdicts that belong to this version."""
+    with resources.as_file(resources.files("servo.papers") / KnownVerdicts.FILE) as path:
+        return KnownVerdicts.read(path)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
 from servo.bench.suites import GENERATORS, TRACKERS
 from servo.papers.groups import Result
 from sim import kinds
+from tracking.evaluation.sequences.sequence import Sequence as Painting
+from tracking.evaluation.sequences.sources import Painted
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +47,29 @@ def contender(
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 
+@dataclass(frozen=True, slots=True)
+class Kept(Generated):
+    """A painted sequence whose pictures are kept for the next tracker: painting takes longer."""
+
+    def build(self, seed: int) -> Painting:
+        return _kept(self.kind, self.config, seed)
+
+
+@lru_cache(maxsize=1)
+def _kept(kind: str, config: Any, seed: int) -> Painting:
+    sequence = Generated(kind, config).build(seed)
+    source = sequence.source
+    assert isinstance(source, Painted)
+    return replace(sequence, source=Painted(cache(source.paint), source.count))
+
+
 def generated(kind: str, **settings: Any) -> Generated:
     """A painted sequence for an experiment."""
-    return Generated(kind, kinds.config_of(GENERATORS, kind)(**settings))
+    return Kept(kind, kinds.config_of(GENERATORS, kind)(**settings))
 
 
 def sequence_jobs(
     trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
 ) -> list[SequenceJob]:
-    """Each tracker on each sequence with each seed."""
-    return [SequenceJob(t, entry, s) for t in trackers for entry in entries for s in seeds]
+    """Each tracker on each sequence with each seed; those on one sequence follow each other."""
+    return [SequenceJob(t, entry, s) for entry in entries for s in seeds for t in trackers]

@@ -1,13 +1,18 @@
-"""The section about the papers' claims: their sentences, what was measured, and which hold."""
+"""The section about the papers' claims: their sentences, rules, effects and verdicts."""
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 from servo.output.formats import content
+from servo.papers.claim import WORDS
 from servo.papers.claims import Judged, PapersReport
 from servo.report.page import Block, Fact, PageImage, Section, again
-from servo.report.words import Badge, Table
+from servo.report.words import Badge, Table, Tone, shown
+from tracking.evaluation.verdicts import Finding
+
+TONES = {WORDS[Finding.HOLDS]: Tone.GOOD, WORDS[Finding.DOES_NOT_HOLD]: Tone.BAD}
 
 
 def section(folder: Path) -> Section:
@@ -17,19 +22,16 @@ def section(folder: Path) -> Section:
         Mistake: A file is missing or damaged.
     """
     papers = PapersReport.read(folder / PapersReport.FILE)
-    held = sum(c.holds for c in papers.claims.values())
-    whole = len(papers.claims)
-    verdict = Badge.of(held == whole, f"{held} of {whole} hold")
+    found = Counter(c.finding for c in papers.claims.values())
+    verdict = Badge(", ".join(f"{n} {name}" for name, n in found.items()), Tone.PLAIN)
     facts = [
-        Fact("claims that hold", verdict),
+        Fact("verdicts", verdict),
         Fact("effort", "quick" if papers.quick else "full",
              "one seed of each: the numbers mean little" if papers.quick else ""),
     ]  # fmt: skip
-    rows = [
-        [name, Badge.of(c.holds, "holds", "does not hold"), c.says, c.measured]
-        for name, c in papers.claims.items()
-    ]
-    summary = Table(("claim", "", "the paper says", "measured"), rows, words=range(4))
+    rows = [[name, _badge(c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()]
+    head = ("claim", "", "the paper says", "effect, 95 % interval, units", "measured")
+    summary = Table(head, rows, words=range(5))
     blocks = [
         Block("Claims", tables=[summary]),
         *(_claim(folder, name, claim) for name, claim in papers.claims.items()),
@@ -45,7 +47,22 @@ def _claim(folder: Path, name: str, claim: Judged) -> Block:
         PageImage.of("", content(folder / figure), str(folder / figure), sheet=False)
         for figure in claim.figures
     ]
-    word = "holds" if claim.holds else "does not hold"
-    text = [f"Paper: {claim.says}.", f"Measured: {claim.measured}."]
+    r = claim.rule
+    text = [
+        f"Paper: {claim.says}.",
+        f"Rule: {r.measure}; settings: {r.settings}; units: {r.units}; margin: {r.margin}; test: "
+        f"{r.test}; it holds if: {r.holds}.",
+        f"Measured: {claim.measured}.",
+        f"Effect: {_effect(claim)}.",
+    ]
     tables = [Table(head, rows)] if head else []
-    return Block(f"{name} {word}", text, tables=tables, pictures=pictures)
+    return Block(f"{name}: {claim.finding}", text, tables=tables, pictures=pictures)
+
+
+def _badge(claim: Judged) -> Badge:
+    return Badge(claim.finding, TONES.get(claim.finding, Tone.PLAIN))
+
+
+def _effect(claim: Judged) -> str:
+    interval = f"{shown(claim.low)} to {shown(claim.high)}"
+    return f"{shown(claim.effect)} {claim.unit} ({interval}), {claim.count} units"

@@ -1,0 +1,188 @@
+"""Each tracker's own best settings: grids of equal size, tried on painted sequences of seeds below
+1000. `servobench papers tuning-clutter` and the like run them; tuning.json keeps their result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib import resources
+from pathlib import Path
+from typing import Any, ClassVar
+
+from servo.batch.jobs import Job
+from servo.bench.sequence_jobs import Contender, Generated
+from servo.output.formats import Document
+from servo.papers.claim import Claim, Effort, Rule, Verdict
+from servo.papers.experiments import contender, generated, sequence_jobs
+from servo.papers.groups import Result, column, group
+from sim import kinds
+from tracking.evaluation.statistics import Interval
+from tracking.evaluation.verdicts import Finding
+
+Settings = dict[str, Any]
+NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
+FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+"""On all noises of a filter."""
+NOISE = ("noise", "turn_noise", "scale_noise")
+RANDOM_WALK = {"velocity_memory": 1.0}
+CONSTANT_VELOCITY = {"velocity_memory": 0.5}
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """Sequences on which trackers are compared, and the measure that tunes them."""
+
+    entries: tuple[Generated, ...]
+    seeds: int
+    measure: str
+    sign: int
+    """1 if more is better, else -1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """A tracker, what is fixed, and the settings that are tried."""
+
+    family: str
+    kind: str
+    fixed: Settings
+    grid: tuple[Settings, ...]
+
+    def contender(self, name: str, settings: Settings, ending: str) -> Contender:
+        """The tracker with some settings, called NAME-ENDING."""
+        return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
+
+
+def _scaled(kind: str) -> tuple[Settings, ...]:
+    own = kinds.config_of("tracking.trackers", kind)()
+    return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
+
+
+def _over(name: str, values: Sequence[Any], **others: Any) -> tuple[Settings, ...]:
+    return tuple({name: value, **others} for value in values)
+
+
+LEVELS = "efgh"
+FAMILIES = {
+    "clutter": Family(
+        tuple(generated("clutter", level=level) for level in LEVELS), 6, "frames_until_loss", 1
+    ),
+    "similarity": Family((generated("similarity"),), 3, "auc_turned", 1),
+    "texture": Family((generated("texture"),), 6, "rmse_px", -1),
+}
+RESTS = ("discard", "bin")
+STILL_OR_MOVING = (RANDOM_WALK, CONSTANT_VELOCITY)
+TUNED = {
+    "kams": Tuned("clutter", "kams", {"particles": 50}, _over("noise", NOISES)),
+    "condensation": Tuned(
+        "clutter", "condensation", {"particles": 1200, **RANDOM_WALK}, _over("noise", NOISES)
+    ),
+    "annealed": Tuned("clutter", "annealed", {"particles": 240}, _over("noise", NOISES)),
+    "hybrid": Tuned(
+        "clutter", "hybrid", {"particles": 220, **CONSTANT_VELOCITY}, _over("noise", NOISES)
+    ),
+    "mean_shift": Tuned("clutter", "mean_shift", {}, tuple(
+        s for v in STILL_OR_MOVING for s in _over("levels", (4, 8, 16), **v))),
+    "sok": Tuned("clutter", "sok", {}, tuple(
+        s for v in STILL_OR_MOVING for s in _over("confidence", (0.7, 0.8, 0.9), **v))),
+    "pf_ssd": Tuned("similarity", "pf_ssd", {}, _scaled("pf_ssd")),
+    "mk_pf": Tuned("similarity", "mk_pf", {}, _scaled("mk_pf")),
+    "mk_pf-75": Tuned("similarity", "mk_pf", {"particles": 75}, _scaled("mk_pf")),
+    "mk_ssd": Tuned("similarity", "mk_ssd", {}, _over("span", (0.75, 1.0, 1.25, 1.5, 2.0, 2.5))),
+    "texture_pf": Tuned("texture", "texture_pf", {}, tuple(
+        s for rest in RESTS for s in _over("noise", (0.1, 0.15, 0.25), rest=rest))),
+    "texture_ms": Tuned("texture", "texture_ms", {"scale": True}, tuple(
+        s for rest in RESTS for s in _over("density", (16, 24, 32), rest=rest))),
+}  # fmt: skip
+"""Particles of the clutter's filters: with about 1200 histograms a frame each, as KAMS with 50.
+Mean shift has no noise, and the octal kernel neither: of them other settings are tried."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningFile(Document):
+    """tuning.json: the score of every setting that was tried, by tracker."""
+
+    FILE: ClassVar[str] = "tuning.json"
+    KIND: ClassVar[str] = "tuning"
+
+    scores: dict[str, list[tuple[dict[str, float | str], float]]]
+
+    def best(self, name: str) -> Settings:
+        """The settings of a tracker with the best score; the first of those that are equal."""
+        sign = FAMILIES[TUNED[name].family].sign
+        settings = max(self.scores[name], key=lambda one: sign * one[1])[0]
+        return {k: type(TUNED[name].grid[0][k])(v) for k, v in settings.items()}
+
+
+@cache
+def stored() -> TuningFile:
+    """What was found when the trackers were tuned."""
+    with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
+        return TuningFile.read(path)
+
+
+def published(name: str) -> Contender:
+    """A tracker as its paper has it."""
+    return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
+
+
+AS_PUBLISHED: dict[str, Settings] = {
+    "kams": {"particles": 50},
+    "condensation": {"particles": 200, **RANDOM_WALK},
+    "annealed": {"particles": 200},
+    "hybrid": {"particles": 200, **CONSTANT_VELOCITY},
+    "mk_pf-75": {"particles": 75},
+    "texture_ms": {"scale": True},
+}
+"""Over the presets: the KAMS paper's numbers of particles, the hybrid alone with a velocity."""
+
+
+def tuned(name: str) -> Contender:
+    """A tracker with its own best settings."""
+    return TUNED[name].contender(name, stored().best(name), "tuned")
+
+
+def _tried(name: str) -> list[Contender]:
+    one = TUNED[name]
+    return [one.contender(name, s, f"try{i}") for i, s in enumerate(one.grid)]
+
+
+def _members(family: str) -> list[str]:
+    return [name for name, one in TUNED.items() if one.family == family]
+
+
+def _jobs(family: str, effort: Effort) -> Sequence[Job]:
+    tried = [c for name in _members(family) for c in _tried(name)]
+    of = FAMILIES[family]
+    return sequence_jobs(tried, of.entries, effort.seeds(of.seeds, 0))
+
+
+def _judge(family: str, results: list[Result], folder: Path) -> Verdict:
+    scores: dict[str, list[tuple[Settings, float]]] = {}
+    rows = [["tracker", "settings", FAMILIES[family].measure, ""]]
+    for name in _members(family):
+        runs = [group(results, tracker=c.label) for c in _tried(name)]
+        found = [round(float(column(r, FAMILIES[family].measure).mean()), 4) for r in runs]
+        scores[name] = list(zip(TUNED[name].grid, found, strict=True))
+        best = TuningFile(scores=scores).best(name)
+        for settings, score in scores[name]:
+            said = ", ".join(f"{k} {v}" for k, v in settings.items())
+            rows.append([name, said, f"{score:.4g}", "best" if settings == best else ""])
+    whole = TuningFile(scores=stored().scores | scores).write(folder.parent)
+    nothing = Interval(0.0, 0.0, 0.0)
+    return Verdict(Finding.UNDECIDED, nothing, "", 0, f"written to {whole.name}", rows)
+
+
+TUNING = tuple(
+    Claim(
+        f"tuning-{name}", "no claim: the grid of each tracker",
+        Rule(f"mean {family.measure}", "papers' presets, with six settings in turn",
+             f"{family.seeds} painted sequences a level, seeds below 1000", "none", "none",
+             "never"),
+        partial(_jobs, name), partial(_judge, name),
+    )
+    for name, family in FAMILIES.items()
+)  # fmt: skip
+"""Not among the claims: each runs where it is named, and writes a tuning.json to put here."""
