@@ -85,11 +85,15 @@ class KnownRobot:
         mujoco.mj_comPos(self._robot.model, self._data)
 
 
-def is_known_exactly(design: Design, believed: BelievedConfig) -> bool:
-    """Whether a robot of this design knows all of itself as it is."""
+def as_known(
+    robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
+) -> Robot | KnownRobot:
+    """A robot as it knows itself: the same object where it knows all of itself as it is."""
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]
-    return believed.is_body_right and not np.concatenate(errors).any()
+    if believed.is_body_right and not np.concatenate(errors).any():
+        return robot
+    return KnownRobot(robot, design, believed, rng or np.random.default_rng(0))
 
 
 def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:

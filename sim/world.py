@@ -14,7 +14,7 @@ from sim.assembly import TARGET, build_model
 from sim.believed import RIGHT, BelievedConfig
 from sim.camera import CameraConfig, camera_of
 from sim.geometry import log_se3
-from sim.known_robot import KnownRobot, is_known_exactly
+from sim.known_robot import as_known
 from sim.lens import Lens, Sensor
 from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.robot import CAMERA, Design, Robot
@@ -74,10 +74,7 @@ class World:
         self.robot = Robot(self.model, robot)
         self.camera = camera_of(camera, self.model, CAMERA)
         self.camera_believed = believed.camera(self.camera)
-        self._known: Robot | KnownRobot = self.robot
-        if not is_known_exactly(robot, believed):
-            draws = encoders or np.random.default_rng(0)
-            self._known = KnownRobot(self.robot, robot, believed, draws)
+        self._known = as_known(self.robot, robot, believed, encoders)
         self._eye = self.model.camera(CAMERA).id
         self.outline, self.outline_found = target.outline, target.found
         self._stage = Stage(self.model, motion, disturbances)
