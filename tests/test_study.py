@@ -11,6 +11,7 @@ from rich.console import Console
 from servo.cli import sweep_command
 from servo.report import study_data, study_paths
 from servo.scenario import load as scenarios
+from servo.scenario.catalogue import shipped
 from servo.scenario.draws import Draw
 from servo.study import results, store
 from servo.study.parse import load
@@ -95,7 +96,7 @@ def test_every_shipped_study_parses_and_all_trackers_are_in_the_one_of_all():
     every = [kind for kind in kinds.names("tracking.trackers") if kind not in OF_THE_USER]
     assert everything.size == len(every) * len(everything.bases) * 20
     assert {r.settings["tracker.kind"] for r in everything.runs()} == set(every)
-    assert len(everything.bases) == len(scenarios.shipped())
+    assert len(everything.bases) == len(shipped())
     for name in ("particles", "noise", "latency_gain", "depth_error"):
         assert load(name).title.endswith(("?", "."))
 

@@ -102,7 +102,7 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     plan, text = study.plan, list[str]()
     if len(study.rows) < plan.runs:
         text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
-    if not all(row["repeats"] for row in study.rows):
+    if not all(row.get("repeats", True) for row in study.rows):
         text.append(f"{DOES_NOT_REPEAT}.")
     if study.broken:
         text.append(f"Files of runs that could not be read: {study.broken}.")

@@ -72,6 +72,8 @@ def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
     found = list[Draw]()
     for key, given in flat(table, place, LAWS).items():
         at = f"{place}.{key}"
+        if given == {}:  # all of it was set
+            continue
         if key.endswith(".kind") or any(key == f or key.startswith(f"{f}.") for f in FIXED):
             raise Mistake(f"{at}: this is not drawn; draw a setting, such as start.x")
         if not isinstance(given, dict):
