@@ -189,8 +189,8 @@ def test_numbers_of_a_file():
 def test_cells_of_a_printed_table(capsys):
     from rich.console import Console
 
-    cell = SimpleNamespace(settings={"a": 1}, runs=1, means={},
-                           success=SimpleNamespace(value=1.0, low=1.0, high=1.0))  # fmt: skip
+    success = SimpleNamespace(value=1.0, low=1.0, high=1.0, units=1, known=True)
+    cell = SimpleNamespace(settings={"a": 1}, runs=1, means={}, success=success, unit="seed")
     for count, more in ((60, False), (61, True)):
         sweep_command._print_cells(Console(width=100), [cell] * count)
         assert ("... and 1 cells more, in cells.csv" in capsys.readouterr().out) is more

@@ -77,7 +77,7 @@ def test_innovations_in_the_rendered_loop(name, seed):
     """The filters see what one of them, in the loop, makes of the pictures."""
     watched = {kind: build(kind) for kind in FILTERS}
     found = {kind: [] for kind in FILTERS}
-    with Episode(load(name, ["run.duration=9.0"], seed=seed)) as episode:
+    with Episode(load(name, ["run.duration=9.0", "vary={}"], seed=seed)) as episode:
         for step in episode:
             trace = step.command.trace
             errors, seen = trace.error / trace.scales, OwnMotion(trace.own, np.zeros((0, 4)))

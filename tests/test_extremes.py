@@ -52,7 +52,7 @@ REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
            "cannot read this calibration", "this is not shipped", "a colour is",
            "nothing is left of a picture", "pose says all of the first picture",
            "the target would be below the table", "no AprilTag 36h11",
-           "only ratios count", "do not fit into a frame")  # fmt: skip
+           "only ratios count", "do not fit into a frame", "so their goal cannot move")  # fmt: skip
 """What a scenario within all limits may be refused for."""
 
 

@@ -100,9 +100,9 @@ ABSURD = {
     "controller.coast=1e308": (
         "controller.coast = 1e+308: input should be less than or equal to 3600"
     ),
-    "tracker.levels=3": "tracker.levels = 3: input should be 2, 4, 8, 16 or 32",
-    "tracker={kind='texture_pf', levels=32}": (
-        "tracker.levels = 32: input should be 2, 4, 8 or 16"
+    "tracker.levels=1": "tracker.levels = 1: input should be greater than or equal to 2",
+    "tracker={kind='texture_pf', levels=33}": (
+        "tracker.levels = 33: input should be less than or equal to 32"
     ),
     "tracker.lock.history=1000000": (
         "tracker.lock.history = 1000000: input should be less than or equal to 10000"

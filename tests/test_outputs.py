@@ -25,7 +25,7 @@ SHORT = ["run.duration=2.0", "disturbances.0.start=1.0", "goal.angle_deg=30.0"]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "out"
-    changes = [*SHORT, "expect={}"]
+    changes = [*SHORT, "expect={}", "vary={}"]
     assert run_command.run_scenario("occlusion", changes, 1, path, quiet=True, rerun=True) == 0
     return path
 
@@ -82,7 +82,7 @@ def test_the_report_tells_what_ran_and_what_came_out(folder):
     assert report["settings"]["run"]["duration"] == 2.0
     assert report["settings"]["disturbances"][0]["kind"] == "board"
     again = parse(report["settings"] | {"expect": report["expect"]}, "occlusion", "report.json")
-    ran = load("occlusion", [*SHORT, "expect={}"], seed=1)
+    ran = load("occlusion", [*SHORT, "expect={}", "vary={}"], seed=1)
     car = {"kind": "car", "outline": [0.2, 0.1, 0.042]}
     assert report["settings"]["target"] == car  # what was found, and not given
     assert again.settings() | {"target": car} == ran.settings() | {"target": car}

@@ -94,10 +94,9 @@ def test_the_command_of_a_run_makes_its_very_scenario(small):
 def test_every_shipped_study_parses_and_all_trackers_are_in_the_one_of_all():
     everything = load("trackers")
     every = [kind for kind in kinds.names("tracking.trackers") if kind not in OF_THE_USER]
-    assert everything.size == len(every) * len(everything.bases) * 20
+    assert everything.size == len(every) * len(shipped()) * 20
     assert {r.settings["tracker.kind"] for r in everything.runs()} == set(every)
-    assert len(everything.bases) == len(shipped())
-    for name in ("particles", "noise", "latency_gain", "depth_error"):
+    for name in ("particles", "noise", "latency_gain", "depth_error", "how_slow", "calibration"):
         assert load(name).title.endswith(("?", "."))
 
 

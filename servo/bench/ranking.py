@@ -46,8 +46,12 @@ Result = dict[str, Any]
 
 def _ends_as_nan(means: Any) -> Any:
     """Means from JSON, which has no nan: an end that is missing there is nan here."""
-    return {name: i if isinstance(i, Interval) else {k: np.nan if v is None else v
-            for k, v in i.items()} for name, i in means.items()}  # fmt: skip
+    if not isinstance(means, dict):
+        return means
+    return {
+        name: {k: np.nan if v is None else v for k, v in i.items()} if isinstance(i, dict) else i
+        for name, i in means.items()
+    }
 
 
 Means = Annotated[dict[str, Interval], BeforeValidator(_ends_as_nan)]

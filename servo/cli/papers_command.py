@@ -53,10 +53,10 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     if any(isinstance(job, LoopSeries) for some in jobs.values() for job in some):
         gl.backend()
     runs = {job.key for some in jobs.values() for job in some}
-    plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
     verdicts: dict[str, Verdict] = {}
     failed = 0
     with Workers(workers) as pool, result_folder(folder, "papers"):
+        plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
         for claim in chosen:
             _print_rule(console, claim)
             results, code = work(jobs[claim.name], folder, pool, console, claim.name)

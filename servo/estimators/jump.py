@@ -21,7 +21,7 @@ from servo.estimators._kalman import Memory, Ratio, between
 from servo.estimators.kalman_cv import RATIO_AT_5_HZ, RHO, motion
 from sim.types import Array
 
-RATIO_AT_30_HZ = 0.1
+RATIO_AT_30_HZ = 0.15
 """Tuned sQ / sR: between the jumps too, the velocity of a target that weaves changes."""
 
 
@@ -33,7 +33,7 @@ class Config:
     """Memory of the velocity's change from frame to frame."""
     ratio: Ratio | None = None
     """sQ / sR, per frame; by default what suits the camera's rate."""
-    drift: Annotated[float, Ge(0), Le(1e6)] = 0.5
+    drift: Annotated[float, Ge(0), Le(1e6)] = 0.75
     """What the innovation may be without being summed, in standard deviations."""
     threshold: Annotated[float, Ge(0.001), Le(1e6)] = 3.5
     """The sum that is a jump, in standard deviations."""

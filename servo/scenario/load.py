@@ -232,6 +232,7 @@ def _drawn(table: Table, name: str, place: str) -> Table:
         return table
     draws, fixed = draws_of(table["vary"], f"{place}: vary"), {**table}
     del fixed["vary"]
+    parse(fixed, name, place)  # what is wrong without any draw is not the draws' mistake
     for draw in draws:
         for end in draw.ends:
             parse(with_settings(fixed, {draw.key: end}, place), name, f"{place}: vary.{draw.key}")

@@ -122,7 +122,8 @@ class TextureBins:
         texture = ones_of(grey, self.threshold, self.neighbours, self.radius) - FEWEST
         major = (texture >= 0) & (texture < self.textures)
         number = np.int16 if self.count <= np.iinfo(np.int16).max else np.int32
-        joint = colours.astype(number) * number(self.textures) + texture
+        colours = colours.astype(number)
+        joint = colours * number(self.textures) + texture
         plain = self.levels**3 * self.textures
         rest = {"discard": -1, "bin": plain, "colour": plain + colours}[self.rest]
         return np.where(major, joint, rest).astype(number)
