@@ -210,11 +210,7 @@ def parse(table: Table, name: str, place: str, written: Table | None = None) -> 
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
     table, base = _drawn(table, name, place), table
-    values: Table = {k: fill(cls, table.get(k, {}), f"{place}: {k}") for k, cls in SECTIONS.items()}
-    for key, (folder, default) in PLUGINS.items():
-        values[key] = fill_plugin(folder, table.get(key, {}), f"{place}: {key}", default)
-    for key, folder in LISTS.items():
-        values[key] = fill_plugins(folder, table.get(key, []), f"{place}: {key}")
+    values: Table = {key: _filled(key, table, place) for key in (*SECTIONS, *PLUGINS, *LISTS)}
     bounds = Expected.read(table, table if written is None else written, place)
     if not isinstance(table.get("sweep", {}), dict):
         raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
@@ -226,6 +222,16 @@ def parse(table: Table, name: str, place: str, written: Table | None = None) -> 
     return Scenario(name=name, table=base, **found, **values)
 
 
+def _filled(key: str, table: Table, place: str) -> Any:
+    """The value of one of a scenario's tables."""
+    at = f"{place}: {key}"
+    if key in SECTIONS:
+        return fill(SECTIONS[key], table.get(key, {}), at)
+    if key in LISTS:
+        return fill_plugins(LISTS[key], table.get(key, []), at)
+    return fill_plugin(PLUGINS[key][0], table.get(key, {}), at, PLUGINS[key][1])
+
+
 def _drawn(table: Table, name: str, place: str) -> Table:
     """A table with what its seed draws, and that under "drawn"; each end of a law must be valid."""
     if "vary" not in table:
@@ -234,8 +240,11 @@ def _drawn(table: Table, name: str, place: str) -> Table:
     del fixed["vary"]
     parse(fixed, name, place)  # what is wrong without any draw is not the draws' mistake
     for draw in draws:
+        at, key = f"{place}: vary.{draw.key}", draw.key.partition(".")[0]
+        if key not in (*SECTIONS, *PLUGINS, *LISTS):
+            raise Mistake(f"{at}: {unknown(key, KEYS)}")
         for end in draw.ends:
-            parse(with_settings(fixed, {draw.key: end}, place), name, f"{place}: vary.{draw.key}")
-    seed = fill(RunConfig, fixed.get("run", {}), f"{place}: run").seed
+            _filled(key, with_settings(fixed, {draw.key: end}, place), at)
+    seed = _filled("run", fixed, place).seed
     drawn = {} if seed == AS_WRITTEN else {d.key: d.value(seed) for d in draws}
     return with_settings(fixed, drawn, place) | {"drawn": drawn}
