@@ -4,7 +4,7 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import shipped
-from servo.scenario.load import path_of
+from servo.scenario.source import path_of
 from servo.study.parse import load
 
 STILL = "scenario = 'still'\n"

@@ -1,5 +1,7 @@
 """Time that counts: slow trackers, late pictures, and what is under way meanwhile."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -164,3 +166,23 @@ def test_a_wrong_clock_is_taken_for_motion_of_the_target():
                                 for s in steps]))  # fmt: skip
 
     assert rms(-100.0) > 1.5 * rms(0.0)
+
+
+def test_a_dropped_frame_neither_displaces_a_picture_nor_takes_time():
+    with Episode(load("line", ["run.tracker_ms=60", "run.duration=0.5"])) as episode:
+        look = episode.world.look
+
+        def dropping():
+            frame = look()
+            return replace(frame, fresh=frame.index not in (2, 5, 8, 9))
+
+        shown, track = [], episode.loop.track
+        episode.loop.track = lambda f, p: shown.append(f.index) or track(f, p)
+        episode.world.look = dropping
+        steps = list(episode)
+    # Picture 1 is taken at 33 ms and done at 93, when only the dropped frame 2 has come: nothing is
+    # seen in it, so it is done at once. Picture 3 (100 ms) is done at 160, 4 at 220 (of 4, which
+    # came at 133), 6 at 280 (not the dropped 5, nor later than 200), then 7 (233) and not the dropped 8.
+    assert shown == [0, 1, 2, 3, 4, 6, 7, 10, 12, 13]
+    assert decided(steps)[1].age == pytest.approx(0.06 + T - 2 * T)
+    assert steps[-1].skipped == 1  # picture 11

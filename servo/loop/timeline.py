@@ -1,9 +1,10 @@
 """When a picture arrives, when the tracker takes it, and when the command acts: simulated time.
 
 A picture is there when it was exposed and transported. A free tracker takes the newest one; its
-estimate is there `run.tracker_ms` later, and pictures in between are skipped. The law runs once an
-estimate. Its command acts `run.latency` frame intervals later, from the next update of the drives
-on; until then the robot goes on with the command that it has.
+estimate is there `run.tracker_ms` later, and pictures in between are skipped. A dropped frame takes
+the tracker no time, and none is taken where there is a picture. The law runs once an estimate. Its
+command acts `run.latency` frame intervals later, from the next update of the drives on; until then
+the robot goes on with the command that it has.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class Timeline:
     decision: Decision
     """The last one."""
     seconds: tuple[float, float]
-    """Wall-clock time of tracker and law since the last picture [s]."""
+    """Wall-clock time of tracker and law in the last frame interval [s]."""
 
     def __init__(
         self,
@@ -140,19 +141,21 @@ class Timeline:
         return self._work is not None
 
     def _begin(self, begin: float) -> _Work:
-        """Take the newest picture that has arrived by a time."""
+        """Take the newest picture that has arrived by a time, or the last dropped frame."""
         arrived = [taken for at, taken in self._coming if at <= begin + SAME]
         del self._coming[: len(arrived)]
-        taken = arrived[-1]
+        pictures = [taken for taken in arrived if taken.frame.fresh]
+        taken = pictures[-1] if pictures else arrived[-1]
         posture = taken.posture if self._plain else self._record.paired(taken.frame.index)
         is_first, self._is_first = self._is_first, False
         self._loop.track(taken.frame, posture)
-        self.seconds = self._loop.seconds[0], self.seconds[1]
+        track, law = self.seconds
+        self.seconds = track + self._loop.seconds[0], law
+        self._skipped += max(0, len(pictures) - 1)
         takes = self._run.tracker_ms
         lasts = self._loop.seconds[0] if isinstance(takes, str) else 1e-3 * takes
-        done = begin + (0.0 if is_first else lasts)  # the first state is given
-        self._skipped += len(arrived) - 1
-        return _Work(taken, posture, done)
+        at_once = is_first or not pictures  # the first state is given
+        return _Work(taken, posture, begin + (0.0 if at_once else lasts))
 
     def _decide(self, work: _Work) -> None:
         loop, taken, posture = self._loop, work.taken, work.posture
@@ -165,7 +168,8 @@ class Timeline:
         if loop.needs_truth:
             truth = self._motion_true(taken.truth, acts, acts + loop.interval)
         command = loop.decide(posture, truth)
-        self.seconds = self.seconds[0], loop.seconds[1]
+        track, law = self.seconds
+        self.seconds = track, law + loop.seconds[1]
         self._commands.append((acts, command.twist))
         age = work.done - taken.frame.time
         self.decision = Decision(taken.truth, command, age, self._skipped)

@@ -64,7 +64,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
         LoopSeries(case.scenario, estimator, seed, case.changes, case.rate.replace(" ", ""))
         for case in CASES
         for estimator in kinds.names("servo.estimators")
-        for seed in effort.seeds(SEEDS, 0)
+        for seed in effort.seeds(SEEDS)
     ]
 
 

@@ -26,8 +26,7 @@ from servo.scenario.sections import (
     StartConfig,
     check_frames,
 )
-from servo.scenario.source import path_of as path_of
-from servo.scenario.source import read as read
+from servo.scenario.source import read
 from servo.scenario.toml import override, put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
@@ -209,7 +208,8 @@ def parse(table: Table, name: str, place: str, written: Table | None = None) -> 
             raise Mistake(f"{place}: {section}.{key} is {now} now")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
-    table, base = _drawn(table, name, place), table
+    base = table
+    table, drawn = _drawn(table, name, place)
     values: Table = {key: _filled(key, table, place) for key in (*SECTIONS, *PLUGINS, *LISTS)}
     bounds = Expected.read(table, table if written is None else written, place)
     if not isinstance(table.get("sweep", {}), dict):
@@ -218,7 +218,7 @@ def parse(table: Table, name: str, place: str, written: Table | None = None) -> 
     expect = bounds.of(tracker_of(table))
     if tracker_of(table) != bounds.own:
         base = base | {"expect": expect}
-    found = {"expect": expect, "bounds": bounds, "drawn": table.get("drawn", {})}
+    found = {"expect": expect, "bounds": bounds, "drawn": drawn}
     return Scenario(name=name, table=base, **found, **values)
 
 
@@ -232,10 +232,10 @@ def _filled(key: str, table: Table, place: str) -> Any:
     return fill_plugin(PLUGINS[key][0], table.get(key, {}), at, PLUGINS[key][1])
 
 
-def _drawn(table: Table, name: str, place: str) -> Table:
-    """A table with what its seed draws, and that under "drawn"; each end of a law must be valid."""
+def _drawn(table: Table, name: str, place: str) -> tuple[Table, Table]:
+    """A table with what its seed draws, and the draws alone; each end of a law must be valid."""
     if "vary" not in table:
-        return table
+        return table, {}
     draws, fixed = draws_of(table["vary"], f"{place}: vary"), {**table}
     del fixed["vary"]
     parse(fixed, name, place)  # what is wrong without any draw is not the draws' mistake
@@ -247,4 +247,4 @@ def _drawn(table: Table, name: str, place: str) -> Table:
             _filled(key, with_settings(fixed, {draw.key: end}, place), at)
     seed = _filled("run", fixed, place).seed
     drawn = {} if seed == AS_WRITTEN else {d.key: d.value(seed) for d in draws}
-    return with_settings(fixed, drawn, place) | {"drawn": drawn}
+    return with_settings(fixed, drawn, place), drawn

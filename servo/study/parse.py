@@ -14,8 +14,9 @@ from typing import Any
 from servo.loop.check_expect import check_expect
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
-from servo.scenario import load as scenarios
+from servo.scenario import source
 from servo.scenario.catalogue import sentence, shipped, studies
+from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests
 from servo.scenario.toml import assignment, is_number
 from servo.study.axes import (
@@ -51,7 +52,7 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
         if name not in studies():
             raise Mistake(f"{unknown(name, studies(), 'study')} (or give a .toml file)")
         path = Path(str(resources.files("scenes") / "studies" / f"{name}.toml"))
-    table, place = scenarios.read(str(path))
+    table, place = source.read(str(path))
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
     changed = _changed(table, changes, place)
@@ -133,7 +134,7 @@ def _check(study: Study, place: str) -> None:
     for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
         table = run.table  # its mistakes name their place already
         try:
-            check_expect(scenarios.parse(table, run.base.name, run.base.place, run.base.table))
+            check_expect(parse_scenario(table, run.base.name, run.base.place, run.base.table))
         except Mistake as error:
             _check_base(run.base, place)
             settings = study.changes | run.settings
@@ -146,7 +147,7 @@ def _check(study: Study, place: str) -> None:
 def _check_base(base: Base, place: str) -> None:
     """Refuse a scenario that is wrong even without the study's changes."""
     try:
-        check_expect(scenarios.parse(base.table, base.name, base.place))
+        check_expect(parse_scenario(base.table, base.name, base.place))
     except Mistake as error:
         raise Mistake(str(error) if base.place == place else f"{place}: {error}") from None
 
@@ -162,7 +163,7 @@ def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
         beside = path.parent / name
         at = str(beside) if name.endswith(".toml") and beside.is_file() else name
         try:
-            base, file = Base(at, *scenarios.read(at)), scenarios.path_of(at).resolve()
+            base, file = Base(at, *source.read(at)), source.path_of(at).resolve()
         except Mistake as error:
             raise Mistake(f"{place}: scenario: {error}") from None
         if file in bases:

@@ -113,12 +113,6 @@ def mean_of(
     return Interval(mean, max(low, least), min(high, most), count)
 
 
-def bootstrap(scores: Array, seed: int = 0, confidence: float = 0.95) -> Interval:
-    """The former name of `mean_of`, which needs no seed: it draws nothing."""
-    del seed
-    return mean_of(scores, confidence)
-
-
 def difference_of_shares(first: Array, second: Array, confidence: float = 0.95) -> Interval:
     """The share of successes of the first less that of the second on the same units, whose flags
     (n,) are 0 or 1 (Bonett and Price, Adjusted Wald confidence interval for a difference of
