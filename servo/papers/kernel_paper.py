@@ -84,22 +84,22 @@ def _judge_best(results: list[Result], folder: Path) -> Verdict:
     return _verdict(
         results, every(greater(i, 0.0) for i in gains.values()), gains[nearest],
         "deg less than the nearest", f"angle RMSE of others less the combination's [deg]: {said}",
-        _over_time(folder),
+        _over_time(folder, results[0]["seed"]),
     )  # fmt: skip
 
 
-def _over_time(folder: Path) -> Path:
+def _over_time(folder: Path, seed: int) -> Path:
     """Draw errors of angle and position over one sequence, as figures 6 and 7; the file's path."""
-    states = SIMILARITY.build(FRESH).states
+    states = SIMILARITY.build(seed).states
     assert states is not None
     figure, (above, below) = panels(2)
     for i, label in enumerate((OURS, WHOLE, FEW, ALONE)):
-        found = read(track_path(folder.parent, f"{label}/similarity-{FRESH}")).states
+        found = read(track_path(folder.parent, f"{label}/similarity-{seed}")).states
         turned = np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - states[:, 2])))))
         above.plot(turned, color=COLOURS[i], lw=1.0, label=label)
         below.plot(np.hypot(*(found - states)[:, :2].T), color=COLOURS[i], lw=1.0)
     above.set(ylabel="angle error [deg]", ylim=(0, 30),
-              title=f"P1-1: fast from 35 to 60 %, hidden at 75 % (seed {FRESH})")  # fmt: skip
+              title=f"P1-1: fast from 35 to 60 %, hidden at 75 % (seed {seed})")  # fmt: skip
     below.set(ylabel="position error [px]", xlabel="frame", ylim=(0, 60))
     above.legend(frameon=False, ncols=2, fontsize=7)
     return figures.save(figure, folder, "P1-1.png")

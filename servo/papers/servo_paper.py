@@ -97,13 +97,18 @@ def _judge_sign(results: list[Result], folder: Path, name: str, way: Way) -> Ver
     ax.plot(runs[0]["time"], runs[0]["estimated"], color=COLOURS[2], label="estimated")
     ax.plot(runs[0]["time"][1:], runs[0]["true"][1:], "--", color=COLOURS[5], label="true")
     ax.set(xlabel="time [s]", ylabel="d yn/dt of the target [m/s]",
-           title=f"{name}: the velocity follows the reversals (seed {FRESH})")  # fmt: skip
+           title=f"{name}: the velocity follows the reversals ({_first_seed(runs)})")  # fmt: skip
     ax.legend(frameon=False)
     return Verdict(
         greater(share, 100 * AGREE), share, "% of the frames", len(runs),
         f"right in {words(share, '%')} of the frames", _table(results),
         [figures.save(figure, folder, f"{name}.png")],
     )  # fmt: skip
+
+
+def _first_seed(results: list[Result]) -> str:
+    """Such as "seed 1000": of the run that is drawn alone, or thick."""
+    return f"seed {results[0]['seed']}"
 
 
 def _agreements(runs: list[Result]) -> Interval:
@@ -145,7 +150,7 @@ def _draw_error(results: list[Result], title: str) -> Figure:
             look: dict[str, Any] = {"alpha": 0.2, "lw": 0.7} if k else {"label": estimator}
             ax.plot(run["time"], run["servo_error"], color=COLOURS[i], **look)
     most = max(max(r["servo_error"]) for r in results)
-    ax.set(xlabel=f"time [s] (thick: seed {FRESH})", ylabel="distance [px]", title=title,
+    ax.set(xlabel=f"time [s] (thick: {_first_seed(results)})", ylabel="distance [px]", title=title,
            ylim=(0, 1.25 * most))  # fmt: skip
     ax.legend(frameon=False, ncols=2, loc="upper right")
     return figure

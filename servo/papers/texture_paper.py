@@ -122,7 +122,7 @@ def _judge_likeness(results: list[Result], folder: Path) -> Verdict:
         ax.plot(values[0], color=COLOURS[i], lw=1.2, label=PLACES[place])
         table.append([PLACES[place], words(mean_of(values.mean(axis=1))), words(like[place])])
     ax.set(xlabel="frame", ylabel="Bhattacharyya coefficient", ylim=(0, 1),
-           title=f"P2-2: likeness to the target, seed {FRESH}")  # fmt: skip
+           title="P2-2: likeness to the target, one sequence")  # fmt: skip
     ax.legend(frameon=False, ncols=2, fontsize=7)
     return Verdict(
         greater(share, 100 * MOST), share, "% of the frames", len(results),
