@@ -184,7 +184,7 @@ def test_undecided_is_what_the_interval_leaves_open(figures, tmp_path):
 
 def write_track(folder, label, name, sequence, off):
     """The truth as a track, `off` pixels and degrees away."""
-    path = track_path(folder, f"{label}/{name}-1000")
+    path = track_path(folder, f"{label}/{name}-0")
     path.parent.mkdir(parents=True, exist_ok=True)
     file = TrackFile(path, sequence.region)
     for k, (x, y, theta, scale) in enumerate(sequence.states):
@@ -200,7 +200,7 @@ def test_the_trackers_over_time(approved, figures, monkeypatch, tmp_path):
     claim = BY_NAME["P1-1"]
     found = results(claim, KERNELS)
     for i, label in enumerate(dict.fromkeys(r["tracker"] for r in found)):
-        write_track(tmp_path, label, "similarity", entry.build(1000), 1.0 + i)
+        write_track(tmp_path, label, "similarity", entry.build(0), 1.0 + i)
     verdict = claim.judge(found, tmp_path / "figures")
     assert verdict.finding is Finding.HOLDS
     worse = claim.judge(results(claim, KERNELS | {"mk_pf-published": 0.3}), tmp_path / "figures")
