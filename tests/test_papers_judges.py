@@ -182,9 +182,9 @@ def test_undecided_is_what_the_interval_leaves_open(figures, tmp_path):
     assert verdict.effect.value == 0
 
 
-def write_track(folder, label, name, sequence, off):
+def write_track(folder, label, name, sequence, off, seed=0):
     """The truth as a track, `off` pixels and degrees away."""
-    path = track_path(folder, f"{label}/{name}-0")
+    path = track_path(folder, f"{label}/{name}-{seed}")
     path.parent.mkdir(parents=True, exist_ok=True)
     file = TrackFile(path, sequence.region)
     for k, (x, y, theta, scale) in enumerate(sequence.states):
@@ -214,7 +214,7 @@ def test_sizes_are_measured_where_motion_blurs_and_before(monkeypatch, tmp_path)
     sequence = entry.build(1000)
 
     def ran(self, folder):
-        write_track(folder, self.contender.label, "similarity", sequence, 3.0)
+        write_track(folder, self.contender.label, "similarity", sequence, 3.0, seed=1000)
         return {"measures": {}}
 
     monkeypatch.setattr(SequenceJob, "run", ran)
