@@ -11,6 +11,7 @@ from servo.papers import estimator_study, loop_series, particle_counts, servo_pa
 from servo.papers.claim import Effort
 from servo.papers.claims import CLAIMS, Known, KnownVerdicts
 from servo.papers.experiments import generated
+from servo.scenario.load import load
 from tracking.evaluation.statistics import Interval
 from tracking.evaluation.verdicts import Finding
 
@@ -152,6 +153,14 @@ def test_a_run_is_varied_by_its_seed_alone():
     assert len(changed) == 6
     x, y = (float(t.split("=")[1]) for t in loop_series.varied("line", 1000)[-2:])
     assert np.hypot(x, y) == pytest.approx(0.45, abs=1e-3)
+
+
+def test_no_draw_lets_the_car_drive_through_a_toy():
+    through = ["motion.x=0.3778", "motion.y=0.2445", "motion.heading_deg=-147.09"]
+    assert not loop_series.is_clear(load("line", through))  # over the red box at (0.34, 0.24)
+    assert loop_series.is_clear(load("line", ["motion.speed=0.05"]))
+    for seed in range(2000, 2006):
+        assert loop_series.is_clear(load("reversal", loop_series.varied("reversal", seed), seed))
 
 
 def test_a_wrong_sign_is_found():

@@ -180,9 +180,9 @@ def test_a_dropped_frame_neither_displaces_a_picture_nor_takes_time():
         episode.loop.track = lambda f, p: shown.append(f.index) or track(f, p)
         episode.world.look = dropping
         steps = list(episode)
-    # Picture 1 is taken at 33 ms and done at 93, when only the dropped frame 2 has come: nothing is
-    # seen in it, so it is done at once. Picture 3 (100 ms) is done at 160, 4 at 220 (of 4, which
-    # came at 133), 6 at 280 (not the dropped 5, nor later than 200), then 7 (233) and not the dropped 8.
+    # Picture 1 is taken at 33 ms and done at 93, when only the dropped frame 2 has come: nothing
+    # is seen in it, so it is done at once. Picture 3 (100 ms) is done at 160, 4 (133 ms) at 220, 6
+    # (200 ms, not the dropped 5) at 280, then 7 (233 ms, not the dropped 8).
     assert shown == [0, 1, 2, 3, 4, 6, 7, 10, 12, 13]
     assert decided(steps)[1].age == pytest.approx(0.06 + T - 2 * T)
     assert steps[-1].skipped == 1  # picture 11
