@@ -61,10 +61,10 @@ def section(folder: Path) -> Section:
 def _shown(study: StudyResults) -> list[Block]:
     return [
         *_compared(study),
-        *_paths(study),
         *_figures("Over time", study_time.figures(study)),
         *_figures("Against the axes", study_time.against(study)),
         *_figures("Over two axes", study_time.heat_maps(study)),
+        *_paths(study),
         *_sheets(study),
         _cells(study),
         _runs(study),
