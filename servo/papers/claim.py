@@ -17,7 +17,7 @@ from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import Interval
 from tracking.evaluation.verdicts import Finding
 
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563")
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
 WORDS = {f: f.name.lower().replace("_", " ") for f in Finding}
 """Each finding in a table."""
 FRESH = 1000

@@ -68,6 +68,8 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     ]
 
 
+ROOM = 60.0
+"""Upper end of the first axis [px]: room for the legend."""
 Scores = dict[str, list[Interval]]
 """A mean with its interval for each case, by estimator."""
 
@@ -140,7 +142,8 @@ def _draw(found: Scores) -> Figure:
         titles = [CASES[i].title for i in chosen]
         ax.set(xticks=range(len(chosen)), xticklabels=titles, ylabel="distance [px]")
         ax.set(yscale="log", title=f"{rate}; dashed: the bounds")
-    both[0].legend(frameon=False, ncols=3)
+    both[0].set_ylim(top=ROOM)
+    both[0].legend(frameon=False, ncols=4)
     return figure
 
 
