@@ -12,8 +12,7 @@ import pytest
 
 from sim.files import picture_file
 from tracking.evaluation.sequences.sequence import source_of
-from tracking.evaluation.sequences.sources import Video
-from tracking.evaluation.sequences.video_file import GIVEN_UP
+from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
 
 FRAMES = 20
 WIDTH, HEIGHT = 64, 48
