@@ -12,7 +12,9 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from servo.cli import region_choice
 from servo.cli.guard import REFUSED, exit_code
+from servo.cli.region_choice import region_of
 from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
 from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
@@ -28,7 +30,7 @@ from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
 from tracking.evaluation.sequences.quadrilateral import placement
 from tracking.evaluation.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.evaluation.sequences.sources import End, Picture, Source
+from tracking.evaluation.sequences.sources import End, Source
 from tracking.evaluation.sequences.stream import shown
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
@@ -61,8 +63,9 @@ class TrackRequest:
         """The command line, without --out."""
         return command_line(
             "track", self.source, region=self.region, topic=self.topic, tracker=self.tracker,
-            set=list(self.changes), seed=self.seed, truth=self.truth, truth_format=self.truth_format, video=self.video,
-            rerun=self.rerun, rate=f"{self.rate:g}", frames=self.frames,
+            set=list(self.changes), seed=self.seed, truth=self.truth,
+            truth_format=self.truth_format, video=self.video, rerun=self.rerun,
+            rate=f"{self.rate:g}", frames=self.frames,
         )  # fmt: skip
 
 
@@ -78,7 +81,10 @@ def run(request: TrackRequest) -> int:
     try:
         source = source_of(request.source, request.rate, request.topic)
         truth = _truth(request, source)
-        pictures, request = selected(request, source)
+        request, pictures = replace(request, source=shown(request.source)), iter(source)
+        if request.select:
+            text, pictures = region_choice.select(request.source, pictures, request.region)
+            request = replace(request, region=text)
         region, start = _placement(request, truth)
     except ValueError as error:
         raise Mistake(str(error)) from None
@@ -130,29 +136,6 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
 
 
-def selected(request: TrackRequest, source: Source) -> tuple[Iterator[Picture], TrackRequest]:
-    """The pictures of a source, and the request with the region that a person draws if it is asked
-    for, and without a password.
-
-    Raises:
-        Mistake: Both --region and --select are given, or nothing was drawn.
-        ValueError: The first picture cannot be read.
-    """
-    request, pictures = replace(request, source=shown(request.source)), iter(source)
-    if not request.select:
-        return pictures, request
-    if request.region is not None:
-        raise Mistake("give --region or --select, not both")
-    first = next(pictures, None)
-    if first is None or first.image is None:
-        reason = "there are no pictures in it" if first is None else first.reason
-        raise Mistake(f"{request.source}: the first picture cannot be read: {reason}")
-    from servo.cli.region_choice import chosen  # it imports matplotlib
-
-    region = chosen(first.image, request.source)
-    return itertools.chain([first], pictures), replace(request, region=region)
-
-
 def _truth(request: TrackRequest, source: Source) -> Array | None:
     form = truths.Format.named(request.truth_format)
     path = request.truth or truth_beside(request.source)
@@ -174,22 +157,6 @@ def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, Stat
     if not np.isfinite(truth[0]).all():
         raise Mistake("the target is not in the first picture of the truth; give --region")
     return placement(truth[0])
-
-
-def region_of(text: str) -> tuple[Region, State]:
-    """The region "X,Y,W,H" or "X,Y,W,H,DEG": top left corner, size, rotation about its centre.
-
-    Raises:
-        Mistake: The text has another form.
-    """
-    try:
-        x, y, w, h, *turn = (float(part) for part in text.split(","))
-        degrees = turn[0] if len(turn) == 1 else 0.0
-        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
-            raise ValueError(text)
-    except ValueError:
-        raise Mistake(f"--region {text}: this should be X,Y,W,H or X,Y,W,H,DEG in px") from None
-    return Region(w, h), State(x + w / 2, y + h / 2, float(np.radians(degrees)))
 
 
 def _write(
