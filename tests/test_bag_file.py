@@ -231,5 +231,5 @@ def test_the_missing_extra_is_named(two, monkeypatch):
         Bag(path, None)
     assert str(refused.value) == (
         f"{path}: bags are read by the package 'mcap', which is not installed: install "
-        "servobench's extra 'ros'"
+        "servobench[ros]"
     )

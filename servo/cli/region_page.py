@@ -125,7 +125,7 @@ class _Handler(BaseHTTPRequestHandler):
                 found = tuple(float(number) for number in found)
                 if len(found) != NUMBERS or not all(map(math.isfinite, found)):
                     raise ValueError(found)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, RecursionError):
             self._send(400, b"this is not a region")
             return
         self._send(200, b"")

@@ -63,7 +63,7 @@ class Window:
     def _key(self, event: Any) -> None:
         from matplotlib import pyplot as plt
 
-        if event.key == "enter" and self.selector.get_visible():
+        if event.key == "enter" and all(side > 0 for side in self._region()[2:4]):
             self.box = self._region()
         if event.key in ("enter", "escape"):
             plt.close(self._figure)

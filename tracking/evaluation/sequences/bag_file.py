@@ -142,7 +142,7 @@ def _opened(path: Path) -> Generator[Contents]:
         raise
     except ModuleNotFoundError as error:
         raise ValueError(f"{path}: bags are read by the package '{error.name}', which is not "
-                         "installed: install servobench's extra 'ros'") from None  # fmt: skip
+                         "installed: install servobench[ros]") from None  # fmt: skip
     except Exception as error:
         known = type(error).__name__ in ("ReaderError", "EndOfFile")
         reason = f" ({str(error).rstrip('.')})" if known and str(error) else ""

@@ -27,7 +27,7 @@ from tracking.evaluation.sequences.video_file import (
 )
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
-PASSWORD = re.compile(r"(?<=//)([^/@]*):[^/@]*@")
+PASSWORD = re.compile(r"(?<=//)([^/@:]*):[^/@]*@")
 PROTOCOLS = {
     "rtsp": "rtp,udp,tcp", "rtsps": "rtp,udp,tcp,tls", "http": "http,tcp",
     "https": "https,http,tls,tcp", "tcp": "tcp", "udp": "udp",
