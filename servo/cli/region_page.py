@@ -133,7 +133,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _is_ours(self) -> bool:
         """Whether the address is right; otherwise, answer that nothing is there."""
-        port = self.server.server_address[1]
+        port = self.connection.getsockname()[1]
         hosts = {f"{HOST}:{port}", f"localhost:{port}"}
         right = secrets.compare_digest(self.path.encode(), self.path_of_page.encode())
         if not right or self.headers.get("Host") not in hosts:

@@ -30,6 +30,7 @@ def opened(image: Image, name: str) -> Callable[[], Box | None] | None:
 
         def wait(window: Window = window) -> Box | None:
             plt.show()
+            plt.switch_backend("agg")  # as before: plots never open a window
             return window.box
 
         return wait
