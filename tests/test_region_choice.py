@@ -108,7 +108,7 @@ def test_a_page_that_nobody_answers_is_a_sentence(monkeypatch, capfd, folder):
 @pytest.fixture
 def window():
     figure = plt.figure(figsize=(6, 4), dpi=100)
-    made = region_window.Window(figure, PICTURE)
+    made = region_window.RegionWindow(figure, PICTURE)
     figure.canvas.draw()
     yield made
     plt.close("all")

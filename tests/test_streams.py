@@ -11,7 +11,7 @@ from serving import film, served
 from tracked import REGION, call, rows_of
 
 from tracking.evaluation.sequences import stream
-from tracking.evaluation.sequences.live import Feed, Live
+from tracking.evaluation.sequences.live_source import Feed, Live
 from tracking.evaluation.sequences.sequence import source_of
 from tracking.evaluation.sequences.sources import End, Times
 from tracking.trackers import frozen

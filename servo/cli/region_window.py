@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from servo.cli.region_choice import Box
 
 BACKENDS = ("QtAgg", "TkAgg", "GTK4Agg", "GTK3Agg", "WxAgg", "MacOSX")
-HELP = "Drag a rectangle round the target; r: turn it; Enter: track it; Esc: cancel"
+HELP = "Drag a rectangle round the target; r: its corners turn it; Enter: track it; Esc: cancel"
 
 
 def opened(image: Image, name: str) -> Callable[[], Box | None] | None:
@@ -26,9 +26,9 @@ def opened(image: Image, name: str) -> Callable[[], Box | None] | None:
             figure = plt.figure(name)
         except Exception:  # each toolkit has exceptions of its own
             continue
-        window = Window(figure, image)
+        window = RegionWindow(figure, image)
 
-        def wait(window: Window = window) -> Box | None:
+        def wait(window: RegionWindow = window) -> Box | None:
             plt.show()
             plt.switch_backend("agg")  # as before: plots never open a window
             return window.box
@@ -38,7 +38,7 @@ def opened(image: Image, name: str) -> Callable[[], Box | None] | None:
     return None
 
 
-class Window:
+class RegionWindow:
     """A figure with the picture and a rectangle; `box` is the region after Enter."""
 
     box: Box | None = None

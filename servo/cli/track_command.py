@@ -30,7 +30,7 @@ from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
 from tracking.evaluation.sequences.quadrilateral import placement
 from tracking.evaluation.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.evaluation.sequences.sources import End, Source
+from tracking.evaluation.sequences.sources import End, Picture, Source
 from tracking.evaluation.sequences.stream import shown
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
@@ -81,10 +81,7 @@ def run(request: TrackRequest) -> int:
     try:
         source = source_of(request.source, request.rate, request.topic)
         truth = _truth(request, source)
-        request, pictures = replace(request, source=shown(request.source)), iter(source)
-        if request.select:
-            text, pictures = region_choice.select(request.source, pictures, request.region)
-            request = replace(request, region=text)
+        request, pictures = _selected(request, source)
         region, start = _placement(request, truth)
     except ValueError as error:
         raise Mistake(str(error)) from None
@@ -134,6 +131,15 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
     return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
+
+
+def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
+    """The request without a password, with the region if a person draws it; and the pictures."""
+    request, pictures = replace(request, source=shown(request.source)), iter(source)
+    if not request.select:
+        return request, pictures
+    text, pictures = region_choice.select(request.source, pictures, request.region)
+    return replace(request, region=text), pictures
 
 
 def _truth(request: TrackRequest, source: Source) -> Array | None:

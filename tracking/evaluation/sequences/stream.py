@@ -15,7 +15,7 @@ from av.error import ExitError, FFmpegError
 from sim.files.picture_file import rgb
 from sim.quiet import silent_libraries
 from sim.types import Image
-from tracking.evaluation.sequences.live import Broken, Feed, Live
+from tracking.evaluation.sequences.live_source import Broken, Feed, Live
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.sequences.video_file import (
     FASTEST,
