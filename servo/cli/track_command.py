@@ -110,7 +110,7 @@ def run(request: TrackRequest) -> int:
         comparison = Comparison.of(Track.of(seen, region), truth)
     report = _report(request, folder, settings, seen, comparison, source.end)
     _print(console, kind, name, seen, comparison)
-    _print_oddities(seen, source)
+    _print_oddities(seen, source.end)
     for path in (*files.paths, report):
         plain(console, f"  {path}")
     if files.refused is not None:
@@ -226,7 +226,7 @@ def _print(
     print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
 
 
-def _print_oddities(seen: list[Shot], source: Source) -> None:
+def _print_oddities(seen: list[Shot], end: End | None = None) -> None:
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
@@ -241,5 +241,5 @@ def _print_oddities(seen: list[Shot], source: Source) -> None:
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
             f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
         )
-    if source.end is not None:
-        complain(source.end.sentence)
+    if end is not None:
+        complain(end.sentence)
