@@ -130,7 +130,7 @@ def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, par
     assert 0 < report["dropped"] < total <= 60
     times = np.array([float(row["time"]) for row in rows])
     np.testing.assert_allclose(25 * times, np.round(25 * times), atol=1e-3)
-    assert np.diff(times).max() > 0.2
+    assert np.diff(times).max() > 0.1
 
 
 @pytest.mark.parametrize(
