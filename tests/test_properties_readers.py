@@ -2,6 +2,7 @@
 
 import itertools
 
+import bags
 import cv2
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from servo.output.recording import view
 from sim.files.picture_file import read_image
 from sim.types import Frame
 from tracking.evaluation import track_file
-from tracking.evaluation.sequences import quadrilateral, sources, truth
+from tracking.evaluation.sequences import quadrilateral, truth
+from tracking.evaluation.sequences.bag_file import Bag, is_bag
 from tracking.evaluation.sequences.sequence import read_all, source_of
-from tracking.evaluation.sequences.video_file import GIVEN_UP
+from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
 from tracking.types import FARTHEST, check_region
 
 NOISE = np.random.default_rng(2).integers(0, 256, (9, 7, 3), np.uint8)
@@ -155,9 +157,28 @@ def film(folder):
 def test_a_video_is_pictures_or_a_sentence_and_ends(folder, film, data):
     path = folder / "any.avi"
     path.write_bytes(data.draw(mutated(film)))
-    video = read(sources.Video.of, path)
+    video = read(Video.of, path)
     for picture in itertools.islice(video or (), 2 * GIVEN_UP):
         assert picture.image is None or picture.image.shape[2] == 3
+
+
+@pytest.fixture(scope="module", params=["log.bag", "log.mcap"])
+def log(request, folder):
+    def pictures(store):
+        return [(k, bags.RAW, bags.raw(store, k, NOISE[:6, :6], "bgr8")) for k in range(3)]
+
+    return bags.write(folder / request.param, {"/eye": pictures}).read_bytes()
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_a_bag_is_pictures_or_a_sentence(folder, log, data):
+    path = folder / "any.bag"
+    path.write_bytes(data.draw(mutated(log)))
+    bag = read(Bag, path, None) if is_bag(path) else None
+    if bag is not None:
+        found = read(list, bag) or ()
+        assert all(p.image is None or p.image.shape[2] == 3 for p in found)
 
 
 @given(st.binary(max_size=60) | mutated(b"RRF2\x00\x00\x00\x00", b"RRIO1234"))

@@ -7,11 +7,12 @@ import pytest
 from servo.bench import suites
 from servo.mistake import Mistake
 from sim.files.picture_file import rgb
-from tracking.evaluation.sequences import sources
+from tracking.evaluation.sequences.folder import Folder
 from tracking.evaluation.sequences.sequence import read_all, read_folder, source_of
-from tracking.evaluation.sequences.sources import Folder, Video
+from tracking.evaluation.sequences.video_file import Video
 from tracking.types import Region
 
+THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"
 RED = np.full((40, 60, 3), (10, 20, 200), np.uint8)  # BGR
 
 
@@ -50,14 +51,12 @@ def test_a_video_is_read_with_its_rate(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("gone", "gone: there is no such folder, video file, or camera:NUMBER"),
+        ("gone", f"gone: there is no such {THERE}"),
         ("camera:x", "camera:x: a camera is given by its number, such as camera:0"),
         (".", ".: there are no images in this folder"),
-        ("img_%03d.png", "img_%03d.png: there is no such folder, video file, or camera:NUMBER"),
-        (
-            "http://localhost/a.mp4",
-            "http://localhost/a.mp4: there is no such folder, video file, or camera:NUMBER",
-        ),
+        ("img_%03d.png", f"img_%03d.png: there is no such {THERE}"),
+        ("file:///etc/passwd", f"file:///etc/passwd: there is no such {THERE}"),
+        ("concat:a.mp4|b.mp4", f"concat:a.mp4|b.mp4: there is no such {THERE}"),
     ],
 )
 def test_what_is_no_source_is_refused(tmp_path, monkeypatch, text, message):
@@ -186,34 +185,3 @@ def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
         with pytest.raises(Mistake) as refused:
             entries(more)
         assert message in str(refused.value)
-
-
-class Camera:
-    """Two frames, the second one half a second later, then no more."""
-
-    def __init__(self, clock, works=True):
-        self.clock, self.works, self.left, self.released = clock, works, 2, False
-
-    def isOpened(self):
-        return self.works
-
-    def read(self):
-        self.clock[0] += 0.5
-        self.left -= 1
-        return self.left >= 0, np.full((2, 3, 3), (10, 20, 30), np.uint8)
-
-    def release(self):
-        self.released = True
-
-
-def test_a_camera_gives_pictures_with_their_times_until_it_ends(monkeypatch):
-    clock = [50.0]
-    cameras = {2: Camera(clock), 3: Camera(clock, works=False)}
-    monkeypatch.setattr(sources.time, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(sources.cv2, "VideoCapture", cameras.get)
-    pictures = list(sources.Live(2))
-    assert [(p.name, p.time) for p in pictures] == [("frame 0", 0.5), ("frame 1", 1.0)]
-    assert pictures[0].image.tolist() == [[[30, 20, 10]] * 3] * 2
-    assert cameras[2].released
-    with pytest.raises(ValueError, match="camera:3: there is no such camera"):
-        next(iter(sources.Live(3)))

@@ -171,8 +171,7 @@ BAD = {
     ),
     "a log of several cameras": (
         ["cameras.mcap", "--region", REGION],
-        "cameras.mcap: this is an MCAP log, not a video: convert the pictures of one camera to a "
-        "video or a folder of pictures",
+        "cameras.mcap: this bag is damaged or incomplete",
     ),
     "a truth that is none": (
         ["in", "--region", REGION, "--truth", "in/000.png"],

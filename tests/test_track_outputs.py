@@ -13,7 +13,8 @@ from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
 from servo.cli.track_command import region_of
 from tracking import create
-from tracking.evaluation.sequences.sources import Painted, Video
+from tracking.evaluation.sequences.sources import Painted
+from tracking.evaluation.sequences.video_file import Video
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile, read
 

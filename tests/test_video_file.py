@@ -12,8 +12,7 @@ import pytest
 
 from sim.files import picture_file
 from tracking.evaluation.sequences.sequence import source_of
-from tracking.evaluation.sequences.sources import Video
-from tracking.evaluation.sequences.video_file import GIVEN_UP
+from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
 
 FRAMES = 20
 WIDTH, HEIGHT = 64, 48
@@ -63,17 +62,14 @@ def test_every_container_is_read_by_its_content_whatever_its_name(tmp_path, form
         assert not image.flags.writeable
 
 
-ONE_CAMERA = "convert the pictures of one camera to a video or a folder of pictures"
 TEXT = "this is a text, such as a playlist, not a video: give the video itself"
 STREAM = "this is a bare stream without times, not a video: put it in an MP4 or Matroska"
 NOT_VIDEOS = {
-    "mcap": (b"\x89MCAP0\r\n" + b"\0" * 99, f"this is an MCAP log, not a video: {ONE_CAMERA}"),
-    "bag": (b"#ROSBAG V2.0\n" + b"\0" * 99, f"this is a ROS bag, not a video: {ONE_CAMERA}"),
-    "db3": (
-        b"SQLite format 3\0" + b"\0" * 99,
-        f"this is an SQLite file, perhaps a ROS 2 bag, not a video: {ONE_CAMERA}",
+    "rrd": (
+        b"RRF2\0\0\0\0",
+        "this is a Rerun recording, not a video: convert the pictures of one camera to a video or "
+        "a folder of pictures",
     ),
-    "rrd": (b"RRF2\0\0\0\0", f"this is a Rerun recording, not a video: {ONE_CAMERA}"),
     "ffconcat": (b"ffconcat version 1.0\nfile real.mp4\n" * 3, TEXT),
     "m3u8": (b"#EXTM3U\n#EXTINF:1,\nreal.mp4\n" * 3, TEXT),
     "sdp": (b"v=0\nc=IN IP4 127.0.0.1\nm=video 5004 RTP/AVP 96\n" * 3, TEXT),
@@ -189,6 +185,24 @@ def test_a_video_that_says_how_to_turn_it_is_turned_as_opencv_does(tmp_path):
     assert picture.image.shape == (WIDTH, HEIGHT, 3)
     np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
     assert picture.image[8, -8].min() > 200
+
+
+def test_a_video_has_the_times_that_it_states(tmp_path):
+    """A telephone takes fewer pictures a second in the dark."""
+    stamps = [0.5, 0.54, 0.58, 0.8, 1.1, 1.14]
+    path = tmp_path / "film.mp4"
+    with av.open(str(path), mode="w") as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.time_base = Fraction(1, 100)
+        for stamp in stamps:
+            frame = av.VideoFrame(WIDTH, HEIGHT, "yuv420p")
+            frame.pts, frame.time_base = round(100 * stamp), Fraction(1, 100)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    video = source_of(str(path), 30.0)
+    assert [p.time for p in video] == pytest.approx([s - stamps[0] for s in stamps], abs=1e-6)
+    assert video.count == len(stamps)
 
 
 def test_a_file_of_the_kernel_that_gives_an_error_is_named():

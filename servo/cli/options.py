@@ -93,6 +93,17 @@ class Commands(click.Group):
                 stop(cause)
 
 
+def footage_options(command: Command) -> Command:
+    """The options that choose a topic of a bag, and the region by mouse."""
+    topic = click.option("--topic", help="The topic of a bag, where several have pictures.")
+    select = click.option(
+        "--select", is_flag=True,
+        help="Draw the region with the mouse: in a window, or without a desktop on a page in your "
+        "browser.",
+    )  # fmt: skip
+    return select(topic(command))
+
+
 def truth_options(command: Command) -> Command:
     """The options that name a truth and its format."""
     form = click.option(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli.guard import exit_code
+from servo.cli import region_choice
+from servo.cli.guard import REFUSED, exit_code
+from servo.cli.region_choice import region_of
 from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
 from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
@@ -28,7 +30,8 @@ from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
 from tracking.evaluation.sequences.quadrilateral import placement
 from tracking.evaluation.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.evaluation.sequences.sources import Source
+from tracking.evaluation.sequences.sources import End, Picture, Source
+from tracking.evaluation.sequences.stream import shown
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
 from tracking.files.json_text import number
@@ -41,6 +44,8 @@ class TrackRequest:
 
     source: str
     region: str | None
+    topic: str | None
+    select: bool
     tracker: str
     changes: Sequence[str]
     seed: int
@@ -57,9 +62,10 @@ class TrackRequest:
     def command(self) -> str:
         """The command line, without --out."""
         return command_line(
-            "track", self.source, region=self.region, tracker=self.tracker, set=list(self.changes),
-            seed=self.seed, truth=self.truth, truth_format=self.truth_format, video=self.video,
-            rerun=self.rerun, rate=f"{self.rate:g}", frames=self.frames,
+            "track", self.source, region=self.region, topic=self.topic, tracker=self.tracker,
+            set=list(self.changes), seed=self.seed, truth=self.truth,
+            truth_format=self.truth_format, video=self.video, rerun=self.rerun,
+            rate=f"{self.rate:g}", frames=self.frames,
         )  # fmt: skip
 
 
@@ -73,15 +79,16 @@ def run(request: TrackRequest) -> int:
     """
     settings, config = tracker_of(request.tracker, request.changes)
     try:
-        source = source_of(request.source, request.rate)
+        source = source_of(request.source, request.rate, request.topic)
         truth = _truth(request, source)
+        request, pictures = _selected(request, source)
         region, start = _placement(request, truth)
     except ValueError as error:
         raise Mistake(str(error)) from None
     tracker = config.build(np.random.default_rng(request.seed))
     part = {"tracker": (config, tracker)}
     shots = naming_parts(
-        itertools.islice(follow(tracker, source, region, start), request.frames), part
+        itertools.islice(follow(tracker, pictures, region, start), request.frames), part
     )
     kind = settings["kind"]
     name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
@@ -101,14 +108,14 @@ def run(request: TrackRequest) -> int:
     console, comparison = Console(quiet=request.quiet), None
     if truth is not None and seen:
         comparison = Comparison.of(Track.of(seen, region), truth)
-    report = _report(request, folder, settings, seen, comparison)
+    report = _report(request, folder, settings, seen, comparison, source.end)
     _print(console, kind, name, seen, comparison)
-    _print_oddities(seen)
+    _print_oddities(seen, source.end)
     for path in (*files.paths, report):
         plain(console, f"  {path}")
     if files.refused is not None:
         raise files.refused
-    return code
+    return code or (REFUSED if source.end is not None and source.end.lost else 0)
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
@@ -124,6 +131,15 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
     return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
+
+
+def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
+    """The request without a password, with the region if a person draws it; and the pictures."""
+    request, pictures = replace(request, source=shown(request.source)), iter(source)
+    if not request.select:
+        return request, pictures
+    text, pictures = region_choice.select(request.source, pictures, request.region)
+    return replace(request, region=text), pictures
 
 
 def _truth(request: TrackRequest, source: Source) -> Array | None:
@@ -147,22 +163,6 @@ def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, Stat
     if not np.isfinite(truth[0]).all():
         raise Mistake("the target is not in the first picture of the truth; give --region")
     return placement(truth[0])
-
-
-def region_of(text: str) -> tuple[Region, State]:
-    """The region "X,Y,W,H" or "X,Y,W,H,DEG": top left corner, size, rotation about its centre.
-
-    Raises:
-        Mistake: The text has another form.
-    """
-    try:
-        x, y, w, h, *turn = (float(part) for part in text.split(","))
-        degrees = turn[0] if len(turn) == 1 else 0.0
-        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
-            raise ValueError(text)
-    except ValueError:
-        raise Mistake(f"--region {text}: this should be X,Y,W,H or X,Y,W,H,DEG in px") from None
-    return Region(w, h), State(x + w / 2, y + h / 2, float(np.radians(degrees)))
 
 
 def _write(
@@ -192,7 +192,7 @@ def _write(
 
 def _report(
     request: TrackRequest, folder: Path, settings: dict[str, Any], seen: list[Shot],
-    comparison: Comparison | None,
+    comparison: Comparison | None, end: End | None,
 ) -> Path:  # fmt: skip
     measures = {} if comparison is None else measure_all(comparison)
     blind = [shot.picture.name for shot in seen if shot.blind]
@@ -207,6 +207,8 @@ def _report(
         lost=sum(shot.estimate.status is Status.LOST for shot in seen),
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
+        end="" if end is None else end.sentence,
+        dropped=0 if end is None else end.dropped,
     )
     return report.write(folder)
 
@@ -224,7 +226,7 @@ def _print(
     print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
 
 
-def _print_oddities(seen: list[Shot]) -> None:
+def _print_oddities(seen: list[Shot], end: End | None = None) -> None:
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
@@ -239,3 +241,5 @@ def _print_oddities(seen: list[Shot]) -> None:
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
             f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
         )
+    if end is not None:
+        complain(end.sentence)

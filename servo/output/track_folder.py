@@ -112,3 +112,7 @@ class TrackReport(Made):
     """Values of the measures by name, None if not finite; empty without a truth."""
     units: dict[str, str]
     """Units of the measures by name."""
+    end: str = ""
+    """How the source ended, where that is worth a sentence: a lost stream, a damaged bag."""
+    dropped: int = 0
+    """Pictures of a stream that the tracker never saw, because it was slower."""

@@ -32,32 +32,41 @@ def read_image(file: Path) -> Image:
     """
     data = reading.content(file, "picture", LARGEST)
     try:
-        width, height = size_of(data)
-    except (struct.error, KeyError, IndexError):
-        raise ValueError(f"{file}: this picture is cut off or damaged") from None
+        return decoded(data)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
-    check_size(width, height, str(file))
+
+
+def decoded(data: bytes) -> Image:
+    """The picture in a file's content; as for `read_image`.
+
+    Raises:
+        ValueError: It cannot be decoded, or is too large.
+    """
+    try:
+        width, height = size_of(data)
+    except (struct.error, KeyError, IndexError):
+        raise ValueError("this picture is cut off or damaged") from None
+    check_size(width, height)
     with silent_libraries():
         try:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         except cv2.error:
             image = None
     if image is None:
-        raise ValueError(f"{file}: this picture cannot be decoded")
+        raise ValueError("this picture cannot be decoded")
     return rgb(image)
 
 
-def check_size(width: int, height: int, place: str) -> None:
-    """Refuse a picture that is too large for memory.
+def check_size(width: int, height: int, what: str = "the picture") -> None:
+    """Refuse a picture that is too large for memory; `what` is its name in the message.
 
     Raises:
         ValueError: A side is too long, or not positive.
     """
     if not 0 < min(width, height) <= max(width, height) <= LARGEST_PICTURE:
         raise ValueError(
-            f"{place}: the picture has {width} x {height} px; "
-            f"the limit is {LARGEST_PICTURE} px a side"
+            f"{what} has {width} x {height} px; the limit is {LARGEST_PICTURE} px a side"
         )
 
 

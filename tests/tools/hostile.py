@@ -9,6 +9,7 @@ import struct
 import zlib
 from pathlib import Path
 
+import bags
 import cv2
 import numpy as np
 from wrong_studies import STUDIES, SUITES
@@ -109,6 +110,7 @@ FALSE_VIDEOS = {
     "ebml.mkv": b"\x1aE\xdf\xa3" + b"\xff" * 40,
     "bag.mp4": b"#ROSBAG V2.0\n" + b"\0" * 100,
     "two.mcap": b"\x89MCAP0\r\n" + b"\0" * 100,
+    "file.db3": b"SQLite format 3\0" + b"\0" * 100,
     "list.mp4": b"ffconcat version 1.0\nfile secret.mp4\n",
     "list.m3u8": b"#EXTM3U\n#EXTINF:1,\nsecret.ts\n",
     "list.mpd": b"<?xml version='1.0'?><MPD/>\n",
@@ -130,6 +132,12 @@ def _pictures(folder: Path) -> None:
     for name, data in broken.items():
         (folder / f"pictures_{name}").mkdir()
         (folder / f"pictures_{name}" / "1.png").write_bytes(data)
+    (folder / "bag_folder").mkdir()
+    (folder / "bag_folder" / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    image = {"/left": (bags.RAW, [(1.0, b"\0\1\0\0")]),
+             "/right": (bags.COMPRESSED, [(1.0, b"\0\1\0\0" + b"\0" * 20)])}  # fmt: skip
+    bags.write_mcap(folder / "eyes.mcap", "cdr", "ros2msg", image)
+    bags.write_mcap(folder / "words.mcap", "cdr", "ros2msg", {"/words": (bags.TEXT, [(1.0, b"")])})
     (folder / "pictures_pipe").mkdir()
     os.mkfifo(folder / "pictures_pipe" / "1.png")
     (folder / "pictures_link").mkdir()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.evaluation.sequences.sources import Picture, Source
+from tracking.evaluation.sequences.sources import Picture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
 
@@ -43,7 +43,9 @@ class Shot:
         return dataclasses.replace(self, picture=picture, estimate=estimate)
 
 
-def follow(tracker: Tracker, source: Source, region: Region, state: State) -> Iterator[Shot]:
+def follow(
+    tracker: Tracker, source: Iterable[Picture], region: Region, state: State
+) -> Iterator[Shot]:
     """Start a tracker on the first picture and follow the target through the others.
 
     A picture that cannot be decoded gives a LOST shot with the last state, without a call of the

@@ -11,10 +11,14 @@ import numpy as np
 from sim.files import reading
 from sim.files.picture_file import SUFFIXES
 from sim.types import Array
+from tracking.evaluation.sequences import stream
 from tracking.evaluation.sequences import truth as truths
+from tracking.evaluation.sequences.bag_file import Bag, is_bag
+from tracking.evaluation.sequences.folder import Folder
 from tracking.evaluation.sequences.quadrilateral import placement
-from tracking.evaluation.sequences.sources import Folder, Live, Source, Video
+from tracking.evaluation.sequences.sources import Source
 from tracking.evaluation.sequences.truth import Format
+from tracking.evaluation.sequences.video_file import Video
 from tracking.types import Region, State
 
 IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
@@ -22,6 +26,7 @@ IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
 TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "gt.txt", "truth.csv", "groundtruth.csv")
 CAMERA = "camera:"
 CAMERA_DIGITS = 3
+THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,22 +61,29 @@ def is_folder(path: Path) -> bool:
     return os.path.isdir(path)  # noqa: PTH112 (Path's raises for such a name)
 
 
-def source_of(text: str, rate: float) -> Source:
-    """Pictures of a folder (also in OTB's and VOT's layouts), a video file, or "camera:0".
+def source_of(text: str, rate: float, topic: str | None = None) -> Source:
+    """Pictures of a folder (also in OTB's and VOT's layouts), a video file, a topic of a bag, a
+    stream's address, or "camera:0".
 
     Raises:
-        ValueError: There is no such source, or it is empty.
+        ValueError: There is no such source, or it is empty, or the topic is not clear.
     """
+    path = Path(text)
+    if not stream.ADDRESS.match(text) and is_bag(path):
+        return Bag(path, topic)
+    if topic is not None:
+        raise ValueError(f"{text}: this is not a bag, so it has no topic '{topic}'")
+    if stream.ADDRESS.match(text):
+        return stream.stream(text)
     if text.startswith(CAMERA):
         number = text.removeprefix(CAMERA)
         if not number.isdecimal() or len(number) > CAMERA_DIGITS:
             raise ValueError(f"{text}: a camera is given by its number, such as camera:0")
-        return Live(int(number))
-    path = Path(text)
+        return stream.camera(int(number))
     if is_folder(path):
         return Folder.of(pictures_in(path), rate)
     if not os.path.lexists(path):
-        raise ValueError(f"{text}: there is no such folder, video file, or camera:NUMBER")
+        raise ValueError(f"{text}: there is no such {THERE}")
     return Video.of(path)
 
 

@@ -1,21 +1,12 @@
-"""Sources of pictures: a folder of images, a video file, a live camera, a painting function."""
+"""What a source of pictures is: pictures with times, a rate, and how it ended; and painted ones."""
 
 from __future__ import annotations
 
-import itertools
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
-import cv2
-
-from sim.files import reading
-from sim.files.picture_file import SUFFIXES, read_image, rgb
-from sim.quiet import silent_libraries
 from sim.types import Image
-from tracking.evaluation.sequences import video_file
 
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
@@ -35,6 +26,17 @@ class Picture:
     """Why there is no image, if there is none."""
 
 
+@dataclass(frozen=True, slots=True)
+class End:
+    """How the reading of a source ended, where that is worth a sentence."""
+
+    sentence: str
+    lost: bool = False
+    """Whether pictures are missing at the end: a stream that broke off, a damaged file."""
+    dropped: int = 0
+    """Pictures of a stream that the tracker never saw, because it was slower."""
+
+
 class Source(Protocol):
     """Pictures in order; unless it is live, a source can be read again from the start."""
 
@@ -45,86 +47,40 @@ class Source(Protocol):
 
     @property
     def rate(self) -> float:
-        """Pictures a second."""
+        """Pictures a second; of a stream, known from its first picture on."""
+        ...
+
+    @property
+    def end(self) -> End | None:
+        """How the last reading ended, or what it has dropped so far; None: nothing to say."""
         ...
 
     def __iter__(self) -> Iterator[Picture]: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Folder:
-    """Image files sorted by name, with numbers in names sorted by value."""
+class Times:
+    """Times of pictures [s] from their stamps: the first is 0, and each is later than the last."""
 
-    files: tuple[Path, ...]
-    rate: float = RATE
+    def __init__(self, rate: float) -> None:
+        self._gap = 1.0 / rate
+        self._last, self._zero = -self._gap, None
 
-    @staticmethod
-    def of(folder: Path, rate: float = RATE) -> Folder:
-        """The images of a folder.
+    _zero: float | None
 
-        Raises:
-            ValueError: There are none, or the folder cannot be read.
+    def since_first(self, stamp: float | None) -> float:
+        """The time of the next picture.
+
+        Without a stamp it is one picture later than the last. A clock that was set back goes on
+        from there.
         """
-        files = [f for f in reading.names(folder) if f.suffix.lower() in SUFFIXES]
-        if not files:
-            raise ValueError(f"{folder}: there are no images in this folder")
-        return Folder(tuple(files), rate)
-
-    @property
-    def count(self) -> int:
-        return len(self.files)
-
-    def __iter__(self) -> Iterator[Picture]:
-        for index, file in enumerate(self.files):
-            time = index / self.rate
-            try:
-                yield Picture(file.name, time, read_image(file))
-            except ValueError as error:
-                yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
-
-
-@dataclass(frozen=True, slots=True)
-class Video:
-    """A video file."""
-
-    path: Path
-    rate: float
-    count: int
-
-    @staticmethod
-    def of(path: Path) -> Video:
-        """A video file that can be read.
-
-        Raises:
-            ValueError: It is not a video of a known format.
-        """
-        return Video(path, *video_file.describe(path))
-
-    def __iter__(self) -> Iterator[Picture]:
-        for index, image in enumerate(video_file.images(self.path, self.count)):
-            yield Picture(f"frame {index}", index / self.rate, image)
-
-
-@dataclass(frozen=True, slots=True)
-class Live:
-    """A camera of this machine."""
-
-    number: int
-    rate: float = RATE
-    count: int | None = None
-
-    def __iter__(self) -> Iterator[Picture]:
-        with silent_libraries():
-            capture = cv2.VideoCapture(self.number)
-        if not capture.isOpened():
-            raise ValueError(f"camera:{self.number}: there is no such camera")
-        began = time.monotonic()
-        for index in itertools.count():
-            more, image = capture.read()
-            if not more:
-                break
-            yield Picture(f"frame {index}", time.monotonic() - began, rgb(image))
-        capture.release()
+        time = self._last + self._gap
+        if stamp is not None:
+            if self._zero is not None and stamp - self._zero > self._last:
+                time = stamp - self._zero
+            else:
+                self._zero = stamp - time
+        self._last = time
+        return time
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +90,7 @@ class Painted:
     paint: Callable[[int], Image]
     count: int
     rate: float = RATE
+    end: End | None = None
 
     def __iter__(self) -> Iterator[Picture]:
         for index in range(self.count):

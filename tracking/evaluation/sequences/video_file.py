@@ -1,13 +1,16 @@
-"""Video files: a check of their format, and their pictures, decoded by FFmpeg (PyAV).
+"""Video files: a check of their format, and their pictures with their stamps, by FFmpeg (PyAV).
 
 A file is accepted by its first bytes and by the format that FFmpeg detects, not by its name:
 playlists and other texts could make FFmpeg open more files, and logs of robots are not videos.
 FFmpeg gets an open file without its name, so that it reads no addresses and no numbered series.
 """
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +24,7 @@ from av.video.stream import VideoStream
 from sim.files import reading
 from sim.files.picture_file import check_size
 from sim.types import Image
+from tracking.evaluation.sequences.sources import End, Picture, Times
 
 SLOWEST, FASTEST = 0.01, 10_000.0
 """Accepted frames a second."""
@@ -36,12 +40,9 @@ BEGINNINGS = (
     (0, b"G"), (4, b"G"),
 )  # fmt: skip
 """First bytes of the accepted formats, with their offset; FFmpeg checks MPEG-TS (G) further."""
-ONE_CAMERA = "convert the pictures of one camera to a video or a folder of pictures"
 OTHERS = {
-    b"\x89MCAP": f"this is an MCAP log, not a video: {ONE_CAMERA}",
-    b"#ROSBAG": f"this is a ROS bag, not a video: {ONE_CAMERA}",
-    b"SQLite format 3": f"this is an SQLite file, perhaps a ROS 2 bag, not a video: {ONE_CAMERA}",
-    b"RRF2": f"this is a Rerun recording, not a video: {ONE_CAMERA}",
+    b"RRF2": "this is a Rerun recording, not a video: convert the pictures of one camera to a "
+    "video or a folder of pictures",
     b"\xff\xd8\xff": "this is one picture, not a video: put the pictures in a folder and give that",
     b"\x89PNG": "this is one picture, not a video: put the pictures in a folder and give that",
     b"\0\0\0\1": "this is a bare stream without times, not a video: put it in an MP4 or Matroska",
@@ -50,6 +51,32 @@ OTHERS = {
 COVER = Disposition.attached_pic
 HEAD = 64
 """Length of the beginning that is checked [bytes]."""
+Stamped = tuple[float | None, Image | None]
+"""The time that a file states for a frame [s], if any; and the frame, if it can be decoded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Video:
+    """A video file; its pictures have the times that it states."""
+
+    path: Path
+    rate: float
+    count: int
+    end: End | None = None
+
+    @staticmethod
+    def of(path: Path) -> Video:
+        """A video file that can be read.
+
+        Raises:
+            ValueError: It is not a video of a known format.
+        """
+        return Video(path, *describe(path))
+
+    def __iter__(self) -> Iterator[Picture]:
+        times = Times(self.rate)
+        for index, (stamp, image) in enumerate(images(self.path, self.count)):
+            yield Picture(f"frame {index}", times.since_first(stamp), image)
 
 
 def check_beginning(head: bytes) -> None:
@@ -80,7 +107,7 @@ def describe(path: Path) -> tuple[float, int]:
         try:
             check_beginning(file.read(HEAD))
             with _container(file) as container:
-                stream = _stream(container)
+                stream = only_video(container)
                 rate = float(stream.average_rate or stream.guessed_rate or 0)
                 if not SLOWEST <= rate <= FASTEST:
                     raise ValueError(
@@ -97,8 +124,8 @@ def describe(path: Path) -> tuple[float, int]:
             raise ValueError(f"{path}: {error}") from None
 
 
-def images(path: Path, count: int) -> Iterator[Image | None]:
-    """The frames as RGB (H, W, 3), read-only; None where one cannot be decoded.
+def images(path: Path, count: int) -> Iterator[Stamped]:
+    """The frames as RGB (H, W, 3), read-only, with their stamps.
 
     Args:
         path: A video that `describe` accepts.
@@ -108,35 +135,38 @@ def images(path: Path, count: int) -> Iterator[Image | None]:
         ValueError: The file cannot be read.
     """
     given = failures = 0
-    with reading.opened(path, "video") as file, _container(file) as container:
-        for found in _decoded(container, _stream(container)):
+    with (
+        reading.opened(path, "video") as file, _container(file) as container,
+        suppress(FFmpegError, OSError),
+    ):  # fmt: skip
+        for stamp, found in decoded(container, only_video(container)):
             failures = failures + 1 if found is None else 0
             if failures > GIVEN_UP:
                 return
             given += 1
-            yield found
-    yield from itertools.repeat(None, min(max(count - given, 0), GIVEN_UP - failures))
+            yield stamp, found
+    yield from itertools.repeat((None, None), min(max(count - given, 0), GIVEN_UP - failures))
 
 
-def _decoded(container: InputContainer, stream: VideoStream) -> Iterator[Image | None]:
-    packets = container.demux(stream)
-    while True:
-        try:
-            packet = next(packets)
-        except (StopIteration, FFmpegError, OSError):
-            return
+def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Stamped]:
+    """Stamps and frames of an open file or stream.
+
+    Raises:
+        FFmpegError, OSError: It breaks off.
+    """
+    for packet in container.demux(stream):
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
-            yield None
+            yield None, None
             continue
-        yield from map(_rgb, frames)
+        yield from ((frame.time, _rgb(frame)) for frame in frames)
 
 
 def _rgb(frame: av.VideoFrame) -> Image | None:
     """A frame with the rotation that its file states; None if it cannot be decoded."""
     try:
-        check_size(frame.width, frame.height, "frame")
+        check_size(frame.width, frame.height)
         image = np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90))
     except (ValueError, FFmpegError):
         return None
@@ -158,8 +188,12 @@ def _container(file: BinaryIO) -> InputContainer:
     return av.open(_Nameless(file), mode="r", options=options)
 
 
-def _stream(container: InputContainer) -> VideoStream:
-    """The only video stream, without album covers."""
+def only_video(container: InputContainer) -> VideoStream:
+    """The only video stream, without album covers.
+
+    Raises:
+        ValueError: There is none or are several, or its pictures have no size or a huge one.
+    """
     streams = [s for s in container.streams.video if not s.disposition & COVER]
     if len(streams) != 1:
         there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
@@ -167,7 +201,7 @@ def _stream(container: InputContainer) -> VideoStream:
     stream = streams[0]
     if not stream.width or not stream.height:
         raise ValueError("no frame of this video can be decoded")
-    check_size(stream.width, stream.height, "first frame")
+    check_size(stream.width, stream.height, "first frame: the picture")
     return stream
 
 

@@ -1,0 +1,78 @@
+"""The region of `track`: as a text, or drawn by a person in the first picture (`--select`)."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console
+
+from servo.cli.terminal import plain
+from servo.mistake import Mistake
+from sim.types import Image
+from tracking.evaluation.sequences.sources import Picture
+from tracking.types import Region, State
+
+DIGITS = 6
+"""Digits of a region's numbers."""
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+Box = tuple[float, float, float, float, float]
+"""Left, top, width, height [px], and rotation about the centre [deg]."""
+
+
+def region_of(text: str) -> tuple[Region, State]:
+    """The region "X,Y,W,H" or "X,Y,W,H,DEG": top left corner, size, rotation about its centre.
+
+    Raises:
+        Mistake: The text has another form.
+    """
+    try:
+        x, y, w, h, *turn = (float(part) for part in text.split(","))
+        degrees = turn[0] if len(turn) == 1 else 0.0
+        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
+            raise ValueError(text)
+    except ValueError:
+        raise Mistake(f"--region {text}: this should be X,Y,W,H or X,Y,W,H,DEG in px") from None
+    return Region(w, h), State(x + w / 2, y + h / 2, float(np.radians(degrees)))
+
+
+def select(
+    source: str, pictures: Iterator[Picture], region: str | None
+) -> tuple[str, Iterator[Picture]]:
+    """The region that a person draws in the first picture, as for `region_of`; and all pictures.
+
+    Raises:
+        Mistake: There is a region already, the first picture cannot be read, or none was drawn.
+        ValueError: The source cannot be read.
+    """
+    if region is not None:
+        raise Mistake("give --region or --select, not both")
+    first = next(pictures, None)
+    if first is None:
+        raise Mistake(f"{source}: there are no pictures in it")
+    if first.image is None:
+        raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
+    return _chosen(first.image, source), itertools.chain([first], pictures)
+
+
+def _chosen(image: Image, name: str) -> str:
+    from servo.cli import region_page, region_window  # jinja2 and matplotlib
+
+    window = region_window.opened(image, name) if _has_desktop() else None
+    box = window() if window is not None else region_page.ask(image, name, _say)
+    if box is None:
+        raise Mistake("--select was closed without a region; give --region X,Y,W,H[,DEG]")
+    text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
+    _say(f"--region {text} repeats this choice")
+    return text
+
+
+def _has_desktop() -> bool:
+    return sys.platform in ("win32", "darwin") or any(os.environ.get(name) for name in DISPLAYS)
+
+
+def _say(text: str) -> None:
+    plain(Console(stderr=True), text)

@@ -1,0 +1,235 @@
+"""Bags as sources: every container, serialization and encoding, and what is damaged in them."""
+
+import importlib
+
+import cv2
+import numpy as np
+import pytest
+
+from tracking.evaluation.sequences.bag_file import Bag
+from tracking.evaluation.sequences.sequence import source_of
+
+bags = pytest.importorskip("bags", reason="rosbags and mcap are not installed")
+WIDTH, HEIGHT, FRAMES = 30, 20, 5
+STAMPS = [0.0, 0.05, 0.1, 0.3, 0.35]  # one picture came late
+FORMS = ["log.mcap", "log.bag", "log_db3", "log_mcap"]
+
+
+def shade(k):
+    """A red picture (BGR), brighter with k, blue at its left edge."""
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    image[..., 2] = 100 + 20 * k
+    image[:, :4] = (255, 0, 0)
+    return image
+
+
+def pictures(k0=0, form="raw"):
+    """Images that were recorded 0.5 s after their stamps."""
+
+    def make(store):
+        kind = bags.RAW if form == "raw" else bags.COMPRESSED
+        for k, stamp in enumerate(STAMPS):
+            time = bags.START + stamp
+            image = shade(k + k0)
+            if form == "raw":
+                yield time + 0.5, kind, bags.raw(store, time, image, "bgr8", padding=6)
+            else:
+                yield time + 0.5, kind, bags.jpeg(store, time, image)
+
+    return lambda store: list(make(store))
+
+
+def words(store):
+    return [(bags.START, bags.TEXT, bags.text(store))]
+
+
+@pytest.fixture
+def two(tmp_path):
+    """A function: a bag of a form, with two topics of pictures and one of texts."""
+    topics = {"/left": pictures(), "/right/compressed": pictures(3, "png"), "/words": words}
+    return lambda form: bags.write(tmp_path / form, topics)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_topic_is_read_with_the_stamps_of_its_headers(two, form):
+    path = two(form)
+    for topic, k0 in (("/left", 0), ("/right/compressed", 3)):
+        bag = source_of(str(path), 30.0, topic)
+        found = list(bag)
+        assert (bag.count, bag.end) == (FRAMES, None)
+        assert [p.time for p in found] == pytest.approx(STAMPS, abs=1e-6)
+        assert [p.name for p in found] == [f"message {k}" for k in range(FRAMES)]
+        for k, picture in enumerate(found):
+            expected = shade(k + k0)[..., ::-1]
+            np.testing.assert_array_equal(picture.image, expected)
+            assert not picture.image.flags.writeable
+
+
+def test_one_file_of_a_folder_is_a_bag_too(two):
+    (file,) = two("log_db3").glob("*.db3")
+    assert [p.time for p in Bag(file, "/left")] == pytest.approx(STAMPS, abs=1e-6)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_topic_must_be_clear(two, form):
+    path = two(form)
+    for topic, sentence in (
+        (None, "there are several topics with pictures; choose one with --topic: /left (5), "
+               "/right/compressed (5)"),
+        ("/words", "there is no topic '/words' with pictures; there is /left (5), "
+                   "/right/compressed (5)"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError) as refused:
+            source_of(str(path), 30.0, topic)
+        assert str(refused.value) == f"{path}: {sentence}"
+
+
+def test_a_bag_without_pictures_lists_what_it_has(tmp_path):
+    path = bags.write(tmp_path / "log.bag", {"/words": words})
+    with pytest.raises(ValueError) as refused:
+        Bag(path, None)
+    assert str(refused.value) == (
+        f"{path}: no topic has pictures; there is /words (std_msgs/String)"
+    )
+
+
+GREY = (77, 77, 77)
+COLOUR = (200, 20, 40)  # RGB
+
+
+def bayer(pattern, size=(HEIGHT, WIDTH)):
+    mosaic = np.zeros(size, np.uint8)
+    for place, letter in enumerate(pattern):
+        mosaic[place // 2 :: 2, place % 2 :: 2] = COLOUR["rgb".index(letter)]
+    return mosaic[..., None]
+
+
+def full(*values):
+    return np.full((HEIGHT, WIDTH, len(values)), values, np.uint8)
+
+
+ENCODINGS = {
+    "rgb8": (full(*COLOUR), COLOUR), "bgr8": (full(*COLOUR[::-1]), COLOUR),
+    "8UC3": (full(*COLOUR[::-1]), COLOUR), "rgba8": (full(*COLOUR, 9), COLOUR),
+    "bgra8": (full(*COLOUR[::-1], 9), COLOUR), "8UC4": (full(*COLOUR[::-1], 9), COLOUR),
+    "mono8": (full(77), GREY), "8UC1": (full(77), GREY),
+    **{f"bayer_{p}8": (bayer(p), COLOUR) for p in ("rggb", "bggr", "gbrg", "grbg")},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_every_encoding_gives_its_colours(tmp_path, encoding):
+    pixels, colour = ENCODINGS[encoding]
+
+    def make(store):
+        return [(bags.START, bags.RAW, bags.raw(store, 1.0, pixels, encoding))]
+
+    (picture,) = Bag(bags.write(tmp_path / "log.mcap", {"/eye": make}), None)
+    assert picture.image.shape == (HEIGHT, WIDTH, 3)
+    np.testing.assert_array_equal(picture.image[4:-4, 4:-4], np.broadcast_to(colour, (12, 22, 3)))
+
+
+@pytest.mark.parametrize("encoding", ["yuv422", "yuv422_yuy2"])
+def test_yuv_is_read_in_both_orders(tmp_path, encoding):
+    luma, blue, red = 120, 90, 200
+    pair = (blue, luma, red, luma) if encoding == "yuv422" else (luma, blue, luma, red)
+    pixels = np.tile(np.array(pair, np.uint8).reshape(2, 2), (HEIGHT, WIDTH // 2, 1))
+
+    def make(store):
+        return [(bags.START, bags.RAW, bags.raw(store, 1.0, pixels, encoding))]
+
+    (picture,) = Bag(bags.write(tmp_path / "log.mcap", {"/eye": make}), None)
+    y, u, v = 1.164 * (luma - 16), blue - 128, red - 128  # ITU-R BT.601
+    expected = (y + 1.596 * v, y - 0.392 * u - 0.813 * v, y + 2.017 * u)
+    np.testing.assert_allclose(picture.image[5, 6], expected, atol=1.5)
+
+
+def test_a_message_that_cannot_be_read_says_why(tmp_path):
+    good = full(*COLOUR)
+
+    def make(store):
+        wide = bags.raw(store, 1.1, good, "rgb8")
+        wide.width = 4000
+        cut = bags.jpeg(store, 1.2, good)
+        cut.data = cut.data[:30]
+        messages = [bags.raw(store, 1.0, good, "32FC1"), wide]
+        return [(bags.START + k, bags.RAW, m) for k, m in enumerate(messages)]
+
+    deep, wide = Bag(bags.write(tmp_path / "log.bag", {"/eye": make}), None)
+    assert deep.reason.startswith("its encoding is '32FC1'; known are rgb8, bgr8, 8UC3, rgba8")
+    assert wide.reason == (
+        "a picture of 4000 x 20 px in rgb8 does not fit into 1800 bytes with rows of 90"
+    )
+
+
+def test_foxglove_messages_are_read(tmp_path):
+    time = bags.protobuf((1, bags.START), (2, 250_000_000))
+    pixels = np.ascontiguousarray(shade(1)[..., ::-1])
+    raw = bags.protobuf(
+        (1, time), (7, b"eye"), (2, ("fixed", WIDTH)), (3, ("fixed", HEIGHT)), (4, b"rgb8"),
+        (5, ("fixed", 3 * WIDTH)), (6, pixels.tobytes()),
+    )  # fmt: skip
+    packed = cv2.imencode(".png", shade(2))[1].tobytes()
+    packed = bags.protobuf((1, time), (4, b"eye"), (2, packed), (3, b"png"))
+    topics = {
+        "/raw": ("foxglove.RawImage", [(1.0, raw)]),
+        "/packed": ("foxglove.CompressedImage", [(1.0, packed)]),
+    }
+    path = bags.write_mcap(tmp_path / "log.mcap", "protobuf", "protobuf", topics, profile="")
+    for topic, k in (("/raw", 1), ("/packed", 2)):
+        (picture,) = Bag(path, topic)
+        np.testing.assert_array_equal(picture.image, shade(k)[..., ::-1])
+
+
+def test_without_a_stamp_the_time_of_recording_counts(tmp_path):
+    def make(store):
+        rows = [(10.0, 0.0), (10.2, 0.0), (10.3, 0.0)]
+        return [(at, bags.RAW, bags.raw(store, s, full(77), "mono8")) for at, s in rows]
+
+    bag = Bag(bags.write(tmp_path / "log.mcap", {"/eye": make}), None)
+    assert [p.time for p in bag] == pytest.approx([0.0, 0.2, 0.3])
+    assert bag.rate == pytest.approx(2 / 0.3)
+
+
+def test_a_cut_log_gives_what_is_in_it_and_says_so(tmp_path):
+    path = bags.write(tmp_path / "log.mcap", {"/eye": lambda s: 20 * pictures()(s)})
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) * 2 // 3])
+    bag = Bag(path, None)
+    found = list(bag)
+    assert 40 < len(found) < 100
+    assert all(p.image is not None for p in found)
+    assert bag.end.lost
+    assert bag.end.sentence == (
+        f"{path}: {len(found)} pictures, then this bag is damaged or incomplete"
+    )
+
+
+@pytest.mark.parametrize("form", ["log.bag", "log_db3", "log_mcap"])
+def test_a_cut_bag_is_one_sentence(two, form):
+    path = two(form)
+    file = path if path.is_file() else next(p for p in path.iterdir() if p.suffix != ".yaml")
+    content = file.read_bytes()
+    for part in (0.05, 0.5, 0.9):
+        file.write_bytes(content[: round(len(content) * part)])
+        with pytest.raises(ValueError) as refused:
+            list(Bag(path, "/left"))
+        assert str(refused.value).startswith(f"{path}: this bag is damaged or incomplete")
+        assert "\n" not in str(refused.value)
+
+
+def test_the_missing_extra_is_named(two, monkeypatch):
+    path, usual = two("log.mcap"), importlib.import_module
+
+    def missing(name, *rest):
+        if name.startswith("mcap"):
+            raise ModuleNotFoundError(name="mcap")
+        return usual(name, *rest)
+
+    monkeypatch.setattr(importlib, "import_module", missing)
+    with pytest.raises(ValueError) as refused:
+        Bag(path, None)
+    assert str(refused.value) == (
+        f"{path}: bags are read by the package 'mcap', which is not installed: install "
+        "servobench[ros]"
+    )

@@ -1,0 +1,177 @@
+"""Cameras and streams: the newest picture wins, and losses and ends are sentences."""
+
+import json
+import threading
+import time
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+from serving import film, served
+from tracked import REGION, call, rows_of
+
+from tracking.evaluation.sequences import stream
+from tracking.evaluation.sequences.live_source import Feed, Live
+from tracking.evaluation.sequences.sequence import source_of
+from tracking.evaluation.sequences.sources import End, Times
+from tracking.trackers import frozen
+
+IMAGE = np.zeros((20, 30, 3), np.uint8)
+
+
+def test_the_newest_picture_wins_and_the_dropped_are_counted():
+    go, done = threading.Event(), threading.Event()
+
+    def pictures():
+        yield 10.0, IMAGE
+        go.wait(9)
+        yield None, None  # cannot be decoded
+        for k in range(1, 6):
+            yield 10.0 + 0.1 * k, IMAGE
+        done.set()
+
+    source = Live("eye", lambda: nullcontext(Feed(pictures(), 10.0)))
+    found = iter(source)
+    first = next(found)
+    assert source.end is None
+    go.set()
+    done.wait(9)
+    rest = list(found)
+    assert [p.name for p in (first, *rest)] == ["frame 0", "frame 5"]
+    assert [p.time for p in (first, *rest)] == pytest.approx([0.0, 0.5])
+    assert source.rate == 10.0
+    assert source.end == End(
+        "eye: 6 pictures, then it ended; 4 of them were dropped, because the tracker was slower",
+        lost=False, dropped=4,
+    )  # fmt: skip
+
+
+def test_a_recording_on_a_server_waits_and_a_reader_that_stops_ends_the_thread():
+    feed = Feed(((k / 10, IMAGE) for k in range(50)), 10.0, waits=True)
+    source = Live("eye", lambda: nullcontext(feed))
+    before = threading.active_count()
+    found = iter(source)
+    assert [next(found).name for _ in range(20)] == [f"frame {k}" for k in range(20)]
+    found.close()
+    assert source.end is None
+    assert threading.active_count() == before
+
+
+def test_times_increase_whatever_the_stamps_are():
+    times = Times(10.0)
+    stamps = [None, 7.0, 7.05, None, 7.3, 2.0, 2.2, 2.2]
+    found = [times.since_first(stamp) for stamp in stamps]
+    assert found == pytest.approx([0.0, 0.1, 0.15, 0.25, 0.4, 0.5, 0.7, 0.8])
+
+
+class Camera:
+    """Two frames, the second one half a second later, then no more."""
+
+    def __init__(self, clock, works=True):
+        self.clock, self.works, self.left, self.released = clock, works, 2, False
+
+    def isOpened(self):
+        return self.works
+
+    def read(self):
+        time.sleep(0.3)  # the reader has taken the one before
+        self.clock[0] += 0.5
+        self.left -= 1
+        return self.left >= 0, np.full((2, 3, 3), (10, 20, 30), np.uint8)
+
+    def release(self):
+        self.released = True
+
+
+def test_a_camera_gives_pictures_with_their_times_until_it_is_lost(monkeypatch):
+    clock = [50.0]
+    cameras = {2: Camera(clock), 3: Camera(clock, works=False)}
+    monkeypatch.setattr(stream, "time", type("Clock", (), {"monotonic": lambda: clock[0]}))
+    monkeypatch.setattr(stream.cv2, "VideoCapture", cameras.get)
+    source = source_of("camera:2", 30.0)
+    pictures = list(source)
+    assert [(p.name, p.time) for p in pictures] == [("frame 0", 0.0), ("frame 1", 0.5)]
+    assert pictures[0].image.tolist() == [[[30, 20, 10]] * 3] * 2
+    assert cameras[2].released
+    assert source.end == End(
+        "camera:2: 2 pictures, then it was lost: it gives no more pictures", lost=True
+    )
+    with pytest.raises(ValueError, match="camera:3: there is no such camera"):
+        next(iter(source_of("camera:3", 30.0)))
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return film(60)
+
+
+@pytest.mark.parametrize("rtsp", [False, True], ids=["tcp", "rtsp"])
+def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, parts, rtsp):
+    usual = frozen.Frozen.update
+
+    def slow(self, *given):
+        time.sleep(0.25)
+        return usual(self, *given)
+
+    monkeypatch.setattr(frozen.Frozen, "update", slow)
+    monkeypatch.chdir(tmp_path)
+    with served(parts, gap=0.04, rtsp=rtsp) as address:
+        code, _, err = call(monkeypatch, capfd, address, "--region", REGION, "--tracker", "frozen",
+                            "-q", "--out", "out")  # fmt: skip
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    rows = rows_of(tmp_path / "out" / "track.csv")
+    assert code == 0
+    assert err == f"servobench: {report['end']}\n"
+    total = len(rows) + report["dropped"]
+    assert report["end"] == (
+        f"{address}: {total} pictures, then it ended; {report['dropped']} of them were dropped, "
+        "because the tracker was slower"
+    )
+    assert 0 < report["dropped"] < total <= 60
+    times = np.array([float(row["time"]) for row in rows])
+    np.testing.assert_allclose(25 * times, np.round(25 * times), atol=1e-3)
+    assert np.diff(times).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("then", "reason"), [("die", "Connection reset by peer"), ("stall", "nothing came for 2 s")]
+)
+def test_a_stream_that_dies_leaves_its_rows(monkeypatch, capfd, tmp_path, parts, then, reason):
+    monkeypatch.setattr(stream, "PATIENCE", 2.0)
+    monkeypatch.chdir(tmp_path)
+    with served(parts, gap=0.04, then=then) as address:
+        words = ("--region", REGION, "--tracker", "frozen", "--out", "out", "--rerun")
+        code, _, err = call(monkeypatch, capfd, address, *words)
+    assert code == 1
+    assert err.startswith(f"servobench: {address}: ")
+    assert f" pictures, then it was lost: {reason}" in err
+    assert len(err.splitlines()) == 1
+    rows = rows_of(tmp_path / "out" / "track.csv")
+    assert len(rows) > 5
+    assert float(rows[-1]["time"]) > 0.2
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["frames"] == len(rows)
+
+
+def test_a_silent_address_is_a_sentence_soon(monkeypatch):
+    monkeypatch.setattr(stream, "PATIENCE", 0.5)
+    with served([], then="stall") as address:
+        began = time.monotonic()
+        with pytest.raises(ValueError) as refused:
+            next(iter(source_of(address, 30.0)))
+    assert str(refused.value) == f"{address}: cannot open this stream: nothing came for 0.5 s"
+    assert time.monotonic() - began < 8
+
+
+def test_a_playlist_at_an_address_opens_nothing(tmp_path):
+    (tmp_path / "secret.ts").write_bytes(b"".join(film(3)))
+    text = f"#EXTM3U\n#EXTINF:1,\n{tmp_path}/secret.ts\n#EXT-X-ENDLIST\n".encode()
+    with served([text]) as address, pytest.raises(ValueError) as refused:
+        next(iter(source_of(address, 30.0)))
+    assert str(refused.value) == (
+        f"{address}: cannot open this stream: Invalid data found when processing input"
+    )
+
+
+def test_a_password_is_not_printed():
+    assert stream.shown("rtsp://me:a:b@10.0.0.1/x@y") == "rtsp://me:***@10.0.0.1/x@y"
+    assert stream.shown("camera:0") == "camera:0"
