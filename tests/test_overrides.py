@@ -88,6 +88,14 @@ def test_setting_another_kind_clears_the_rest_of_its_table():
             "--set disturbances.00.start=1: 'disturbances.00.start' leads through '00', which is "
             "not a table",
         ),
+        (
+            ["disturbances=[{ kind = 'spot' }]", "disturbances.0=1"],
+            "--set disturbances.0=1: 'disturbances.0' is not a key of a table",
+        ),
+        (
+            ["start.pose=[0, 0, 1, 0, 0, 0]", "start.pose.6=1"],
+            "--set start.pose.6=1: 'start.pose.6' is not a key of a table",
+        ),
         (["sweep=3"], "--set sweep=3: sweep should be a table, not 3"),
         (
             ["controller.weights=[1, 2]"],

@@ -181,7 +181,7 @@ VARIANTS = {
 @pytest.mark.parametrize("name", VARIANTS)
 def test_a_loop_with_other_settings_moves_like_this(name, approved):
     changes = ["run.duration=1.0", *TILTED, *VARIANTS[name]]
-    scenario = replace(load("still", changes, seed=5), tracker=Script())
+    scenario = replace(load("still", [*changes, "vary={}"], seed=5), tracker=Script())
     with Episode(scenario) as episode:
         rows = [
             {"joints": s.joints, "twist": s.command.twist, "features": s.features,

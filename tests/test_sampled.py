@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from sim.kinds import config_of
 from tracking.appearance.bins import ColourBins, Labelled, Window
 from tracking.appearance.layout import disc, grid, histograms, ring
 from tracking.appearance.model import model_of
@@ -197,3 +198,19 @@ def test_a_picture_is_labelled_once_and_only_where_needed(smooth_image):
     whole = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
     height, width = labels.shape
     np.testing.assert_array_equal(labels, whole[top : top + height, left : left + width])
+
+
+@pytest.mark.parametrize("kind", ["mk_pf", "kernel_pf", "kams", "mean_shift", "texture_pf"])
+def test_what_the_inset_leaves_out_changes_nothing(kind):
+    """A rim of 4 px is the background, which turns from black to white."""
+    state, (dark, bright) = State(80.0, 60.0, 0.0, 1.0), np.zeros((2, 120, 160, 3), np.uint8)
+    bright[:] = 255
+    for picture in (dark, bright):
+        picture[52:68, 63:97] = np.random.default_rng(0).integers(30, 220, (16, 34, 3))
+    config = config_of("tracking.trackers", kind)
+    for inset in (0.0, 0.4):
+        seen = config(inset=inset, discriminate=False).model(dark, REGION, state)
+        before, after = (
+            seen.distances(seen.label(p), state.vector[None])[0] for p in (dark, bright)
+        )
+        assert after == before if inset else after > before + 0.03

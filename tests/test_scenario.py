@@ -207,6 +207,10 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
         "settle_s": 1
     }  # fmt: skip
     assert other.bounds.success == "TIMED_OUT"
+    any_other = "expect.tracker.*.settle_s=2"
+    assert judged(any_other, "tracker.kind=pf_ssd").expect == {"settle_s": 2}
+    assert judged(any_other, "tracker.kind=frozen").expect == {"servo_rms_px": 9.0}
+    assert judged(any_other).expect == judged().expect
 
 
 @pytest.mark.parametrize(
@@ -219,6 +223,8 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
          "itself"),
         ("expect.tracker.kam.settle_s=3",
          "mine: expect.tracker: there is no tracker 'kam'; did you mean 'kams'?"),
+        ("expect.tracker.*.settle=3", "mine: expect.tracker.*: there is no key 'settle'; did you "
+         "mean 'settle_s'?"),
         ("expect.tracker.frozen.settle=3", "mine: expect.tracker.frozen: there is no key 'settle'; "
          "did you mean 'settle_s'?"),
     ],

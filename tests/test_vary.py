@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from servo.mistake import Mistake
+from servo.scenario.catalogue import shipped
+from servo.scenario.draws import draws_of
 from servo.scenario.load import load, parse
+from servo.scenario.source import read
 
 TABLE = {
     "run": {"duration": 1.0},
@@ -35,6 +38,23 @@ def test_every_other_seed_is_another_run_and_the_same_each_time():
     assert with_seed(7).drawn == drawn[6].drawn
     assert drawn[6].drawn["start.x"] == drawn[6].start.x
     assert drawn[6].table["vary"] == TABLE["vary"]  # parsing it again draws the same
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_two_seeds_of_a_shipped_scenario_are_two_runs(name):
+    draws = draws_of(read(name)[0]["vary"], name)
+    assert [d.value(1) for d in draws] != [d.value(2) for d in draws]
+
+
+def test_a_number_inside_a_list_is_drawn_and_set():
+    drawn = load("border_qp", seed=1)
+    written = load("border_qp").start.pose
+    assert {f"start.pose.{i}" for i in range(6)} < drawn.drawn.keys()
+    assert drawn.start.pose == tuple(drawn.drawn[f"start.pose.{i}"] for i in range(6))
+    assert np.abs(np.subtract(drawn.start.pose, written)).max() <= 0.5
+    one = load("border_qp", ["start.pose.2=1.1"], seed=1)
+    assert one.start.pose == (*drawn.start.pose[:2], 1.1, *drawn.start.pose[3:])
+    assert load("border_qp", ["start.pose=[0, 0, 1, 0, 0, 0]"], seed=1).start.pose[0] == 0
 
 
 def test_trackers_get_the_same_draws():

@@ -22,6 +22,7 @@ LEAST = 1e-12
 DARK = 8
 """Pixels about as dark as this have no colour worth the name."""
 Levels = Annotated[int, Ge(2), Le(MOST_LEVELS)]
+Inset = Annotated[float, Ge(0), Le(0.49)]
 Sharpness = Annotated[float, Ge(1e-6), Le(1e6)]
 """Of a likelihood: gamma in exp(-gamma d^2)."""
 
@@ -35,6 +36,9 @@ class Colours:
     even: bool = False
     """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
     light changes, at the price of telling bright things from dark ones less well."""
+    inset: Inset = 0.0
+    """Share of the region's width and height that is left out, half on each side: there the
+    background shows, whose change would be taken for the target's."""
 
     def view(self, image: Image) -> Image:
         """The picture as the tracker sees it."""
@@ -59,7 +63,7 @@ class DiscSettings(Colours, Learning):
         """The target's appearance: one histogram under an Epanechnikov kernel."""
         return model_of(
             image, region, state, ColourBins(self.levels), self,
-            density=self.density, kernel=self.kernel,
+            density=self.density, kernel=self.kernel, inset=self.inset,
         )  # fmt: skip
 
 

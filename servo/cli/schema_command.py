@@ -35,7 +35,7 @@ def expect_schema() -> Schema:
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
     bounds = {"outcome": outcome} | _bounds()
     others = {
-        "description": "The same of another tracker, by its kind; one without has no verdict.",
+        "description": 'The same of another tracker, by its kind; "*": all without a table.',
         "type": "object",
         "additionalProperties": table(bounds),
     }

@@ -7,6 +7,7 @@ from typing import Any
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
+from servo.scenario.expected import ANY
 from servo.scenario.load import Scenario
 from servo.scenario.toml import is_number
 from sim import kinds
@@ -21,7 +22,7 @@ def check_expect(scenario: Scenario) -> None:
     place, bounds = f"{scenario.name}: expect", scenario.bounds
     known = kinds.names(PLUGINS["tracker"][0])
     for kind, expect in bounds.others.items():
-        if kind not in known and ":" not in kind:
+        if kind not in (*known, ANY) and ":" not in kind:
             raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")
         _check_bounds(expect, f"{place}.tracker.{kind}")
     _check_bounds(bounds.expect | scenario.expect, place)

@@ -10,6 +10,8 @@ from servo.scenario.catalogue import PLUGINS
 
 Table = dict[str, Any]
 TRACKER = "tracker"
+ANY = "*"
+"""Any tracker without a table of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +25,7 @@ class Expected:
     changed: Table
     """What --set or a study has changed of it, which holds for any tracker."""
     others: dict[str, Table]
-    """[expect.tracker.KIND] by kind."""
+    """[expect.tracker.KIND] by kind, or ANY."""
 
     @staticmethod
     def read(table: Table, written: Table, place: str) -> Expected:
@@ -52,7 +54,9 @@ class Expected:
 
     def of(self, kind: str) -> Table:
         """The bounds for a kind of tracker; none where none are made for it."""
-        return self.expect if kind == self.own else self.others.get(kind, {}) | self.changed
+        if kind == self.own:
+            return self.expect
+        return self.others.get(kind, self.others.get(ANY, {})) | self.changed
 
     @property
     def success(self) -> Any:

@@ -141,6 +141,10 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
             at = None
         if not isinstance(at, dict | list):
             raise Mistake(f"{place}: '{path}' leads through '{key}', which is not a table")
+    if isinstance(at, list) and keys[-1] in _numbers(at):  # such as start.pose.2
+        at[int(keys[-1])] = value
+        _forget(table, keys)
+        return
     if not isinstance(at, dict):
         raise Mistake(f"{place}: '{path}' is not a key of a table")
     _, default = PLUGINS.get(keys[0], ("", None))
@@ -167,6 +171,11 @@ def _forget(table: Table, keys: list[str]) -> None:
         at = at.get(key) if isinstance(at, dict) else None
     if isinstance(at, dict):
         at.pop(keys[-1], None)
+
+
+def _numbers(at: list[Any]) -> list[str]:
+    """The numbers of a list's items that are no tables."""
+    return [str(i) for i, item in enumerate(at) if not isinstance(item, dict)]
 
 
 def _inside(at: Any, key: str, usual: Any) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 
 from sim.types import Array, Image
 from tracking.appearance.bins import Bins, Labelled
-from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, ring
+from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, inner, ring
 from tracking.appearance.reference import Learning, Reference
 from tracking.hot import point_histograms as hot
 from tracking.types import Region, State
@@ -119,14 +119,17 @@ def model_of(
     per_side: int | None = None,
     kernel: Kernel = "epanechnikov",
     combine: Combine = "mean",
+    inset: float = 0.0,
 ) -> SampledModel:
     """The template with a ring around it: in per_side^2 cells, with `density` points along each
-    side; or under one kernel, with so many along its diameter.
+    side; or under one kernel, with so many along its diameter. Of the region's sides the share
+    `inset` is left out.
     """
+    inside = inner(region, inset)
 
     def layout(density: int) -> Layout:
         return (
-            disc(region, density, kernel) if per_side is None else grid(region, per_side, density)
+            disc(inside, density, kernel) if per_side is None else grid(inside, per_side, density)
         )
 
     around = ring(region, learning.ring, density * (per_side or 1))

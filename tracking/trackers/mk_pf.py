@@ -47,4 +47,5 @@ class Config(condensation.Config):
         return model_of(
             image, region, state, ColourBins(self.levels), self,
             per_side=self.cells, density=self.density, combine=self.combine,
+            inset=self.inset,
         )  # fmt: skip

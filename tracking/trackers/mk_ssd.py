@@ -16,7 +16,7 @@ from sim.types import Array, Frame
 from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel
 from tracking.search.velocity import Velocity
-from tracking.settings import Colours
+from tracking.settings import Colours, Inset
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
@@ -30,8 +30,7 @@ class Config(Colours):
     """Kernels along each side: 3 is the paper's nine."""
     span: Annotated[float, Ge(0.5), Le(10)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
-    inset: Annotated[float, Ge(0), Le(0.49)] = 0.03
-    """Share of the region's width and height that the kernels leave out, half on each side."""
+    inset: Inset = 0.03
     steps: Annotated[int, Ge(1), Le(100)] = 12
     """Most histogram evaluations of one descent."""
     velocity_memory: Share = 0.5

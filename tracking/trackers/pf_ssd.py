@@ -27,7 +27,7 @@ from tracking.lock import Lock, LockConfig
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN, Colours, Sharpness
+from tracking.settings import PLAIN, Colours, Inset, Sharpness
 from tracking.types import Estimate, Region, State, Status, check_region
 
 PRESETS = {"paper": PLAIN | {"inset": 0.0, "density": 16}}
@@ -59,7 +59,7 @@ class Config(Colours, Learning):
     contrast: Annotated[float, Ge(0), Le(100)] = 0.5
     span: Annotated[float, Ge(0.5), Le(10)] = 1.0
     """Half axis of an Epanechnikov kernel, in cells."""
-    inset: Annotated[float, Ge(0), Le(0.49)] = 0.03
+    inset: Inset = 0.03
     """Share of the region's width and height that the kernels leave out, half on each side: there
     the background shows, whose change would be taken for the target's. From 0.06 on what is left of
     our car no longer holds its angle against parallax."""

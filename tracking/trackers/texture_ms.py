@@ -44,7 +44,10 @@ class TextureSettings:
         joint = TextureBins(self.levels, self.threshold, self.neighbours, self.radius, self.rest)
         bins = texture_or_colour(image, region, state, joint, self.least_texture)
         disc = cast(Any, self)  # the other base of every subclass
-        return model_of(image, region, state, bins, disc, density=self.density, kernel=disc.kernel)
+        return model_of(
+            image, region, state, bins, disc,
+            density=self.density, kernel=disc.kernel, inset=disc.inset,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
