@@ -1,14 +1,13 @@
 """The room as somebody in it sees it, with everything where it was at a moment: for films."""
 
-from dataclasses import replace
+from math import radians, tan
 
 import mujoco
 import numpy as np
 
-from sim.camera import pinhole
 from sim.quaternion import matrix_of
 from sim.render import OpenGLRenderer
-from sim.types import Array, Image
+from sim.types import Array, Camera, Image
 
 CAMERA = "room"
 """A camera of room.xml, which is put elsewhere."""
@@ -16,8 +15,8 @@ EYE, LOOKS_AT = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
 """Where from and where to, in the room [m]; recordings begin with the same view."""
 SMOOTH = 4
 """Samples of a pixel: no steps at the edges."""
-WIDER = 0.85
-"""Focal length over that of the camera in room.xml, so that a whole robot is seen."""
+FOVY = radians(55)
+"""Vertical field of view [rad]: a whole robot is seen."""
 
 
 class RoomView:
@@ -27,8 +26,8 @@ class RoomView:
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        view, quality = pinhole(model, CAMERA, width, height), model.vis.quality
-        view = replace(view, fx=WIDER * view.fx, fy=WIDER * view.fy)
+        focal, quality = height / 2 / tan(FOVY / 2), model.vis.quality
+        view = Camera(focal, focal, width / 2, height / 2, width, height)
         self._model, self._data = model, mujoco.MjData(model)
         self._id, before = model.camera(CAMERA).id, quality.offsamples
         quality.offsamples = SMOOTH

@@ -214,3 +214,23 @@ def installed(wheel, pip, tmp_path_factory):
     for loop in (here / "__pycache__").glob("*.nb[ci]"):
         shutil.copy2(loop, there / "__pycache__")
     return folder
+
+
+@pytest.fixture
+def browser(tmp_path):
+    selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    driver = shutil.which("chromedriver")
+    if driver is None or shutil.which("chromium") is None:
+        pytest.skip("Chromium and its driver are not on this machine")
+    options = selenium.ChromeOptions()
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run",
+        "--enable-unsafe-swiftshader",  # WebGL without a GPU, for Rerun's viewer
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    opened = selenium.Chrome(options, selenium.ChromeService(executable_path=driver))
+    yield opened
+    opened.quit()

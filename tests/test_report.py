@@ -205,25 +205,6 @@ def test_the_command_prints_the_path_it_wrote(make_papers, monkeypatch, capfd, t
     assert (folder / "report.html").read_text().startswith("<!DOCTYPE html>")
 
 
-@pytest.fixture
-def browser(tmp_path):
-    selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    driver = shutil.which("chromedriver")
-    if driver is None or shutil.which("chromium") is None:
-        pytest.skip("Chromium and its driver are not on this machine")
-    options = selenium.ChromeOptions()
-    for argument in (
-        "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run",
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
-        f"--user-data-dir={tmp_path / 'profile'}",
-    ):  # fmt: skip
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    opened = selenium.Chrome(options, selenium.ChromeService(executable_path=driver))
-    yield opened
-    opened.quit()
-
-
 def test_the_page_opens_in_a_browser_and_fits_a_phone(whole, browser):
     browser.get(whole.as_uri())
     drawn = browser.execute_script(
