@@ -1,10 +1,13 @@
 """Watching a run or a track while it goes on: its pace, its viewer, and the end of both."""
 
+import os
 import signal
 import socket
 import subprocess
 import time
 
+import cv2
+import numpy as np
 import pytest
 from commands import BIN, PATIENCE, STOPPED
 from tracked import REGION, pictures
@@ -12,6 +15,7 @@ from tracked import REGION, pictures
 from servo.mistake import Mistake
 from servo.output import sinks
 from servo.output.recording import live
+from servo.output.recording.view import DISPLAYS
 from servo.output.sinks import Paced
 
 
@@ -82,18 +86,12 @@ def started(words, folder):
 
 
 def without_display():
-    import os
-
-    return {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")} | {
-        "COLUMNS": "200"
-    }
+    kept = {name: value for name, value in os.environ.items() if name not in DISPLAYS}
+    return kept | {"COLUMNS": "200"}
 
 
 def coloured(browser, colour, away):
     """Share of the page's pixels that are near a colour (RGB)."""
-    import cv2
-    import numpy as np
-
     png = np.frombuffer(browser.get_screenshot_as_png(), np.uint8)
     page = cv2.imdecode(png, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
     return (np.abs(page - colour).max(axis=2) < away).mean()

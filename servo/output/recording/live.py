@@ -28,11 +28,11 @@ SHOWN = 30.0
 STARTS_WITHIN, POLL = 20.0, 0.05
 """Longest time that the server may take to start, and between two looks at it [s]."""
 UNTIL_CLOSED = (
-    "import subprocess, sys\\n"
-    "server = subprocess.Popen(sys.argv[1:])\\n"
-    "sys.stdin.read()\\n"
-    "server.terminate()\\n"
-    "server.wait()\\n"
+    "import subprocess, sys\n"
+    "server = subprocess.Popen(sys.argv[1:])\n"
+    "sys.stdin.read()\n"
+    "server.terminate()\n"
+    "server.wait()\n"
 )
 """Runs a command until stdin is closed, by us or by our end, whatever ends us."""
 
