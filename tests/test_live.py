@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from commands import BIN, PATIENCE, STOPPED
+from selenium.common.exceptions import WebDriverException
 from tracked import REGION, pictures
 
 from servo.mistake import Mistake
@@ -90,11 +91,19 @@ def without_display():
     return kept | {"COLUMNS": "200"}
 
 
-def coloured(browser, colour, away):
-    """Share of the page's pixels that are near a colour (RGB)."""
-    png = np.frombuffer(browser.get_screenshot_as_png(), np.uint8)
+WOOD = 170, 125, 80
+"""The table's colour, about (RGB)."""
+
+
+def camera_seen(browser):
+    """Whether most of the page's first panel shows the table, which the camera sees."""
+    try:
+        png = np.frombuffer(browser.get_screenshot_as_png(), np.uint8)
+    except WebDriverException:  # the page draws without a GPU, and is busy
+        return False
     page = cv2.imdecode(png, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
-    return (np.abs(page - colour).max(axis=2) < away).mean()
+    panel = page[100 : len(page) // 2, : page.shape[1] // 2]
+    return (np.abs(panel - WOOD).max(axis=2) < 45).mean() > 0.25
 
 
 def gone(port):
@@ -106,14 +115,13 @@ def gone(port):
 
 @pytest.mark.processes
 def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser):
-    """The car is blue; nothing else of the page has its colour."""
     port = free_ports()
     words = "run circle --live --web --speed 2 --no-rerun --set tracker.kind=frozen --set expect={}"
     process, page = started(f"{words} --set controller.kind=hold --port {port}", tmp_path)
-    browser.set_window_size(1400, 900)
+    browser.set_window_size(900, 700)
     browser.get(page)
     end = time.monotonic() + PATIENCE
-    while coloured(browser, (25, 60, 190), 30) < 2e-4:
+    while not camera_seen(browser):
         assert time.monotonic() < end, browser.get_log("browser")
         time.sleep(1.0)
     browser.get("about:blank")
