@@ -218,7 +218,6 @@ def installed(wheel, pip, tmp_path_factory):
 
 @pytest.fixture
 def browser(tmp_path):
-    """Chromium without a window."""
     selenium = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
     driver = shutil.which("chromedriver")
     if driver is None or shutil.which("chromium") is None:
@@ -226,6 +225,7 @@ def browser(tmp_path):
     options = selenium.ChromeOptions()
     for argument in (
         "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run",
+        "--enable-unsafe-swiftshader",  # WebGL without a GPU, for Rerun's viewer
         "--disable-background-networking", "--disable-component-update", "--disable-sync",
         f"--user-data-dir={tmp_path / 'profile'}",
     ):  # fmt: skip

@@ -56,7 +56,7 @@ def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
     # The recording of two seconds has 1.4 MiB; the room that is reserved for the rows is smaller.
     code, err = limited(1260, f"run still --out out {QUICK} --set camera.noise=40", tmp_path)
     assert (code, err) == (
-        1, "servobench: out/run.rrd: the recording ends too early: the disk refuses more\n"
+        1, "servobench: out/run.rrd: it ends too early: the disk refuses more\n"
     )  # fmt: skip
     assert pq.read_table(tmp_path / "out" / "steps.parquet").num_rows == 60
     assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "TIMED_OUT"
@@ -107,12 +107,12 @@ def test_papers_stop_likewise(here):
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("extra", ["--video", "--rerun"])
+@pytest.mark.parametrize("extra", ["--video out.mp4", "--mcap out.mcap", "--rerun"])
 def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
-    file = {"--video": "track.mp4", "--rerun": "track.rrd"}[extra]
+    file = extra.partition(" ")[2] or "out/track.rrd"
     code, err = limited(30, f"track seen --tracker frozen --out out -q {extra}", pictures)
     assert code == 1
-    assert err.startswith(f"servobench: out/{file}: it ends too early: ")
+    assert err.startswith(f"servobench: {file}: it ends too early: ")
     assert err.count("\n") == 1
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
     assert json.loads((pictures / "out" / "report.json").read_text())["frames"] == 90

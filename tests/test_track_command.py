@@ -72,7 +72,7 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
     cv2.imwrite(str(folder / "in" / "005.png"), image(5)[..., 0])
     cv2.imwrite(str(folder / "in" / "006.png"), cv2.resize(image(6), (80, 50)))
     code, _, err = call(
-        monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q", "--video"
+        monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q", "--video", "track.mp4"
     )
     assert code == 0
     assert err == (
@@ -85,9 +85,9 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
     assert len(found) == FRAMES
     assert (found[3]["status"], float(found[3]["confidence"])) == ("LOST", 0.0)
     assert found[3]["x"] == found[2]["x"]
-    film = cv2.VideoCapture(str(folder / "out" / "track.mp4"))
+    film = cv2.VideoCapture(str(folder / "track.mp4"))
     assert int(film.get(cv2.CAP_PROP_FRAME_COUNT)) == FRAMES
-    assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FPS)) == (160, 30)
+    assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FPS)) == (640, 30)
 
 
 def test_a_video_is_tracked_and_a_recording_written(monkeypatch, capfd, folder):

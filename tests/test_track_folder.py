@@ -38,8 +38,8 @@ def shot(k):
 
 def tracked(folder, extras, count=3, rate=30.0):
     """The folder after some shots."""
-    files = TrackFolder(folder, Region(10.0, 6.0), rate, video=False, recording=False)
-    files._extras = {folder / name: extra for name, extra in extras.items()}
+    more = {folder / name: extra for name, extra in extras.items()}
+    files = TrackFolder(folder, Region(10.0, 6.0), rate, recording=False, more=more)
     for k in range(count):
         files.add(shot(k), None)
     files.close()

@@ -13,6 +13,8 @@ from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
 from servo.cli.track_command import region_of
 from tracking import create
+from tracking.evaluation.drawing.annotated_video import SMALLEST
+from tracking.evaluation.drawing.film_page import CAPTION, HEAD, MARGIN
 from tracking.evaluation.sequences.sources import Painted
 from tracking.evaluation.sequences.video_file import Video
 from tracking.evaluation.track import Track, follow
@@ -44,23 +46,26 @@ def test_the_times_of_a_track_are_what_the_tracker_took(monkeypatch, tmp_path):
     np.testing.assert_allclose(Track.of(shots, region).milliseconds, 2.0)
 
 
-@pytest.mark.parametrize("extra", [(), ("--video",), ("--rerun",), ("--video", "--rerun")])
+@pytest.mark.parametrize("extra", [(), ("--rerun",), ("--video", "out.mp4", "--rerun")])
 def test_exactly_what_was_asked_for_is_written_and_listed(monkeypatch, capfd, folder, extra):
     code, out, _ = call(monkeypatch, capfd, "in", "--region", REGION, "--out", "out", *extra)
     names = {"track.csv", "report.json"}
-    names |= {"track.mp4"} if "--video" in extra else set()
     names |= {"track.rrd"} if "--rerun" in extra else set()
     assert code == 0
     assert {path.name for path in (folder / "out").iterdir()} == names
     listed = [line.strip() for line in out.splitlines() if line.startswith("  ")]
-    assert sorted(listed) == sorted(f"out/{name}" for name in names)
+    beside = ["out.mp4"] if "--video" in extra else []
+    assert sorted(listed) == sorted([*beside, *(f"out/{name}" for name in names)])
+    assert [path.name for path in folder.glob("out.*")] == beside
 
 
 def test_the_pictures_of_the_annotated_video_show_the_estimate(monkeypatch, capfd, folder):
-    call(monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q", "--video")
-    *_, last = Video.of(folder / "out" / "track.mp4")
+    call(monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q", "--video", "a.mp4")
+    *_, last = Video.of(folder / "a.mp4")
     left = rows_of(folder / "out" / "track.csv")[-1]
-    x, y = round(float(left["x1"])), round((float(left["y1"]) + float(left["y4"])) / 2)
+    factor = SMALLEST[0] / 160
+    x = MARGIN + round(factor * float(left["x1"]))
+    y = HEAD + CAPTION + round(factor * (float(left["y1"]) + float(left["y4"])) / 2)
     red, green, blue = last.image[y, x - 2 : x + 3].astype(int).max(axis=0)
     assert green > max(red, blue) + 40  # the outline of an estimate that is LOCKED
 
@@ -72,7 +77,8 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
         (folder / "in" / f"{k:04}.png").hardlink_to(folder / "in" / "007.png")
     out = folder / "out"
     code = "import sys; from servo.cli.main import main; sys.exit(main())"
-    arguments = ["track", "in", "--region", REGION, "--out", str(out), "-q", "--video", "--rerun"]
+    arguments = ["track", "in", "--region", REGION, "--out", str(out), "-q", "--video", "a.mp4",
+                 "--rerun"]  # fmt: skip
     process = subprocess.Popen([sys.executable, "-c", code, *arguments])
     deadline = time.monotonic() + 120
     while not ((out / "track.csv").exists() and len(rows_of(out / "track.csv")) > 100):
@@ -82,7 +88,7 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
     process.send_signal(signal.SIGKILL)
     process.wait()
     count = len(rows_of(out / "track.csv"))
-    film = Video.of(out / "track.mp4")
+    film = Video.of(folder / "a.mp4")
     assert film.rate == 30
     assert count - 30 < film.count <= count
     assert [picture.image is None for picture in film] == [False] * film.count
@@ -98,7 +104,7 @@ def test_few_open_files_are_enough(folder):
         "import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (30, 30))\n"
         "from servo.cli.main import main; sys.exit(main())"
     )
-    arguments = ["track", "in", "--region", REGION, "--out", "out", "-q", "--video"]
+    arguments = ["track", "in", "--region", REGION, "--out", "out", "-q", "--video", "a.mp4"]
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
     assert len(rows_of(folder / "out" / "track.csv")) == FRAMES
@@ -124,9 +130,10 @@ def test_a_number_out_of_range_is_refused(monkeypatch, capfd, folder, option, va
 
 @pytest.mark.parametrize("rate", ["0.01", "29.97", "10000"])
 def test_every_accepted_rate_is_kept(monkeypatch, capfd, folder, rate):
-    arguments = ["in", "--region", REGION, "--out", "out", "-q", "--video", "--rate", rate]
+    arguments = ["in", "--region", REGION, "--out", "out", "-q", "--video", "a.mp4"]
+    arguments += ["--rate", rate]
     assert call(monkeypatch, capfd, *arguments)[0] == 0
-    assert Video.of(folder / "out" / "track.mp4").rate == pytest.approx(float(rate))
+    assert Video.of(folder / "a.mp4").rate == pytest.approx(float(rate), rel=1e-5)  # 1/90 ms
     times = [float(row["time"]) for row in rows_of(folder / "out" / "track.csv")]
     np.testing.assert_allclose(times, np.arange(FRAMES) / float(rate), atol=1e-6)
 

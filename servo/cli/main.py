@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from servo.cli import options as opt
+from servo.cli.outputs import output_options
 from sim.ranges import LONGEST
 
 
@@ -29,6 +30,7 @@ def app() -> None:
 @opt.out_option("runs/NAME-SEED")
 @opt.quiet_option
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
+@output_options
 def run(scenario: str, no_rerun: bool, **options: Any) -> None:
     """Run a scenario; write recording, table, report and plots."""
     from servo.cli.run_command import run_scenario
@@ -72,8 +74,8 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 )
 @opt.truth_options
 @opt.out_option("runs/SOURCE-TRACKER-SEED")
-@click.option("--video", is_flag=True, help="Also write an annotated MP4.")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
+@output_options
 @click.option(
     "--rate", type=opt.FiniteRange(0.01, 10_000.0), default=30.0, show_default=True,
     help="Pictures a second of a folder.",

@@ -10,6 +10,7 @@ from statistics import median
 from rich.console import Console
 from rich.markup import escape
 
+from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
 from servo.loop.check_expect import check_expect
 from servo.loop.episode import Episode
@@ -29,7 +30,7 @@ from sim.types import Array
 
 def run_scenario(
     name: str, changes: Sequence[str], seed: int | None, out: Path | None, *, quiet: bool,
-    rerun: bool,
+    rerun: bool, outputs: Outputs = NOTHING_MORE,
 ) -> int:  # fmt: skip
     """Run one scenario into a folder; the exit code: 1 if a bound was missed.
 
@@ -38,6 +39,7 @@ def run_scenario(
         Refused: A file could not be written completely; the rows have priority.
     """
     scenario = load(name, changes, seed)
+    outputs.check()
     again = command_line("run", name, set=list(changes), seed=scenario.run.seed, no_rerun=not rerun)
     gl.backend()
     console = Console(quiet=quiet)
@@ -50,8 +52,10 @@ def run_scenario(
     with episode:
         if episode.world.outline_found:
             console.print(_outline_line(episode.world.outline))
-        folder = prepare(out, name)
-        output = RunFolder(folder, episode, rerun=rerun, command=again)
+        viewer, folder = outputs.viewer(), prepare(out, name)
+        announce(viewer, console)
+        more = outputs.of_run(episode, viewer)
+        output = RunFolder(folder, episode, rerun=rerun, command=again, more=more)
         try:
             steps, writing = _written(episode, output, console)
         except PartFailed as error:
@@ -66,6 +70,7 @@ def run_scenario(
     for path in paths:
         plain(console, f"  {path}")
     print_missed(Console(stderr=True), missed, again)
+    linger(viewer, console)
     if output.refused is not None:
         raise output.refused
     return 1 if missed else 0

@@ -14,6 +14,7 @@ from rich.markup import escape
 
 from servo.cli import region_choice
 from servo.cli.guard import REFUSED, exit_code
+from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.region_choice import region_of
 from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
 from servo.loop.part_failed import PartFailed, naming_parts
@@ -52,7 +53,7 @@ class TrackRequest:
     truth: Path | None
     truth_format: str
     out: Path | None
-    video: bool
+    outputs: Outputs
     rerun: bool
     rate: float
     frames: int | None
@@ -60,11 +61,11 @@ class TrackRequest:
 
     @property
     def command(self) -> str:
-        """The command line, without --out."""
+        """The command line, without --out and other places to write to."""
         return command_line(
             "track", self.source, region=self.region, topic=self.topic, tracker=self.tracker,
             set=list(self.changes), seed=self.seed, truth=self.truth,
-            truth_format=self.truth_format, video=self.video, rerun=self.rerun,
+            truth_format=self.truth_format, rerun=self.rerun,
             rate=f"{self.rate:g}", frames=self.frames,
         )  # fmt: skip
 
@@ -78,6 +79,7 @@ def run(request: TrackRequest) -> int:
         Refused: The video or the recording could not be written completely.
     """
     settings, config = tracker_of(request.tracker, request.changes)
+    request.outputs.check()
     try:
         source = source_of(request.source, request.rate, request.topic)
         truth = _truth(request, source)
@@ -99,13 +101,15 @@ def run(request: TrackRequest) -> int:
         raise with_traceback(error, prepare(request.out, name)) from None
     if first is None:
         raise Mistake(f"{request.source}: there are no pictures in it")
-    folder = prepare(request.out, name)
+    viewer, folder = request.outputs.viewer(), prepare(request.out, name)
+    console, comparison = Console(quiet=request.quiet), None
+    announce(viewer, console)
+    more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
     try:
-        files, seen, code = _write(request, folder, region, truth,
-                                   itertools.chain([first], shots), source)  # fmt: skip
+        files = TrackFolder(folder, region, source.rate, recording=request.rerun, more=more)
+        seen, code = _write(request, files, truth, itertools.chain([first], shots), source)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
-    console, comparison = Console(quiet=request.quiet), None
     if truth is not None and seen:
         comparison = Comparison.of(Track.of(seen, region), truth)
     report = _report(request, folder, settings, seen, comparison, source.end)
@@ -113,6 +117,8 @@ def run(request: TrackRequest) -> int:
     _print_oddities(seen, source.end)
     for path in (*files.paths, report):
         plain(console, f"  {path}")
+    if code == 0:
+        linger(viewer, console)
     if files.refused is not None:
         raise files.refused
     return code or (REFUSED if source.end is not None and source.end.lost else 0)
@@ -166,11 +172,10 @@ def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, Stat
 
 
 def _write(
-    request: TrackRequest, folder: Path, region: Region, truth: Array | None, shots: Iterator[Shot],
+    request: TrackRequest, files: TrackFolder, truth: Array | None, shots: Iterator[Shot],
     source: Source,
-) -> tuple[TrackFolder, list[Shot], int]:  # fmt: skip
-    """Write all shots; the files, the shots without pictures, and the exit code."""
-    files = TrackFolder(folder, region, source.rate, video=request.video, recording=request.rerun)
+) -> tuple[list[Shot], int]:  # fmt: skip
+    """Write all shots; the shots without pictures, and the exit code."""
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
@@ -187,7 +192,7 @@ def _write(
         code = exit_code(cause)
     finally:
         files.close()
-    return files, seen, code
+    return seen, code
 
 
 def _report(

@@ -141,8 +141,9 @@ class Episode:
             raise Mistake(f"{scenario.name}: {error}") from None
         self._first = first, truth
         self._scene = Scene(
-            world.camera, world.outline, region, truth.size, self.loop.features, world.period
-        )
+            world.camera, world.outline, region, truth.size, self.loop.features, world.period,
+            world.model,
+        )  # fmt: skip
 
     def _truth(self) -> Truth:
         truth = self.world.truth()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from mujoco import MjModel
 
 from servo.parts import FeatureSet
 from servo.sight.exact import object_frame, sight_of
@@ -44,6 +45,8 @@ class Scene:
     """What is servoed."""
     period: float
     """Frame interval [s]."""
+    room: MjModel
+    """The world's model, for whoever draws it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
         """What is seen of the target, exact."""
@@ -135,6 +138,13 @@ class Step:
     def _state(self, truth: Truth) -> State:
         x, y = truth.centre.tolist()
         return State(x, y, truth.theta, truth.size / self.scene.first_size)
+
+    @property
+    def goal_corners(self) -> Array:
+        """Goal of the corners (4, 2) of the reference rectangle [px]."""
+        x, y = self.goal.tolist()
+        scale = self.goal_size / self.scene.first_size
+        return self.region.corners(State(x, y, self.goal_theta, scale))
 
     @property
     def T_object_camera(self) -> Pose:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ from servo.loop.step import Scene, Step
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output import plots
 from servo.output.formats import Made, Number
+from servo.output.sinks import Sink, Sinks
 from servo.output.steps_table import STREAM, TABLE, StepsTable
 from servo.output.versions import versions
 from servo.scenario import load as scenarios
@@ -160,11 +161,18 @@ class RunFolder:
     cannot be written any more.
     """
 
-    refused: Refused | None = None
-    """Why the recording is not complete; None if it is."""
+    def __init__(
+        self, folder: Path, episode: Episode, *, rerun: bool, command: str = "",
+        more: Mapping[Path | str, Sink] | None = None,
+    ) -> None:  # fmt: skip
+        """Open the files.
 
-    def __init__(self, folder: Path, episode: Episode, *, rerun: bool, command: str = "") -> None:
-        """Open the files; `rerun`: also a recording; `command` is the line that repeats the run.
+        Args:
+            folder: Where to write.
+            episode: The run.
+            rerun: Whether a recording is written.
+            command: The line that repeats the run.
+            more: What else takes the steps.
 
         Raises:
             Mistake: Another run is writing into this folder.
@@ -180,20 +188,25 @@ class RunFolder:
             (folder / STREAM).unlink(missing_ok=True)
             sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
             raise Refused(sentence) from None
-        self._log = None
+        sinks: dict[Path | str, Sink] = {}
         if rerun:
-            from servo.output.recording.log import RerunLog  # rerun takes half a second to import
+            # rerun takes half a second to import
+            from servo.output.recording.archetypes import RecordingFile
+            from servo.output.recording.log import RerunLog
 
-            self._log = RerunLog(folder / RECORDING, episode)
+            path = folder / RECORDING
+            sinks[path] = RerunLog(RecordingFile(path), episode, at_once)
+        self._sinks = Sinks({**sinks, **(more or {})})
+
+    @property
+    def refused(self) -> Refused | None:
+        """Why something beside the rows is not complete; None if everything is."""
+        return self._sinks.refused
 
     def add(self, step: Step) -> None:
         """Write a step."""
         self._table.add(step)
-        if self._log and self.refused is None:
-            try:
-                self._log.add(step)
-            except Refused as error:
-                self.refused = error
+        self._sinks.add(step)
 
     def close(self) -> None:
         """Finish the recording and the table.
@@ -201,11 +214,7 @@ class RunFolder:
         Raises:
             Refused: The table cannot be written; the rows are in the stream.
         """
-        if self._log and self.refused is None:
-            try:
-                self._log.close()
-            except Refused as error:
-                self.refused = error
+        self._sinks.close()
         try:
             self._table.close()
         except OSError as error:
@@ -227,5 +236,4 @@ class RunFolder:
             drawn = plots.draw(steps, title, self.folder)
         except OSError as error:
             raise Refused.by(error, f"all rows are in {self.folder / TABLE}") from None
-        recording = [self.folder / RECORDING] if self._log else []
-        return [*recording, self.folder / TABLE, written, *drawn]
+        return [*self._sinks.paths, self.folder / TABLE, written, *drawn]

@@ -1,54 +1,62 @@
-"""The files of a track: rows, report, and optionally a video and a recording."""
+"""The files of a track: rows, report, and optionally a recording."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from servo.mistake import Refused
 from servo.output.formats import Made, Number
+from servo.output.sinks import Sink, Sinks
 from sim.types import Array
-from tracking.evaluation.drawing.annotated_video import AnnotatedVideo
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.types import Region
 
-if TYPE_CHECKING:
-    from servo.output.recording.track_log import TrackLog
-
-TRACK, VIDEO, RECORDING = "track.csv", "track.mp4", "track.rrd"
+TRACK, RECORDING = "track.csv", "track.rrd"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
 
 
 class TrackFolder:
-    """Writer of the shots of one track; a video or recording that fails does not stop the rows."""
-
-    refused: Refused | None = None
-    """Why the video or the recording is not complete; None if both are."""
+    """Writer of the shots of one track; a film or recording that fails does not stop the rows."""
 
     def __init__(
-        self, folder: Path, region: Region, rate: float, *, video: bool, recording: bool
-    ) -> None:
-        """Open the files; `rate` is in pictures a second.
+        self, folder: Path, region: Region, rate: float, *, recording: bool,
+        more: Mapping[Path | str, Sink] | None = None,
+    ) -> None:  # fmt: skip
+        """Open the files.
+
+        Args:
+            folder: Where to write.
+            region: What is tracked.
+            rate: Of the pictures [1/s].
+            recording: Whether a recording is written.
+            more: What else takes the shots.
 
         Raises:
             OSError: A file cannot be written.
         """
         self._folder, self._at_once = folder, max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
-        self._extras: dict[Path, AnnotatedVideo | TrackLog] = {}
-        if video:
-            self._extras[folder / VIDEO] = AnnotatedVideo(folder / VIDEO, rate, region)
+        sinks = dict(more or {})
         if recording:
             # rerun takes half a second to import
+            from servo.output.recording.archetypes import RecordingFile
             from servo.output.recording.track_log import TrackLog
 
-            self._extras[folder / RECORDING] = TrackLog(folder / RECORDING, region, rate)
-        self.paths = [folder / TRACK, *self._extras]
+            path = folder / RECORDING
+            sinks[path] = TrackLog(RecordingFile(path), region, self._at_once)
+        self._sinks = Sinks(sinks)
+        self.paths = [folder / TRACK, *self._sinks.paths]
+
+    @property
+    def refused(self) -> Refused | None:
+        """Why a film or a recording is not complete; None if all are."""
+        return self._sinks.refused
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         """Write a shot, and the truth of its picture (4, 2) if there is one.
@@ -57,12 +65,9 @@ class TrackFolder:
             OSError: The row cannot be written.
         """
         self._rows.add(shot)
-        full = self._extras and shot.index % self._at_once == 0 and self._nearly_full()
-        for path, extra in list(self._extras.items()):
-            if full:
-                self._end(path, "the disk is full")
-            else:
-                self._guarded(path, lambda extra=extra: extra.add(shot, truth))
+        if self._sinks and shot.index % self._at_once == 0 and self._nearly_full():
+            self._sinks.end("the disk is full")
+        self._sinks.add(shot, truth)
 
     def close(self) -> None:
         """Finish all files.
@@ -73,20 +78,7 @@ class TrackFolder:
         try:
             self._rows.close()
         finally:
-            for path, extra in list(self._extras.items()):
-                self._guarded(path, extra.close)
-
-    def _guarded(self, path: Path, act: Callable[[], None]) -> None:
-        try:
-            act()
-        except OSError as error:
-            self._end(path, error.strerror or str(error))
-        except Refused as error:
-            self._end(path, str(error).rpartition(": ")[2])
-
-    def _end(self, path: Path, reason: str) -> None:
-        self._extras.pop(path).abandon()
-        self.refused = self.refused or Refused(f"{path}: it ends too early: {reason}")
+            self._sinks.close()
 
     def _nearly_full(self) -> bool:
         return shutil.disk_usage(self._folder).free < SPARE

@@ -7,23 +7,21 @@ from __future__ import annotations
 import ctypes
 import shutil
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from servo.loop.step import Step
 from servo.mistake import Refused
 from sim.quaternion import quaternion_of
+from sim.room_view import EYE, LOOKS_AT
 from sim.shapes import Shape
 from sim.types import Array
-from tracking.types import State
 
 IMAGE = "world/eye/image"
-EYE_POSITION, EYE_TARGET = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
 LINE_RADIUS = 0.6
 
 
@@ -101,17 +99,9 @@ def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
     return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)
 
 
-def goal_corners(step: Step) -> Array:
-    """Goal of the corners (4, 2) of the reference rectangle [px]."""
-    first = step.truth.size / step.true_state.scale
-    x, y = step.goal.tolist()
-    goal = State(x, y, step.goal_theta, step.goal_size / first)
-    return step.region.corners(goal)
-
-
 def blueprint(features: Sequence[str]) -> rrb.Blueprint:
     """Camera and scene to the left, numbers over time to the right, events below."""
-    eye = rrb.EyeControls3D(position=EYE_POSITION, look_target=EYE_TARGET, eye_up=(0, 0, 1))
+    eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=(0, 0, 1))
 
     def plot(name: str, title: str) -> rrb.TimeSeriesView:
         return rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
@@ -156,17 +146,61 @@ FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
 
 
-class RecordingFile:
-    """A recording stream that writes to one file."""
+class Recording(Protocol):
+    """Where a recording goes: a file, or a viewer."""
 
-    def __init__(self, app: str, path: Path, blueprint: rrb.Blueprint) -> None:
-        """Start a recording with the name of its folder."""
-        rr.set_strict_mode(True)
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """The stream to log to."""
+        ...
+
+    def flush(self) -> None:
+        """Wait until everything that was logged has arrived.
+
+        Raises:
+            Refused: It cannot.
+        """
+        ...
+
+    def close(self) -> None:
+        """Send the last data, and end; errors are those of `flush`."""
+        ...
+
+
+def new_stream(app: str, name: str | None) -> rr.RecordingStream:
+    """A stream that goes nowhere yet, of a recording with a name, without Rerun's own times."""
+    rr.set_strict_mode(True)
+    stream = rr.RecordingStream(app, recording_id=name)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    return stream
+
+
+def flushed(stream: rr.RecordingStream, refused: Callable[[], Refused]) -> None:
+    """Wait until everything that was logged has arrived.
+
+    Raises:
+        Refused: It does not; what `refused` gives.
+    """
+    try:
+        stream.flush(timeout_sec=PATIENCE)
+    except RuntimeError:
+        # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+        rr.unregister_shutdown()
+        raise refused() from None
+
+
+class RecordingFile:
+    """A file that a recording goes to; it has the name of its folder."""
+
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self.stream = rr.RecordingStream(app, recording_id=path.parent.name)
-        self.stream.save(path, default_blueprint=blueprint)
-        self.stream.set_log_time_enabled(False)
-        self.stream.set_log_tick_enabled(False)
+
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """Open the file."""
+        self._stream = new_stream(app, self.path.parent.name)
+        self._stream.save(self.path, default_blueprint=blueprint)
+        return self._stream
 
     def flush(self) -> None:
         """Wait until everything that was logged is in the file.
@@ -174,15 +208,12 @@ class RecordingFile:
         Raises:
             Refused: The disk cannot be written; the part written before can be opened.
         """
-        try:
-            self.stream.flush(timeout_sec=PATIENCE)
-        except RuntimeError:
-            # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
-            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
-            rr.unregister_shutdown()
-            full = shutil.disk_usage(self.path.parent).free < FULL
-            why = "the disk is full" if full else "the disk refuses more"
-            raise Refused(f"{self.path}: the recording ends too early: {why}") from None
+        flushed(self._stream, self._refused)
+
+    def _refused(self) -> Refused:
+        full = shutil.disk_usage(self.path.parent).free < FULL
+        why = "the disk is full" if full else "the disk refuses more"
+        return Refused(f"{self.path}: the recording ends too early: {why}")
 
     def close(self) -> None:
         """Write the last data and the footer.
@@ -191,4 +222,4 @@ class RecordingFile:
             Refused: As for `flush`; the file then stays as it is.
         """
         self.flush()
-        self.stream.disconnect()
+        self._stream.disconnect()

@@ -18,15 +18,14 @@
 | plots/ms | stage times |
 | events | occluded, lost, coasting, searching, found again, saturated (which limits) |
 
-Timelines: `frame` and `sim_time`. Data is sent in columns once a second, because log calls for each
-entity and frame would take half as long as rendering.
+Timelines: `frame` and `sim_time`. Data is sent in columns, to a file once a second, because log
+calls for each entity and frame would take half as long as rendering.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,7 +35,7 @@ from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
 from servo.output.recording import archetypes
-from servo.output.recording.archetypes import IMAGE, RecordingFile
+from servo.output.recording.archetypes import IMAGE, Recording
 from servo.types import DOF
 from sim.robot import Robot
 from sim.shapes import shapes_of
@@ -72,24 +71,26 @@ class Lines:
 class RerunLog:
     """Writer of the recording of one run."""
 
-    def __init__(self, path: Path, episode: Episode) -> None:
+    def __init__(self, recording: Recording, episode: Episode, at_once: int) -> None:
+        """Begin a recording; the data of so many steps is sent at once."""
         self._episode, world = episode, episode.world
         self._features = episode.loop.features.names
         self._moving = archetypes.entities(world.moving)
         self._plots = _plots(world.robot, self._features)
-        self._at_once = max(1, round(episode.scenario.camera.rate))
-        self._file = RecordingFile("servobench", path, archetypes.blueprint(self._features))
-        self._rec = self._file.stream
+        self._at_once, self._second = at_once, max(1, round(episode.scenario.camera.rate))
+        self._file = recording
+        self._rec = recording.begin("servobench", archetypes.blueprint(self._features))
         self._before: Step | None = None
         self._steps: list[Step] = []
         self._jpegs: list[bytes] = []
         self._way: list[Array] = []
+        self._drawn = 0
         self._corners: list[Array] = []
         self._log_scene()
         self._name_series()
 
     def add(self, step: Step) -> None:
-        """Log a step; once a second everything is written to the disk.
+        """Log a step.
 
         Raises:
             Refused: The disk cannot be written.
@@ -115,7 +116,11 @@ class RerunLog:
             Refused: The disk cannot be written.
         """
         self._send()
+        self._log_ways()
         self._file.close()
+
+    def abandon(self) -> None:
+        """Leave the recording as it is; nothing more is logged."""
 
     def _log_scene(self) -> None:
         model, camera = self._episode.world.model, self._episode.world.camera
@@ -146,7 +151,10 @@ class RerunLog:
         ]
         self._send_pictures(steps, jpegs, index)
         self._send_numbers(steps, index)
-        self._log_ways(steps)
+        self._way += [s.truth.T_world_camera.translation for s in steps]
+        self._corners += [s.truth.corners for s in steps]
+        if len(self._way) % self._second < len(steps):
+            self._log_ways()
 
     def _send_pictures(
         self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
@@ -155,7 +163,7 @@ class RerunLog:
         self._rec.send_columns(IMAGE, index, images)
         places = {
             "truth": [s.truth.corners for s in steps],
-            "goal": [archetypes.goal_corners(s) for s in steps],
+            "goal": [s.goal_corners for s in steps],
             "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
@@ -186,10 +194,11 @@ class RerunLog:
         for i, path in enumerate(self._moving):
             self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
 
-    def _log_ways(self, steps: list[Step]) -> None:
+    def _log_ways(self) -> None:
         """The ways so far, as lines without a time: of the camera, of the corners in the image."""
-        self._way += [s.truth.T_world_camera.translation for s in steps]
-        self._corners += [s.truth.corners for s in steps]
+        if self._drawn == len(self._way):
+            return
+        self._drawn = len(self._way)
         way = rr.LineStrips3D([np.array(self._way)], colors=AMBER, radii=WAY_RADIUS)
         self._rec.log("world/way", way, static=True)
         corners = np.stack(self._corners, axis=1)

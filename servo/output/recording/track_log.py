@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import rerun as rr
 import rerun.blueprint as rrb
 
-from servo.output.recording.archetypes import RecordingFile, outline
+from servo.output.recording.archetypes import Recording, outline
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
 from tracking.evaluation.drawing.annotated_video import COLOURS
@@ -22,11 +20,10 @@ WHITE, AMBER = (255, 255, 255), (255, 190, 40)
 class TrackLog:
     """Writer of the recording of one track."""
 
-    def __init__(self, path: Path, region: Region, rate: float) -> None:
-        """Start a recording; the data of `rate` pictures is written to the file at once."""
-        self._region, self._at_once = region, max(1, round(rate))
-        self._file = RecordingFile("servobench_track", path, _blueprint())
-        self._rec = self._file.stream
+    def __init__(self, recording: Recording, region: Region, at_once: int) -> None:
+        """Begin a recording; the data of so many pictures is sent at once."""
+        self._region, self._at_once, self._file = region, at_once, recording
+        self._rec = recording.begin("servobench_track", _blueprint())
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         rec, estimate = self._rec, shot.estimate
@@ -54,7 +51,7 @@ class TrackLog:
         self._file.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is; nothing more is logged."""
+        """Leave the recording as it is; nothing more is logged."""
 
 
 def _blueprint() -> rrb.Blueprint:

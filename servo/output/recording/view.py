@@ -55,13 +55,18 @@ def check(path: Path) -> None:
         raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
 
 
+def has_display() -> bool:
+    """Whether a window can be opened here."""
+    return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))
+
+
 def show(path: Path, *, web: bool) -> int:
     """Open the viewer and wait until it is closed; its exit code.
 
     Raises:
         Mistake: There is no display for a window.
     """
-    if not web and sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+    if not web and not has_display():
         raise Mistake("there is no display here: use --web, or --png FILE for a picture")
     command = [sys.executable, "-m", "rerun", str(path), "--bind", "127.0.0.1"]
     if web:

@@ -15,14 +15,16 @@ GAP = 4
 SUBPIXEL_BITS = 4
 
 
-def outline(image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1) -> None:
+def outline(
+    image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1, width: int = 1
+) -> None:
     """Draw a quadrilateral (4, 2) into an image, with a black border; not if a corner is nan."""
     if not np.isfinite(corners).all():
         return
     unit = 1 << SUBPIXEL_BITS
     at = np.round((corners * factor - 0.5) * unit).clip(-(2**30), 2**30).astype(np.int32)
-    cv2.polylines(image, [at], True, (0, 0, 0), 3, cv2.LINE_AA, SUBPIXEL_BITS)
-    cv2.polylines(image, [at], True, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.polylines(image, [at], True, (0, 0, 0), width + 2, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.polylines(image, [at], True, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:

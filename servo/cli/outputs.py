@@ -1,0 +1,193 @@
+"""The options of `run` and `track` that show and keep more than the rows: films, logs, viewers."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from servo.cli import options as opt
+from servo.mistake import Mistake, unwritable
+from servo.output.sinks import Paced, Sink
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from servo.loop.episode import Episode
+    from servo.output.recording.live import LiveViewer
+    from tracking.evaluation.sequences.sources import Source
+    from tracking.types import Region
+
+PORT = 9090
+LARGEST_PORT = 65_534
+VIEWER = "the viewer"
+SUFFIXES = {"video": ".mp4", "mcap": ".mcap"}
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What was asked for."""
+
+    video: Path | None = None
+    mcap: Path | None = None
+    live: bool = False
+    web: bool = False
+    speed: float | None = None
+    port: int | None = None
+
+    def check(self) -> None:
+        """Refuse what cannot be, before anything is written.
+
+        Raises:
+            Mistake: An option needs another one or a package, or a file cannot be written.
+        """
+        needs = {"web": "live", "speed": "live", "port": "live"}
+        for name, other in needs.items():
+            if getattr(self, name) not in (None, False) and not getattr(self, other):
+                raise Mistake(f"--{name} needs --{other}")
+        for name, suffix in SUFFIXES.items():
+            path: Path | None = getattr(self, name)
+            if path is not None and path.suffix.lower() != suffix:
+                raise Mistake(f"--{name} {path}: the name of this file should end in {suffix}")
+        if self.mcap is not None:
+            from servo.output.mcap_file import check_installed
+
+            check_installed()
+        for path in filter(None, (self.video, self.mcap)):
+            _check_writable(path)
+
+    def viewer(self) -> LiveViewer | None:
+        """A viewer, if it was asked for.
+
+        Raises:
+            Mistake: There is no display, or a port is in use.
+        """
+        if not self.live:
+            return None
+        from servo.output.recording.live import LiveViewer
+
+        return LiveViewer(web=self.web, port=self.port or PORT)
+
+    def of_run(self, episode: Episode, viewer: LiveViewer | None) -> dict[Path | str, Sink]:
+        """What takes the steps of a run."""
+        found: dict[Path | str, Sink] = {}
+        scenario = episode.scenario
+        if self.video is not None:
+            from servo.output.film import RunFilm
+
+            title = f"{scenario.name}, seed {scenario.run.seed}"
+            found[self.video] = RunFilm(self.video, title, scenario.run.duration)
+        if self.mcap is not None:
+            from servo.output.mcap_file import RunMcap
+
+            found[self.mcap] = RunMcap(self.mcap, episode)
+        if viewer is not None:
+            from servo.output.recording.log import RerunLog
+
+            log = RerunLog(viewer, episode, self._at_once(scenario.camera.rate))
+            found[VIEWER] = Paced(log, self.speed or 1.0, lambda step: step.frame.time)
+        return found
+
+    def of_track(
+        self, region: Region, source: Source, title: str, viewer: LiveViewer | None
+    ) -> dict[Path | str, Sink]:
+        """What takes the shots of a track."""
+        found: dict[Path | str, Sink] = {}
+        if self.video is not None:
+            from tracking.evaluation.drawing.annotated_video import AnnotatedVideo
+
+            end = None if source.count is None else (source.count - 1) / source.rate
+            found[self.video] = AnnotatedVideo(self.video, source.rate, region, title, end)
+        if self.mcap is not None:
+            from servo.output.mcap_file import TrackMcap
+
+            found[self.mcap] = TrackMcap(self.mcap, region)
+        if viewer is not None:
+            from servo.output.recording.track_log import TrackLog
+
+            log = TrackLog(viewer, region, self._at_once(source.rate))
+            is_camera = source.count is None  # it has a pace of its own
+            found[VIEWER] = log if is_camera else Paced(
+                log, self.speed or 1.0, lambda shot: shot.picture.time)  # fmt: skip
+        return found
+
+    def _at_once(self, rate: float) -> int:
+        from servo.output.recording.live import SHOWN
+
+        return max(1, round(rate * (self.speed or 1.0) / SHOWN))
+
+
+NOTHING_MORE = Outputs()
+
+
+def announce(viewer: LiveViewer | None, console: Console) -> None:
+    """Print where a viewer is, if it is in a browser."""
+    if viewer is not None and viewer.page is not None:
+        from servo.cli.terminal import plain
+
+        plain(console, f"watch it at {viewer.page}")
+
+
+def linger(viewer: LiveViewer | None, console: Console) -> None:
+    """Keep a viewer after the end, until it is closed or Ctrl-C."""
+    if viewer is None:
+        return
+    from servo.cli.terminal import plain
+
+    close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
+    plain(console, f"{close} to end")
+    with suppress(KeyboardInterrupt):
+        viewer.wait()
+    viewer.stop()
+
+
+def _check_writable(path: Path) -> None:
+    """Refuse a file that exists or cannot be written.
+
+    Raises:
+        Mistake: It is one of them.
+    """
+    try:
+        path.open("xb").close()
+        path.unlink()
+    except FileExistsError:
+        raise Mistake(f"{path}: there is such a file already; choose another name") from None
+    except OSError as error:
+        raise unwritable(path, error, "this file") from None
+
+
+def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options; the command gets them as one argument, `outputs`."""
+
+    @functools.wraps(command)
+    def gathered(
+        *, video: Path | None, mcap: Path | None, live: bool, web: bool, speed: float | None,
+        port: int | None, **others: Any,
+    ) -> Any:  # fmt: skip
+        return command(outputs=Outputs(video, mcap, live, web, speed, port), **others)
+
+    added = (
+        click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),
+        click.option(
+            "--mcap", metavar="FILE.mcap", type=opt.PATH,
+            help="Also write a log for Foxglove and ROS tools; needs servobench[mcap].",
+        ),
+        click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
+        click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),
+        click.option(
+            "--speed", type=opt.FiniteRange(0.01, 1000.0),
+            help="Times real time, with --live (default: 1).",
+        ),
+        click.option(
+            "--port", type=click.IntRange(1024, LARGEST_PORT),
+            help=f"Of the data, with --live; the page has the next one (default: {PORT}).",
+        ),
+    )  # fmt: skip
+    for option in reversed(added):
+        gathered = option(gathered)
+    return gathered

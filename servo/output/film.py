@@ -1,0 +1,97 @@
+"""The film of a run: the camera with its overlays, the room, and the errors over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from servo.loop.step import Step
+from servo.output.plots import COLOURS
+from sim.room_view import RoomView
+from tracking.evaluation.drawing.annotated_video import COLOURS as OF_STATUS
+from tracking.evaluation.drawing.contact_sheet import TRUE
+from tracking.evaluation.drawing.film_page import FilmPage, panel
+from tracking.types import Status
+
+PANEL = (616, 462)
+"""Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
+CAPTIONS = ("Camera: estimate green, goal red, truth white", "The room")
+CURVES = {"true centre to goal": COLOURS[0], "estimated to true centre": COLOURS[1]}
+FOUND, GOAL = OF_STATUS[Status.LOCKED], OF_STATUS[Status.LOST]
+
+
+class RunFilm:
+    """Writer of one film."""
+
+    def __init__(self, path: Path, title: str = "", end: float | None = None) -> None:
+        """Make a film; `end` is the run's last time [s], if it is known."""
+        self._path, self._title, self._end = path, title, end
+        self._opened: tuple[FilmPage, RoomView] | None = None
+
+    def add(self, step: Step) -> None:
+        """Write a step, which still has its picture.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        if self._opened is None:
+            film = FilmPage(
+                self._path, 1 / step.scene.period, self._title, CAPTIONS, PANEL, CURVES,
+                "distance [px]", end=self._end,
+            )  # fmt: skip
+            self._opened = film, RoomView(step.scene.room, *PANEL)
+        film, room = self._opened
+        marks = (
+            (step.truth.corners, TRUE), (step.goal_corners, GOAL),
+            (step.estimate.outline(step.region), FOUND),
+        )  # fmt: skip
+        views = (
+            panel(step.frame.image, *PANEL, marks, step.estimate.particles),
+            room.render(step.bodies),
+        )
+        errors = step.servo_error, step.tracking_error
+        note = f"error {step.servo_error:.1f} px"
+        film.add(step.frame.time, views, errors, step.estimate.status.name, note)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._finish(whole=True)
+
+    def abandon(self) -> None:
+        """Close the file as it is; it can be played up to here."""
+        self._finish(whole=False)
+
+    def _finish(self, *, whole: bool) -> None:
+        if self._opened is None:
+            return
+        film, room = self._opened
+        self._opened = None
+        room.close()
+        if whole:
+            film.close()
+        else:
+            film.abandon()
+
+
+def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
+    """Write the film of a run's steps, which still have their pictures, as `servo.run` gives them.
+
+    Args:
+        steps: In order; a list, or the run itself, which is then filmed on the way.
+        path: The file to write, an MP4; an older one is replaced.
+        title: Its first line.
+
+    Returns:
+        The path.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    end = steps[-1].frame.time if isinstance(steps, Sequence) and steps else None
+    film = RunFilm(path, title, end)
+    try:
+        for step in steps:
+            film.add(step)
+    finally:
+        film.close()
+    return path

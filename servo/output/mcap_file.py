@@ -1,0 +1,247 @@
+"""A run or a track as an MCAP log for Foxglove and ROS tools, by foxglove-sdk.
+
+| topic | messages |
+|---|---|
+| /camera/image | foxglove.CompressedImage: JPEG, frame `camera` |
+| /camera/calibration | foxglove.CameraCalibration (run): the true camera |
+| /camera/annotations | foxglove.ImageAnnotations: estimate, goal, truth; particles |
+| /tf | foxglove.FrameTransforms (run): world to base and target, base to camera |
+| /step, /shot | JSON: the row of steps.parquet; confidence, status, state, milliseconds |
+
+Times are those of the frames. A log whose program was killed lacks its last chunk and its index;
+`mcap recover` writes it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from servo.loop.episode import Episode
+from servo.loop.step import Step
+from servo.mistake import Mistake
+from servo.output.steps_table import quantities
+from sim.quaternion import quaternion_of
+from sim.types import Array, Camera, Image, Pose
+from tracking.evaluation.drawing.annotated_video import COLOURS
+from tracking.evaluation.drawing.contact_sheet import TRUE, encoded
+from tracking.evaluation.track import Shot
+from tracking.files.json_text import as_json
+from tracking.types import Region, Status
+
+if TYPE_CHECKING:
+    from foxglove import messages as fox
+
+NEEDS = "--mcap needs the package foxglove-sdk: install servobench[mcap]"
+CHUNK = 1 << 18
+"""Size after which a chunk is written [bytes]."""
+JPEG_QUALITY = 85
+NANO = 1_000_000_000
+LENSES = {"plumb_bob": "plumb_bob", "rational": "rational_polynomial", "fisheye": "kannala_brandt"}
+"""Foxglove's names of the distortions."""
+MIDDLE = 0.5
+"""Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
+AMBER = (255, 190, 40)
+Corners = Mapping[tuple[int, int, int], Array]
+
+
+def check_installed() -> None:
+    """Refuse where the optional package is missing.
+
+    Raises:
+        Mistake: It is; the sentence names the extra.
+    """
+    try:
+        import foxglove  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ImportError:
+        raise Mistake(NEEDS) from None
+
+
+class McapFile:
+    """An MCAP file; a frame's messages have its time."""
+
+    def __init__(self, path: Path, numbers: str) -> None:
+        """Open a new file; `numbers` is the topic of the rows.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        import foxglove
+        from foxglove import channels, mcap, messages
+
+        self._fox = messages
+        self._context = context = foxglove.Context()  # kept: its channels end with it
+        self._file = _Kept(path)
+        options = mcap.MCAPWriteOptions(chunk_size=CHUNK, compression_threads=0)
+        self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
+        self._image = channels.CompressedImageChannel("/camera/image", context=context)
+        self._calibration = channels.CameraCalibrationChannel(
+            "/camera/calibration", context=context
+        )
+        self._annotations = channels.ImageAnnotationsChannel("/camera/annotations", context=context)
+        self._tf = channels.FrameTransformsChannel("/tf", context=context)
+        self._rows = foxglove.Channel(numbers, schema={"type": "object"}, context=context)
+
+    def picture(
+        self, time: float, image: Image | None, corners: Corners, particles: Array | None
+    ) -> None:
+        """Write a picture, the outlines in it and the particles."""
+        fox, (stamp, at) = self._fox, self._times(time)
+        if image is not None:
+            jpeg = encoded(image, JPEG_QUALITY)
+            message = fox.CompressedImage(
+                timestamp=stamp, frame_id="camera", data=jpeg, format="jpeg"
+            )
+            self._image.log(message, log_time=at)
+        kinds = fox.PointsAnnotationType
+        points = [
+            self._points(stamp, kinds.LineLoop, shape, colour)
+            for colour, shape in corners.items() if np.isfinite(shape).all()
+        ]  # fmt: skip
+        if particles is not None:
+            points.append(self._points(stamp, kinds.Points, particles[:, :2], AMBER))
+        self._annotations.log(fox.ImageAnnotations(points=points), log_time=at)
+
+    def calibration(self, time: float, camera: Camera) -> None:
+        """Write the intrinsics of a camera."""
+        lens, (stamp, at) = camera.distortion, self._times(time)
+        k = [camera.fx, 0, camera.cx - MIDDLE, 0, camera.fy, camera.cy - MIDDLE, 0, 0, 1]
+        message = self._fox.CameraCalibration(
+            timestamp=stamp, frame_id="camera", width=camera.width, height=camera.height,
+            distortion_model="plumb_bob" if lens is None else LENSES[lens.model],
+            D=[0.0] * 5 if lens is None else list(lens.coefficients), K=k,
+            R=np.eye(3).ravel().tolist(), P=[*k[:3], 0, *k[3:6], 0, *k[6:], 0],
+        )  # fmt: skip
+        self._calibration.log(message, log_time=at)
+
+    def transforms(self, time: float, poses: Mapping[tuple[str, str], Pose]) -> None:
+        """Write poses by their frames, parent and child."""
+        fox, (stamp, at) = self._fox, self._times(time)
+        found: list[fox.FrameTransform] = []
+        for (parent, child), pose in poses.items():
+            (x, y, z), (w, *axis) = pose.translation.tolist(), quaternion_of(pose.rotation).tolist()
+            found.append(
+                fox.FrameTransform(
+                    timestamp=stamp,
+                    parent_frame_id=parent,
+                    child_frame_id=child,
+                    translation=fox.Vector3(x=x, y=y, z=z),
+                    rotation=fox.Quaternion(x=axis[0], y=axis[1], z=axis[2], w=w),
+                )
+            )
+        self._tf.log(fox.FrameTransforms(transforms=found), log_time=at)
+
+    def row(self, time: float, values: Mapping[str, Any]) -> None:
+        """Write numbers and texts by their names, the last of a frame's messages.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        self._rows.log(as_json(dict(values)), log_time=self._times(time)[1])
+        self._file.check()
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        try:
+            self._writer.close()
+        finally:
+            self._file.check()
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._file.close()
+
+    def _times(self, time: float) -> tuple[fox.Timestamp, int]:
+        at = round(time * NANO)
+        return self._fox.Timestamp(sec=at // NANO, nsec=at % NANO), at
+
+    def _points(self, stamp: Any, kind: Any, points: Array, colour: tuple[int, int, int]) -> Any:
+        r, g, b = (part / 255 for part in colour)
+        return self._fox.PointsAnnotation(
+            timestamp=stamp, type=kind, thickness=2.0,
+            points=[self._fox.Point2(x=x, y=y) for x, y in points.tolist()],
+            outline_color=self._fox.Color(r=r, g=g, b=b, a=1.0),
+        )  # fmt: skip
+
+
+class _Kept:
+    """An unbuffered file that keeps its first error: the writer only prints errors."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb", buffering=0)
+        self._error: OSError | None = None
+        self.seek, self.flush, self.close = self._file.seek, self._file.flush, self._file.close
+
+    def write(self, content: bytes) -> int:
+        try:
+            return self._file.write(content)
+        except OSError as error:
+            self._error = self._error or error
+            return len(content)
+
+    def check(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+
+class RunMcap:
+    """Writer of the log of one run."""
+
+    def __init__(self, path: Path, episode: Episode) -> None:
+        robot = episode.world.robot
+        self._quantities = quantities(episode.loop.features, robot.names, robot.units)
+        self._file = McapFile(path, "/step")
+        self.close, self.abandon = self._file.close, self._file.abandon
+
+    def add(self, step: Step) -> None:
+        """Write a step.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        file, time, truth = self._file, step.frame.time, step.truth
+        if step.frame.index == 0:
+            file.calibration(time, step.scene.camera)
+        outlines = {
+            TRUE: truth.corners, COLOURS[Status.LOST]: step.goal_corners,
+            COLOURS[Status.LOCKED]: step.estimate.outline(step.region),
+        }  # fmt: skip
+        image = step.frame.image if step.frame.fresh else None
+        file.picture(time, image, outlines, step.estimate.particles)
+        file.transforms(time, {
+            ("world", "base"): Pose(np.eye(3), np.zeros(3)),
+            ("base", "camera"): step.posture.T_base_camera,
+            ("world", "target"): truth.T_world_target,
+        })  # fmt: skip
+        file.row(time, dict(cell for q in self._quantities for cell in q.cells(step)))
+
+
+class TrackMcap:
+    """Writer of the log of one track."""
+
+    def __init__(self, path: Path, region: Region) -> None:
+        self._region, self._file = region, McapFile(path, "/shot")
+        self.close, self.abandon = self._file.close, self._file.abandon
+
+    def add(self, shot: Shot, truth: Array | None) -> None:
+        """Write a shot.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        found, time = shot.estimate, shot.picture.time
+        outlines = {} if truth is None else {TRUE: truth}
+        outlines[COLOURS[found.status]] = found.outline(self._region)
+        self._file.picture(time, shot.picture.image, outlines, found.particles)
+        numbers = {"confidence": shot.confidence, "milliseconds": 1e3 * shot.seconds}
+        state = asdict(found.state)
+        self._file.row(time, {"frame": shot.index, "status": found.status.name} | state | numbers)

@@ -1,0 +1,88 @@
+"""What takes the steps of a run, or the shots of a track, beside the rows: films, recordings, logs,
+viewers. One that fails ends alone, and the others go on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from servo.mistake import Refused
+
+
+class Sink(Protocol):
+    """Takes what there is of each frame: a `Step`; or a `Shot` and its truth, if there is one."""
+
+    @property
+    def add(self) -> Callable[..., None]:
+        """Take the next frame; an OSError or `Refused` says that it cannot be written."""
+        ...
+
+    def close(self) -> None:
+        """Finish; errors are those of `add`."""
+        ...
+
+    def abandon(self) -> None:
+        """Leave everything as it is after an error."""
+        ...
+
+
+class Sinks:
+    """Sinks by their names, which are the paths of those that write files."""
+
+    refused: Refused | None = None
+    """Why the first of them that failed is not complete; None if all are."""
+
+    def __init__(self, sinks: Mapping[Path | str, Sink]) -> None:
+        self._sinks = dict(sinks)
+        self.paths = [name for name in sinks if isinstance(name, Path)]
+
+    def __bool__(self) -> bool:
+        return bool(self._sinks)
+
+    def add(self, *given: Any) -> None:
+        """Give a frame to each."""
+        for name, sink in list(self._sinks.items()):
+            self._guarded(name, lambda sink=sink: sink.add(*given))
+
+    def close(self) -> None:
+        """Finish each."""
+        for name, sink in list(self._sinks.items()):
+            self._guarded(name, sink.close)
+
+    def end(self, reason: str) -> None:
+        """End all of them early."""
+        for name in list(self._sinks):
+            self._end(name, reason)
+
+    def _guarded(self, name: Path | str, act: Callable[[], None]) -> None:
+        try:
+            act()
+        except OSError as error:
+            self._end(name, error.strerror or str(error))
+        except Refused as error:
+            self._end(name, str(error).rpartition(": ")[2])
+
+    def _end(self, name: Path | str, reason: str) -> None:
+        self._sinks.pop(name).abandon()
+        self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
+
+
+class Paced:
+    """A sink whose frames come no sooner than their times, since the first, over a speed."""
+
+    def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:
+        """Pace a sink; `time_of` gives the time of a step or a shot [s]."""
+        self._sink, self._speed, self._time_of = sink, speed, time_of
+        self.close, self.abandon = sink.close, sink.abandon
+        self._began: float | None = None
+
+    def add(self, *given: Any) -> None:
+        """Wait until it is time, and pass a frame on."""
+        due, now = self._time_of(given[0]) / self._speed, time.monotonic()
+        if self._began is None:
+            self._began = now - due
+        time.sleep(max(0.0, self._began + due - now))
+        self._sink.add(*given)

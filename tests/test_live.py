@@ -1,0 +1,156 @@
+"""Watching a run or a track while it goes on: its pace, its viewer, and the end of both."""
+
+import os
+import signal
+import socket
+import subprocess
+import time
+
+import cv2
+import numpy as np
+import pytest
+from commands import BIN, PATIENCE, STOPPED
+from selenium.common.exceptions import WebDriverException
+from tracked import REGION, pictures
+
+from servo.mistake import Mistake
+from servo.output import sinks
+from servo.output.recording import live
+from servo.output.recording.view import DISPLAYS
+from servo.output.sinks import Paced
+
+
+class Kept:
+    def __init__(self, clock):
+        self.clock, self.came = clock, []
+
+    def add(self, frame, *_):
+        self.came.append((frame, self.clock[0]))
+
+    def close(self):
+        pass
+
+    abandon = close
+
+
+@pytest.mark.parametrize(("speed", "due"), [(1.0, [7.0, 7.5, 9.0, 9.3]), (4.0, [7, 7.125, 8, 8])])
+def test_frames_come_at_their_times_over_the_speed_and_late_ones_at_once(monkeypatch, speed, due):
+    """The third frame takes until a second after the second to compute."""
+    clock = [7.0]
+    monkeypatch.setattr(sinks.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(sinks.time, "sleep", lambda s: clock.__setitem__(0, clock[0] + s))
+    kept = Kept(clock)
+    paced = Paced(kept, speed, lambda frame: frame)
+    for frame in (0.0, 0.5, 2.0, 2.3):
+        if frame == 2.0:
+            clock[0] = 8.0
+        paced.add(frame, None)
+    assert kept.came == [
+        (f, pytest.approx(t)) for f, t in zip((0.0, 0.5, 2.0, 2.3), due, strict=True)
+    ]
+
+
+def test_a_port_in_use_is_named():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(Mistake) as refused:
+            live.LiveViewer(web=True, port=port - 1)
+    assert str(refused.value) == (
+        f"--port {port - 1}: port {port} is in use; choose another one with --port"
+    )
+
+
+def free_ports():
+    """The first of two ports that nobody uses."""
+    while True:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port
+
+
+def started(words, folder):
+    """A command, and the address that it prints."""
+    process = subprocess.Popen(
+        [BIN / "servobench", *words.split()], cwd=folder, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True, env=without_display(),
+    )  # fmt: skip
+    line = process.stdout.readline()
+    assert line.startswith("watch it at http://127.0.0.1:"), line
+    return process, line.split()[-1]
+
+
+def without_display():
+    kept = {name: value for name, value in os.environ.items() if name not in DISPLAYS}
+    return kept | {"COLUMNS": "200"}
+
+
+WOOD = 170, 125, 80
+"""The table's colour, about (RGB)."""
+
+
+def camera_seen(browser):
+    """Whether most of the page's first panel shows the table, which the camera sees."""
+    try:
+        png = np.frombuffer(browser.get_screenshot_as_png(), np.uint8)
+    except WebDriverException:  # the page draws without a GPU, and is busy
+        return False
+    page = cv2.imdecode(png, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
+    panel = page[100 : len(page) // 2, : page.shape[1] // 2]
+    return (np.abs(panel - WOOD).max(axis=2) < 45).mean() > 0.25
+
+
+def gone(port):
+    end = time.monotonic() + PATIENCE
+    while live._listens(port):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+@pytest.mark.processes
+def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser):
+    port = free_ports()
+    words = "run circle --live --web --speed 2 --no-rerun --set tracker.kind=frozen --set expect={}"
+    process, page = started(f"{words} --set controller.kind=hold --port {port}", tmp_path)
+    browser.set_window_size(900, 700)
+    browser.get(page)
+    end = time.monotonic() + PATIENCE
+    while not camera_seen(browser):
+        assert time.monotonic() < end, browser.get_log("browser")
+        time.sleep(1.0)
+    browser.get("about:blank")
+    for line in process.stdout:
+        if line.startswith("press Ctrl-C"):
+            break
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (0, "")
+    gone(port)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(("number", "code", "said"), [
+    (signal.SIGINT, 130, f"{STOPPED}\n"), (signal.SIGKILL, -9, ""),
+])  # fmt: skip
+def test_a_live_track_that_is_stopped_takes_its_server_along(tmp_path, number, code, said):
+    pictures(tmp_path)
+    port = free_ports()
+    process, _ = started(
+        f"track in --region {REGION} --live --web --rate 0.2 --port {port} --tracker frozen",
+        tmp_path,
+    )
+    while not (tmp_path / "runs" / "in-frozen-0" / "track.csv").exists():
+        time.sleep(0.05)
+    time.sleep(1.0)
+    assert live._listens(port)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (code, said)
+    gone(port)

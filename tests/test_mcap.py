@@ -1,0 +1,115 @@
+"""MCAP logs, read by another reader: what is in them, and when."""
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from tracked import REGION, call, image, pictures
+
+import servo
+from servo.cli.outputs import Outputs
+from servo.loop.episode import Episode
+from servo.mistake import Mistake
+from servo.output.mcap_file import RunMcap, _Kept
+from sim.quaternion import matrix_of
+from sim.types import Pose
+
+CHANGES = ["run.duration=0.2", "tracker.kind=condensation", "estimator.kind=none", "start.x=-40",
+           "camera.distortion=plumb_bob",
+           "camera.coefficients=[-0.1, 0.02, 0.0, 0.0, 0.0]"]  # fmt: skip
+
+
+def read(path):
+    """Times [s] and messages by topic."""
+    found, factory = {}, DecoderFactory()
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            is_json = channel.message_encoding == "json"
+            decode = json.loads if is_json else factory.decoder_for("protobuf", schema)
+            one = message.log_time / 1e9, decode(message.data)
+            found.setdefault(channel.topic, []).append(one)
+    return found
+
+
+def pose(transform):
+    t, q = transform.translation, transform.rotation
+    return Pose(matrix_of([q.w, q.x, q.y, q.z]), np.array([t.x, t.y, t.z]))
+
+
+def test_the_log_of_a_run_has_its_pictures_numbers_and_frames(tmp_path):
+    path, steps = tmp_path / "a.mcap", []
+    with Episode(servo.load("still", CHANGES)) as episode:
+        log = RunMcap(path, episode)
+        for step in episode:
+            log.add(step)
+            steps.append(step)
+        log.close()
+    found, times = read(path), [step.frame.time for step in steps]
+    assert {topic: len(messages) for topic, messages in found.items()} == {
+        "/camera/image": 6, "/camera/annotations": 6, "/tf": 6, "/step": 6, "/camera/calibration": 1
+    }  # fmt: skip
+    assert [time for time, _ in found["/camera/image"]] == pytest.approx(times)
+    jpeg = found["/camera/image"][0][1].data
+    assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1).shape == (240, 320, 3)
+    camera, last = steps[0].scene.camera, steps[-1]
+    ((_, calibration),) = found["/camera/calibration"]
+    assert (calibration.distortion_model, list(calibration.D)) == (
+        "plumb_bob", [-0.1, 0.02, 0.0, 0.0, 0.0],
+    )  # fmt: skip
+    assert list(calibration.K) == [camera.fx, 0, 159.5, 0, camera.fy, 119.5, 0, 0, 1]
+    tree = {t.child_frame_id: (t.parent_frame_id, pose(t)) for t in found["/tf"][-1][1].transforms}
+    assert {child: parent for child, (parent, _) in tree.items()} == {
+        "base": "world", "camera": "base", "target": "world"
+    }  # fmt: skip
+    eye = tree["base"][1] @ tree["camera"][1]
+    np.testing.assert_allclose(eye.translation, last.truth.T_world_camera.translation, atol=1e-9)
+    np.testing.assert_allclose(eye.rotation, last.truth.T_world_camera.rotation, atol=1e-9)
+    target = (eye.inverse() @ tree["target"][1]).translation
+    assert target[2] == pytest.approx(last.truth.depth)
+    outlines = found["/camera/annotations"][-1][1].points
+    assert len(outlines) == 4  # truth, goal, estimate, particles
+    drawn = [(p.x, p.y) for p in outlines[1].points]
+    np.testing.assert_allclose(drawn, last.goal_corners, atol=1e-9)
+    row = found["/step"][-1][1]
+    assert row["servo_error_px"] == pytest.approx(last.servo_error)
+    assert row["status"] == last.estimate.status.name
+
+
+def test_the_log_of_a_track(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    pictures(tmp_path)
+    arguments = ["in", "--region", REGION, "-q", "--tracker", "frozen", "--mcap", "a.mcap"]
+    assert call(monkeypatch, capfd, *arguments)[0] == 0
+    found = read(tmp_path / "a.mcap")
+    assert {topic: len(messages) for topic, messages in found.items()} == {
+        "/camera/image": 8, "/camera/annotations": 8, "/shot": 8
+    }  # fmt: skip
+    time, row = found["/shot"][3]
+    assert time == pytest.approx(0.1)
+    assert (row["frame"], row["status"], row["x"], row["y"]) == (3, "UNSURE", 55.0, 40.0)
+    jpeg = np.frombuffer(found["/camera/image"][3][1].data, np.uint8)
+    assert np.abs(cv2.imdecode(jpeg, 1).astype(int) - image(3)).mean() < 5
+    ((_, shot), *_) = found["/camera/annotations"]
+    first = shot.points[0].points[0]
+    assert (first.x, first.y) == (40.0, 30.0)
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with pytest.raises(Mistake) as refused:
+        Outputs(mcap=tmp_path / "a.mcap").check()
+    assert str(refused.value) == ("--mcap needs the package foxglove-sdk: install servobench[mcap]")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_first_error_of_the_disk_is_kept():
+    file = _Kept(Path("/dev/full"))
+    assert file.write(b"x") == 1
+    with pytest.raises(OSError, match="No space left"):
+        file.check()
+    file.close()

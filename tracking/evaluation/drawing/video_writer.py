@@ -1,0 +1,81 @@
+"""H.264 in an MP4 that browsers play, with the true times of its frames.
+
+While it is written, the file consists of fragments of a second that can be played by themselves, so
+that a film is playable even if the program is killed; in the end it becomes an ordinary MP4.
+"""
+
+from fractions import Fraction
+from pathlib import Path
+
+import av
+from av.video.frame import PictureType
+from av.video.reformatter import ColorRange, Colorspace
+
+from sim.types import Image
+
+CODEC, FORMAT = "libx264", "yuv420p"
+OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "forced-idr": "1"}
+"""Every frame is encoded when it comes; thin lines and small numbers stay sharp."""
+FRAGMENTED = {
+    "movflags": "hybrid_fragmented+frag_keyframe+empty_moov+default_base_moof",
+    "flush_packets": "1",
+}
+FRAGMENT = 1.0
+"""Length of a fragment; a killed program loses at most the last one [s]."""
+TICKS = 90_000
+"""Resolution of the times [1/s]."""
+NO_OTHER_KEYS = 1_000_000
+"""Largest distance of the encoder's own key frames; ours begin the fragments."""
+BT709 = 1
+"""Number of the standard's primaries and transfer function in H.264."""
+
+
+class VideoWriter:
+    """Writer of one video."""
+
+    def __init__(self, path: Path, rate: float, width: int, height: int) -> None:
+        """Open the file; `rate` is about that of the pictures [1/s], the sides are even [px].
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        # FFmpeg gets an open file, because it accepts only names in UTF-8.
+        self._file = path.open("wb", buffering=0)
+        self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
+        about = Fraction(rate).limit_denominator(TICKS)
+        stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
+        stream.width, stream.height, stream.pix_fmt = width, height, FORMAT
+        stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS)
+        stream.codec_context.gop_size = NO_OTHER_KEYS
+        context = stream.codec_context
+        context.colorspace, context.color_range = Colorspace.ITU709, ColorRange.MPEG
+        context.color_primaries = context.color_trc = BT709
+        self._stream = stream
+        self._period, self._last, self._key = round(TICKS / rate), -1, -TICKS
+
+    def add(self, image: Image, time: float) -> None:
+        """Write a frame (height, width, 3) that is shown from a time on [s], until the next one.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        ticks = max(round(TICKS * time), self._last + 1)
+        frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
+            format=FORMAT, dst_colorspace=Colorspace.ITU709
+        )
+        frame.pts, frame.time_base, frame.duration = ticks, Fraction(1, TICKS), self._period
+        begins = ticks >= self._key + FRAGMENT * TICKS
+        frame.pict_type = PictureType.I if begins else PictureType.NONE
+        self._key, self._last = ticks if begins else self._key, ticks
+        self._container.mux(self._stream.encode(frame))
+
+    def close(self) -> None:
+        """Finish the file."""
+        with self._file:
+            if self._last >= 0:
+                self._container.mux(self._stream.encode(None))
+            self._container.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is; it can be played up to here."""
+        self._file.close()
