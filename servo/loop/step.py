@@ -63,7 +63,7 @@ class Scene:
         return self.features.error(end, start) / dt
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Step:
     """Everything about one frame and what was done with it. Readers only read."""
 
@@ -108,6 +108,13 @@ class Step:
     """Whether a joint's limit or rate slows the motion until the next frame."""
     seconds: Seconds
 
+    def __repr__(self) -> str:
+        return (
+            f"Step(frame {self.frame.index}, {self.frame.time:.3f} s: servo error "
+            f"{self.servo_error:.2f} px, tracking error {self.tracking_error:.2f} px, "
+            f"{self.estimate.status.name}, {self.command.mode.name})"
+        )
+
     def light(self) -> Step:
         """The same without pixels and particles, to keep thousands of them."""
         blank = np.broadcast_to(np.uint8(0), self.frame.image.shape)
@@ -135,6 +142,13 @@ class Step:
     def _state(self, truth: Truth) -> State:
         x, y = truth.centre.tolist()
         return State(x, y, truth.theta, truth.size / self.scene.first_size)
+
+    @property
+    def goal_corners(self) -> Array:
+        """Where the corners (4, 2) of the reference rectangle shall be [px]."""
+        x, y = self.goal.tolist()
+        goal = State(x, y, self.goal_theta, self.goal_size / self.scene.first_size)
+        return self.region.corners(goal)
 
     @property
     def T_object_camera(self) -> Pose:

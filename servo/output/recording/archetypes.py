@@ -15,12 +15,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from servo.loop.step import Step
 from servo.mistake import Refused
 from sim.quaternion import quaternion_of
 from sim.shapes import Shape
 from sim.types import Array
-from tracking.types import State
 
 IMAGE = "world/eye/image"
 EYE_POSITION, EYE_TARGET = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
@@ -101,14 +99,6 @@ def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
     return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)
 
 
-def goal_corners(step: Step) -> Array:
-    """Goal of the corners (4, 2) of the reference rectangle [px]."""
-    first = step.truth.size / step.true_state.scale
-    x, y = step.goal.tolist()
-    goal = State(x, y, step.goal_theta, step.goal_size / first)
-    return step.region.corners(goal)
-
-
 def blueprint(features: Sequence[str]) -> rrb.Blueprint:
     """Camera and scene to the left, numbers over time to the right, events below."""
     eye = rrb.EyeControls3D(position=EYE_POSITION, look_target=EYE_TARGET, eye_up=(0, 0, 1))
@@ -157,14 +147,15 @@ FULL = 1 << 16
 
 
 class RecordingFile:
-    """A recording stream that writes to one file."""
+    """A recording stream that writes to one file, or, where there is none, waits to be shown."""
 
-    def __init__(self, app: str, path: Path, blueprint: rrb.Blueprint) -> None:
+    def __init__(self, app: str, path: Path | None, blueprint: rrb.Blueprint) -> None:
         """Start a recording with the name of its folder."""
         rr.set_strict_mode(True)
-        self.path = path
-        self.stream = rr.RecordingStream(app, recording_id=path.parent.name)
-        self.stream.save(path, default_blueprint=blueprint)
+        self.path, self.blueprint = path, blueprint
+        self.stream = rr.RecordingStream(app, recording_id=path and path.parent.name)
+        if path is not None:
+            self.stream.save(path, default_blueprint=blueprint)
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
 
@@ -174,6 +165,8 @@ class RecordingFile:
         Raises:
             Refused: The disk cannot be written; the part written before can be opened.
         """
+        if self.path is None:
+            return
         try:
             self.stream.flush(timeout_sec=PATIENCE)
         except RuntimeError:

@@ -72,7 +72,7 @@ class Lines:
 class RerunLog:
     """Writer of the recording of one run."""
 
-    def __init__(self, path: Path, episode: Episode) -> None:
+    def __init__(self, path: Path | None, episode: Episode) -> None:
         self._episode, world = episode, episode.world
         self._features = episode.loop.features.names
         self._moving = archetypes.entities(world.moving)
@@ -117,6 +117,11 @@ class RerunLog:
         self._send()
         self._file.close()
 
+    def show(self) -> None:
+        """Show in a notebook what was logged; without a path only."""
+        self._send()
+        self._rec.notebook_show(blueprint=self._file.blueprint)
+
     def _log_scene(self) -> None:
         model, camera = self._episode.world.model, self._episode.world.camera
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -155,7 +160,7 @@ class RerunLog:
         self._rec.send_columns(IMAGE, index, images)
         places = {
             "truth": [s.truth.corners for s in steps],
-            "goal": [archetypes.goal_corners(s) for s in steps],
+            "goal": [s.goal_corners for s in steps],
             "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
