@@ -12,7 +12,7 @@ from rich.markup import escape
 from servo.batch.workers import Ended, Workers, check_number
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table, progress_bar
-from servo.loop.episode import measured_run
+from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
 from servo.output.formats import command_line

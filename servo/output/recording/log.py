@@ -118,9 +118,11 @@ class RerunLog:
         self._file.close()
 
     def show(self) -> None:
-        """Show in a notebook what was logged; without a path only."""
+        """Show in a notebook what was logged without a path; do not wait for a browser to open."""
+        from rerun.notebook import Viewer  # of the extra "notebook"
+
         self._send()
-        self._rec.notebook_show(blueprint=self._file.blueprint)
+        Viewer(recording=self._rec, blueprint=self._file.blueprint).display()
 
     def _log_scene(self) -> None:
         model, camera = self._episode.world.model, self._episode.world.camera
