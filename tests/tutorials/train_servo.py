@@ -15,7 +15,7 @@ import servo.gym
 MOVES = [0, 1, 2, 5]
 """Of the measured twist, those parts that an action has."""
 REACH = np.array([0.2, 0.2, 0.2, 0.5])
-LEARNED = np.array([0.0, 0.0, 0.0, 0.0])
+LEARNED = np.array([0.485, 0.842, -0.096, -0.050])
 """What this script found (seed 0)."""
 
 
