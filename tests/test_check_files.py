@@ -10,7 +10,15 @@ import pytest
 from servo.cli.check_command import check_scenarios
 from servo.mistake import Mistake
 
-SHORT = '[run]\nduration = 0.3\n[start]\nx = 9\n[tracker]\nkind = "frozen"\n[expect]\nservo_rms_px = {bound}\n'
+SHORT = """[run]
+duration = 0.3
+[start]
+x = 9
+[tracker]
+kind = "frozen"
+[expect]
+servo_rms_px = {bound}
+"""
 
 
 def checked(tmp_path, bound, **files):
