@@ -30,12 +30,12 @@ from servo.loop.episode import Episode
 from servo.loop.run_measures import CONVERGED_PX
 from servo.loop.step import Step
 from servo.mistake import Mistake, unknown
-from servo.output.annotated import annotated
+from servo.output.annotated import Window, annotated
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario, load, parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
-from sim.types import Array, Image
+from sim.types import Array
 from tracking.types import Status
 
 try:
@@ -99,7 +99,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
         self._kept: dict[str, tuple[Any, Any]] = {}
-        self._window: Any = None
+        self._window: Window | None = None
         self.observation_space = self._space()
 
     def _space(self) -> spaces.Space[Any]:
@@ -167,7 +167,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
-        reward = 1.0 / (1.0 + _distance(step) / CONVERGED_PX)
+        off = float(np.hypot(*(step.truth.corners - step.goal_corners).T).mean())
+        reward = 1.0 / (1.0 + off / CONVERGED_PX)
         seen = self._observed(step)
         if lost or over:
             self._end()
@@ -183,16 +184,14 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         with self._episode.naming_parts():
             self._now = self._episode.look()
         if self.render_mode == "human":
-            self._show(annotated(self._now))
+            self._window = self._window or Window(ID)
+            self._window.show(annotated(self._now))
         return self._now
 
     def _is_lost(self, step: Step) -> bool:
-        camera = self._base.camera
-        inside = (step.truth.centre >= 0).all() and (
-            step.truth.centre <= (camera.width, camera.height)
-        ).all()
-        behind = step.truth.depth <= 0
-        return bool(step.estimate.status is Status.LOST or behind or not inside)
+        size, centre = step.frame.image.shape[1::-1], step.truth.centre
+        inside = np.all((centre >= 0) & (centre <= size)) and step.truth.depth > 0
+        return bool(step.estimate.status is Status.LOST or not inside)
 
     def _told(self, step: Step) -> dict[str, Any]:
         return {
@@ -219,21 +218,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """The picture of now with truth (white), goal (red) and estimate, in mode "rgb_array"."""
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 
-    def _show(self, picture: Image) -> None:
-        """Show a picture in a window of matplotlib's."""
-        from matplotlib import pyplot
-
-        if self._window is None:
-            figure = pyplot.figure(ID)
-            axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-            axes.set_axis_off()
-            self._window = figure, axes.imshow(picture)
-            figure.show()
-        figure, image = self._window
-        image.set_data(picture)
-        figure.canvas.draw()
-        figure.canvas.flush_events()
-
     def _end(self) -> None:
         if self._episode is not None:
             self._episode.close()
@@ -243,15 +227,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Give the renderer's buffers and the window back."""
         self._end()
         if self._window is not None:
-            from matplotlib import pyplot
-
-            pyplot.close(self._window[0])
+            self._window.close()
             self._window = None
-
-
-def _distance(step: Step) -> float:
-    """Mean distance (px) of the target's true corners from where they shall be."""
-    return float(np.hypot(*(step.truth.corners - step.goal_corners).T).mean())
 
 
 def _check(what: str, given: Any, known: Sequence[Any]) -> None:

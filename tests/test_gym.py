@@ -163,7 +163,7 @@ def test_a_window_shows_each_picture(monkeypatch):
     env = made(render_mode="human")
     env.reset(seed=0)
     env.step(np.zeros(4, np.float32))
-    figure, image = env.unwrapped._window
+    figure, image = (window := env.unwrapped._window).figure, window.image
     assert (image.get_array() == servo.gym.annotated(env.unwrapped._now)).all()
     env.close()
     from matplotlib import pyplot

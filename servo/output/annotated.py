@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import cv2
+from matplotlib import pyplot
+from matplotlib.image import AxesImage
 
 from servo.loop.step import Step
 from sim.types import Image
@@ -31,3 +33,26 @@ def annotated(step: Step) -> Image:
     cv2.putText(picture, text, (8, BAND - 7), cv2.FONT_HERSHEY_SIMPLEX, LETTERS, COLOURS[status], 1,
                 cv2.LINE_AA)  # fmt: skip
     return picture
+
+
+class Window:
+    """A window of matplotlib's that shows one picture after another."""
+
+    def __init__(self, title: str) -> None:
+        self.figure = pyplot.figure(title)
+        self._axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self._axes.set_axis_off()
+        self.image: AxesImage | None = None
+
+    def show(self, picture: Image) -> None:
+        """Show a picture (H, W, 3)."""
+        if self.image is None:
+            self.image = self._axes.imshow(picture)
+            self.figure.show()
+        self.image.set_data(picture)
+        self.figure.canvas.draw()
+        self.figure.canvas.flush_events()
+
+    def close(self) -> None:
+        """Close it."""
+        pyplot.close(self.figure)

@@ -112,13 +112,8 @@ def _schema(found: Sequence[Quantity]) -> pa.Schema:
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
-    """The table of some steps.
-
-    Raises:
-        Mistake: The controller has other features than the table.
-    """
-    rows = [_row(step, found) for step in steps]
-    return pa.Table.from_pylist(rows, schema=_schema(found))
+    """The table of some steps; a Mistake as for `Quantity.cells`."""
+    return pa.Table.from_pylist([_row(step, found) for step in steps], schema=_schema(found))
 
 
 def _row(step: Step, found: Sequence[Quantity]) -> dict[str, Any]:
@@ -206,11 +201,9 @@ class StepsTable:
             OSError: The disk has no space for the rows.
         """
         self._folder, self._at_once = folder, rows_at_once
-        rows = episode.frames
-        self._quantities = quantities_of(episode)
+        self._quantities, rows = quantities_of(episode), episode.frames
         self._rows: list[dict[str, Any]] = []
-        self._schema = _schema(self._quantities)
-        every = self._schema
+        every = self._schema = _schema(self._quantities)
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
         # An empty batch writes the schema: a stream that is killed at once can be read, too.
