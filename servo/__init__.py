@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from servo.loop.step import Step
     from servo.mistake import Mistake
     from servo.parts import Controller, Estimator, FeatureSet, Task
+    from servo.result import Result, simulate
     from servo.scenario.load import Scenario, load
+    from servo.swept import Swept, sweep
     from servo.types import Command, Sight
     from sim.types import Camera, Frame, Pose, Posture
     from tracking import create
@@ -31,8 +33,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Camera", "Command", "Controller", "Episode", "Estimate", "Estimator", "FeatureSet", "Frame",
-    "Loop", "Mistake", "Pose", "Posture", "Region", "Scenario", "Sight", "State", "Status",
-    "Step", "Task", "Tracker", "__version__", "create", "load", "run",
+    "Loop", "Mistake", "Pose", "Posture", "Region", "Result", "Scenario", "Sight", "State",
+    "Status", "Step", "Swept", "Task", "Tracker", "__version__", "create", "load", "run",
+    "simulate", "sweep",
 ]  # fmt: skip
 HOMES = {
     "servo.loop.episode": ("Episode", "run"),
@@ -41,6 +44,8 @@ HOMES = {
     "servo.mistake": ("Mistake",),
     "servo.scenario.load": ("Scenario", "load"),
     "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
+    "servo.result": ("Result", "simulate"),
+    "servo.swept": ("Swept", "sweep"),
     "servo.types": ("Command", "Sight"),
     "sim.types": ("Camera", "Frame", "Pose", "Posture"),
     "tracking": ("create",),

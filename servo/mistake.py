@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import errno
+import traceback
 from collections.abc import Iterable
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
@@ -25,6 +26,12 @@ class Mistake(ValueError):
 
     def __init__(self, sentence: str) -> None:
         super().__init__(_one_line(sentence))
+
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the sentence, and where it has a cause, the cause's traceback."""
+        cause = self.__cause__
+        raised = [] if cause is None else traceback.format_exception(cause)
+        return [*"".join(raised).splitlines(), f"{type(self).__name__}: {self}"]
 
 
 class Refused(RuntimeError):

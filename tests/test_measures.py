@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
+from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise, violations
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig

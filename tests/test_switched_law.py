@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from servo.loop.episode import measured_run
+from servo.loop.measured_run import measured_run
 from servo.scenario.load import load
 
 PACKAGE = Path(__file__).parent / "data" / "switched"

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from servo.bench.sequence_jobs import Contender
-from servo.loop.episode import measured_run
+from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import Outcome
 from servo.output.formats import Made, Number
 from servo.output.versions import versions

@@ -5,23 +5,29 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
 from servo.batch.workers import Ended, Workers, check_number
+from servo.cli import check_files
+from servo.cli.check_files import CheckedRun, CheckFile
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table, progress_bar
-from servo.loop.episode import measured_run
+from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import Report, Violation, violations
 from servo.mistake import Mistake
 from servo.output.formats import command_line
+from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.toml import assignment
 from sim import gl
+from tracking.files.json_text import number
 
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
 
@@ -47,9 +53,11 @@ class Checked:
 
 
 def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, quiet: bool
+    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, quiet: bool,
+    junit: Path | None = None, json: Path | None = None,
 ) -> int:  # fmt: skip
-    """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep.
+    """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep; also
+    into files, as JUnit's XML and as JSON.
 
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
@@ -58,6 +66,8 @@ def check_scenarios(
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     check_number(len(chosen) * count)
     _check_changes(changes)
+    check_files.check_place(junit)
+    check_files.check_place(json)
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     checks = [
         Check(i, load(name, changes, s), command_line("run", name, set=list(changes), seed=s))
@@ -66,6 +76,10 @@ def check_scenarios(
     gl.backend()
     console = Console(quiet=quiet)
     ends = _carry_out(checks, workers, console)
+    again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
+    _write(
+        [_record(check, end) for check, end in zip(checks, ends, strict=True)], junit, json, again
+    )
     rows = [(check, end.value) for check, end in zip(checks, ends, strict=True) if not end.error]
     if rows:
         print_table(console, _table(rows))
@@ -73,6 +87,24 @@ def check_scenarios(
     for check, checked in rows:
         print_missed(errors, checked.missed, check.command)
     return max(_print_failures(checks, ends), any(checked.missed for _, checked in rows))
+
+
+def _record(check: Check, end: Ended) -> CheckedRun:
+    scenario, value = check.scenario, end.value
+    of: Any = {"scenario": scenario.name, "seed": scenario.run.seed, "command": check.command}
+    if end.error:
+        return CheckedRun(**of, measures={}, missed=[], failed=end.reason)
+    measures = {m.name: number(m.value) for m in value.report.measures}
+    return CheckedRun(**of, seconds=value.seconds, outcome=value.report.outcome.name,
+                      measures=measures, missed=value.missed)  # fmt: skip
+
+
+def _write(runs: list[CheckedRun], junit: Path | None, json: Path | None, command: str) -> None:
+    if junit is not None:
+        check_files.write(junit, check_files.junit(runs))
+    if json is not None:
+        found = CheckFile(command=command, versions=versions(), runs=runs)
+        check_files.write(json, found.text())
 
 
 def _check_changes(changes: Sequence[str]) -> None:

@@ -47,6 +47,8 @@ def run(scenario: str, no_rerun: bool, **options: Any) -> None:
 )  # fmt: skip
 @click.option("--seed", type=opt.NATURAL, default=0, show_default=True, help="The first seed.")
 @opt.workers_option
+@click.option("--junit", type=opt.PATH, metavar="FILE", help="Also write JUnit's XML.")
+@click.option("--json", type=opt.PATH, metavar="FILE", help="Also write all measures.")
 @opt.quiet_option
 def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
+from functools import cached_property
 from math import radians
 from time import perf_counter
 from typing import Any
@@ -15,7 +16,6 @@ from servo.loop.goal import Goal
 from servo.loop.loop import Loop
 from servo.loop.part_checks import check_built
 from servo.loop.part_failed import PartFailed, parts_named
-from servo.loop.run_measures import Report, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Taken, Timeline, mean_twist
 from servo.mistake import Mistake
@@ -31,6 +31,9 @@ from sim.types import Array, Image, Pose, Truth
 from sim.world import Unstable, World
 from tracking.types import Region, State
 
+DRAW_NOTHING = ("sim.robots.", "sim.targets.")
+"""Modules of parts that are the same in all runs."""
+
 
 class Episode:
     """A run that is ready to begin; iterate over it once, and close it.
@@ -41,8 +44,15 @@ class Episode:
         NoRenderer: This machine cannot render.
     """
 
-    def __init__(self, scenario: Scenario, renderer: MakeRenderer = OpenGLRenderer) -> None:
+    def __init__(
+        self, scenario: Scenario, renderer: MakeRenderer = OpenGLRenderer, *, steered: bool = False,
+        kept: dict[str, tuple[Any, Any]] | None = None,
+    ) -> None:  # fmt: skip
+        """Prepare a run; steered: `move` will be given twists; kept: robot and target of an earlier
+        episode, used again where their settings are the same, else replaced by this one's.
+        """
         self.scenario, self.frames = scenario, scenario.frames
+        self._steered, self._kept = steered, {} if kept is None else kept
         self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
         self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
         with ExitStack() as unless_ready, self.naming_parts():
@@ -91,10 +101,14 @@ class Episode:
     def _build(self, part: str, draws: str = "") -> Any:
         """What the `Config` of a part builds; a ValueError is the user's mistake."""
         config = self._parts[part][0]
-        try:
-            built = config.build(stream(self.scenario.run.seed, draws or part))
-        except ValueError as error:
-            raise Mistake(f"{self.scenario.name}: {part}: {error}") from error
+        before, built = self._kept.get(part, (None, None))
+        if before != config:
+            try:
+                built = config.build(stream(self.scenario.run.seed, draws or part))
+            except ValueError as error:
+                raise Mistake(f"{self.scenario.name}: {part}: {error}") from error
+        if type(config).__module__.startswith(DRAW_NOTHING):
+            self._kept[part] = config, built
         self._parts[part] = config, check_built(part, config, built)
         return built
 
@@ -139,7 +153,7 @@ class Episode:
             self.loop.start(first, region, given, goal)
         except ValueError as error:
             raise Mistake(f"{scenario.name}: {error}") from None
-        self._first = first, truth
+        self._first, self._looked = (first, truth), False
         self._scene = Scene(
             world.camera, world.outline, region, truth.size, self.loop.features, world.period,
             world.model,
@@ -162,13 +176,15 @@ class Episode:
         goal = self.loop.goal_sight
         return self._scene.true_motion(camera, before, after, goal, end - begin)
 
+    @cached_property
     def _timeline(self) -> Timeline:
         run, world = self.scenario.run, self.world
         draws, first = stream(run.seed, "transport"), self._first[1]
         lies = 1e-3 * self.scenario.believed.clock_offset_ms
         return Timeline(
-            run, self.loop, world.period, world.ticks, draws, first, self._motion_true, lies
-        )
+            run, self.loop, world.period, world.ticks, draws, first, self._motion_true, lies,
+            steered=self._steered,
+        )  # fmt: skip
 
     def _goal_sight(self, time: float) -> Sight:
         """How the target shall be seen, by the true camera."""
@@ -185,58 +201,50 @@ class Episode:
 
     def __iter__(self) -> Iterator[Step]:
         with self.naming_parts():
-            yield from self._steps()
+            for _ in range(self.frames):
+                yield self.move(self.look())
 
-    def _steps(self) -> Iterator[Step]:
-        world, loop = self.world, self.loop
-        timeline = self._timeline()
-        frame, truth = self._first
-        rendering = 0.0
-        for index in range(self.frames):
-            posture = world.posture()
-            if index > 0:
-                began = perf_counter()
-                frame = world.look()
-                rendering = perf_counter() - began
-                truth = self._truth()
-            acting = timeline.advance(Taken(frame, world.believed(posture), truth))
-            rates, bodies = world.robot.rates_measured(world.data), world.bodies()
-            before, decision = world.target_before(), timeline.decision
+    def look(self) -> Step:
+        """Take the next picture, track and decide; the step, before the camera moves on."""
+        world, loop, timeline = self.world, self.loop, self._timeline
+        posture, (frame, truth), rendering = world.posture(), self._first, 0.0
+        if self._looked:
             began = perf_counter()
-            limited = self._move(acting)
-            seconds = Seconds(rendering, *timeline.seconds, perf_counter() - began)
-            yield Step(
-                scene=self._scene, frame=frame, truth=truth, target_before=before,
-                goal=self.goal.pixel, goal_theta=self.goal.theta,
-                goal_size=self.goal.size(frame.time), goal_sight=self._goal_sight(frame.time),
-                estimate=loop.estimate, truth_estimated=decision.truth, age=decision.age,
-                skipped=decision.skipped, command=decision.command,
-                motion_measured=loop.motion_measured, bodies=bodies, posture=posture, rates=rates,
-                twist_acting=mean_twist(acting), limited=limited, seconds=seconds,
-            )  # fmt: skip
+            frame = world.look()
+            rendering = perf_counter() - began
+            truth = self._truth()
+        self._looked = True
+        timeline.advance(Taken(frame, world.believed(posture), truth))
+        decision = timeline.decision
+        return Step(
+            scene=self._scene, frame=frame, truth=truth, target_before=world.target_before(),
+            goal=self.goal.pixel, goal_theta=self.goal.theta,
+            goal_size=self.goal.size(frame.time), goal_sight=self._goal_sight(frame.time),
+            estimate=loop.estimate, truth_estimated=decision.truth, age=decision.age,
+            skipped=decision.skipped, command=decision.command,
+            motion_measured=loop.motion_measured, bodies=world.bodies(), posture=posture,
+            rates=world.robot.rates_measured(world.data), twist_acting=np.zeros(6), limited=False,
+            seconds=Seconds(rendering, *timeline.seconds, 0.0),
+        )  # fmt: skip
+
+    def move(self, step: Step, twist: Array | None = None) -> Step:
+        """Move until the next picture; the whole step.
+
+        Args:
+            step: What `look` gave.
+            twist: Acts in place of the law's (6,), if the law decided on something in this step.
+        """
+        if twist is not None:
+            self._timeline.steer(twist)
+        acting, command = self._timeline.acting(), self._timeline.decision.command
+        began = perf_counter()
+        limited = self._move(acting)
+        seconds = replace(step.seconds, physics=perf_counter() - began)
+        return replace(step, command=command, twist_acting=mean_twist(acting), limited=limited,
+                       seconds=seconds)  # fmt: skip
 
 
 def run(scenario: Scenario) -> Iterator[Step]:
     """The steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode
-
-
-def measured_run(
-    scenario: Scenario, each: Callable[[Step], None] | None = None
-) -> tuple[list[Step], Report]:
-    """Run a scenario to its end; its steps without pictures, and what was measured.
-
-    Args:
-        scenario: Which.
-        each: Called with every step while it has its picture.
-
-    Raises:
-        Mistake: As for `Episode`.
-    """
-    steps: list[Step] = []
-    for step in run(scenario):
-        if each is not None:
-            each(step)
-        steps.append(step.light())
-    return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)

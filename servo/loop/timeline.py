@@ -81,6 +81,8 @@ class Timeline:
         first: Truth,
         motion_true: Callable[[Truth, float, float], Array],
         clock_offset: float = 0.0,
+        *,
+        steered: bool = False,
     ) -> None:
         """Begin.
 
@@ -94,10 +96,12 @@ class Timeline:
             motion_true: The true mean de/dt (k,) of the target's own motion between two times, seen
                 by the camera that took the picture of a truth; for a loop that needs it.
             clock_offset: Stamp minus true time of a picture [s].
+            steered: Whether somebody else's twists will act: the law is then told which do.
         """
         self._run, self._loop, self._period, self._ticks = run, loop, period, ticks
         self._rng, self._motion_true = rng, motion_true
-        self._plain = run.tracker_ms == 0 and run.jitter_ms == 0 and clock_offset == 0
+        on_time = run.tracker_ms == 0 and run.jitter_ms == 0 and clock_offset == 0
+        self._plain = on_time and not steered
         self._record = PostureRecord(period, clock_offset)
         self._coming: list[tuple[float, Taken]] = []
         self._arrival = self._free = 0.0
@@ -108,10 +112,11 @@ class Timeline:
         self._asked = np.zeros(6)
         self._commands: list[tuple[float, Array]] = [(0.0, np.zeros(6))]
 
-    def advance(self, taken: Taken) -> Array:
-        """All that happens from a picture to the next one; the twists (n, 6) for each tick."""
-        now = taken.frame.time
+    def advance(self, taken: Taken) -> None:
+        """All that is decided from a picture to the next one."""
+        now = self._now = taken.frame.time
         end = now + self._period - SAME
+        self._decided = 0
         self.seconds = (0.0, 0.0)
         if not self._plain:
             self._record.add(taken.frame.index, replace(taken.posture, asked=self._asked))
@@ -119,7 +124,18 @@ class Timeline:
         self._coming.append((self._arrival, taken))
         while self._goes_on(end):
             pass
-        twists = np.array([self._in_force(now + tick) for tick in self._ticks])
+
+    def steer(self, twist: Array) -> None:
+        """Let another twist (6,) act in place of what was decided since the last picture."""
+        if self._decided:
+            last = self._commands[-self._decided :]
+            self._commands[-self._decided :] = [(at, twist) for at, _ in last]
+            command = replace(self.decision.command, twist=twist)
+            self.decision = replace(self.decision, command=command)
+
+    def acting(self) -> Array:
+        """The twists (n, 6) for each tick from the last picture to the next one."""
+        twists = np.array([self._in_force(self._now + tick) for tick in self._ticks])
         self._asked = mean_twist(twists)
         return twists
 
@@ -171,6 +187,7 @@ class Timeline:
         track, law = self.seconds
         self.seconds = track, law + loop.seconds[1]
         self._commands.append((acts, command.twist))
+        self._decided += 1
         age = work.done - taken.frame.time
         self.decision = Decision(taken.truth, command, age, self._skipped)
 

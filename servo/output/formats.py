@@ -52,8 +52,11 @@ class Document:
         Raises:
             OSError: It cannot be written.
         """
-        head = {"format": self.FORMAT, "kind": self.KIND}
-        return atomic.write(folder, name or self.FILE, json_text(head | as_json(self)))
+        return atomic.write(folder, name or self.FILE, self.text())
+
+    def text(self) -> str:
+        """What the file contains."""
+        return json_text({"format": self.FORMAT, "kind": self.KIND} | as_json(self))
 
     @classmethod
     def read(cls, path: Path) -> Self:

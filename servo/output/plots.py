@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from servo.loop.step import Step
-from tracking.evaluation.drawing.figures import literal, panels, save
+from tracking.evaluation.drawing.figures import Drawing, literal, panels, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f",
@@ -26,6 +26,15 @@ MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot shows; outliers may be outside."""
 
 
+def figure(steps: Sequence[Step], title: str) -> Drawing:
+    """Both plots of a run in one figure."""
+    names = _moving(steps)
+    whole, axes = _figure(2 + len(names), 5.4 + 2.4 * len(names))
+    _draw_errors(steps, literal(title), axes[:2])
+    _draw_motion(steps, literal(title), axes[2:])
+    return whole
+
+
 def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
     """Both plots of a run as PNG files in a folder; their paths."""
     title = literal(title)
@@ -33,7 +42,7 @@ def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
     return [save(figure, folder, name) for name, figure in figures.items()]
 
 
-def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+def _figure(rows: int, height: float) -> tuple[Drawing, list[Axes]]:
     figure, axes = panels(8, height, rows, sharex=True)
     for ax in axes:
         ax.margins(x=0)
@@ -43,9 +52,19 @@ def _figure(rows: int, height: float) -> tuple[Figure, list[Axes]]:
 
 def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
     """Figure 9: the target's own motion in the image, measured, estimated and true."""
+    figure, axes = _figure(len(_moving(steps)), 0.6 + 2.4 * len(_moving(steps)))
+    _draw_motion(steps, title, axes)
+    return figure
+
+
+def _moving(steps: Sequence[Step]) -> tuple[str, ...]:
+    """Names of the features for which the target's motion is drawn."""
     features = steps[0].scene.features
-    names = features.feed_forward or features.names
-    figure, axes = _figure(len(names), 0.6 + 2.4 * len(names))
+    return features.feed_forward or features.names
+
+
+def _draw_motion(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> None:
+    features, names = steps[0].scene.features, _moving(steps)
     time = [s.frame.time for s in steps]
     for name, ax in zip(names, axes, strict=True):
         i = features.names.index(name)
@@ -64,12 +83,16 @@ def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
         _shade_unseen(ax, steps)
     axes[0].legend(ncols=3, **ABOVE)
     axes[0].set_title(f"{title}: the target's own motion", loc="left")
-    return figure
 
 
 def _error_figure(steps: Sequence[Step], title: str) -> Figure:
     """Figure 10: the feature errors, and below them the true distance from the goal."""
     figure, axes = _figure(2, 5.4)
+    _draw_errors(steps, title, axes)
+    return figure
+
+
+def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> None:
     time = [s.frame.time for s in steps]
     features = steps[0].scene.features
     for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
@@ -86,7 +109,6 @@ def _error_figure(steps: Sequence[Step], title: str) -> Figure:
     axes[1].legend(ncols=2, **ABOVE)
     for ax in axes:
         _shade_unseen(ax, steps)
-    return figure
 
 
 def _shade_unseen(ax: Axes, steps: Sequence[Step]) -> None:

@@ -100,6 +100,26 @@ def quantities(
     ]  # fmt: skip
 
 
+def quantities_of(episode: Episode) -> list[Quantity]:
+    """All quantities of an episode's steps."""
+    robot = episode.world.robot
+    return quantities(episode.loop.features, robot.names, robot.units)
+
+
+def _schema(found: Sequence[Quantity]) -> pa.Schema:
+    every = [column for quantity in found for column in quantity.columns]
+    return pa.schema(every, metadata={"format": str(FORMAT)})
+
+
+def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
+    """The table of some steps; a Mistake as for `Quantity.cells`."""
+    return pa.Table.from_pylist([_row(step, found) for step in steps], schema=_schema(found))
+
+
+def _row(step: Step, found: Sequence[Quantity]) -> dict[str, Any]:
+    return dict(cell for quantity in found for cell in quantity.cells(step))
+
+
 def _states() -> Iterator[Quantity]:
     parts, units = ("x", "y", "theta", "scale"), ("px", "px", "rad", "")
     yield _vector("true", "truth", lambda s: astuple(s.true_state), parts, units)
@@ -181,11 +201,9 @@ class StepsTable:
             OSError: The disk has no space for the rows.
         """
         self._folder, self._at_once = folder, rows_at_once
-        robot, rows = episode.world.robot, episode.frames
-        self._quantities = quantities(episode.loop.features, robot.names, robot.units)
+        self._quantities, rows = quantities_of(episode), episode.frames
         self._rows: list[dict[str, Any]] = []
-        every = [column for quantity in self._quantities for column in quantity.columns]
-        self._schema = pa.schema(every, metadata={"format": str(FORMAT)})
+        every = self._schema = _schema(self._quantities)
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
         # An empty batch writes the schema: a stream that is killed at once can be read, too.
@@ -203,7 +221,7 @@ class StepsTable:
             Mistake: The controller has other features than the table.
             OSError: The row cannot be written.
         """
-        self._rows.append(dict(cell for q in self._quantities for cell in q.cells(step)))
+        self._rows.append(_row(step, self._quantities))
         if len(self._rows) >= self._at_once:
             self._flush()
 

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from servo.mistake import Mistake, unknown
-from servo.scenario import toml
+from servo.scenario import keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import AS_WRITTEN, draws_of
 from servo.scenario.expected import Expected, tracker_of
 from servo.scenario.fill import fill, fill_plugin, fill_plugins
+from servo.scenario.keywords import Change
 from servo.scenario.sections import (
     GoalConfig,
     MeasureConfig,
@@ -27,7 +28,7 @@ from servo.scenario.sections import (
     check_frames,
 )
 from servo.scenario.source import read
-from servo.scenario.toml import override, put, with_settings
+from servo.scenario.toml import put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
 from sim.believed import BelievedConfig
@@ -115,7 +116,7 @@ def _described(config: Any) -> Table:
 
 
 def load(
-    name: str, overrides: Sequence[str] = (), seed: int | None = None, **parts: Any
+    name: str, overrides: Sequence[str] = (), seed: int | None = None, **settings: Any
 ) -> Scenario:
     """A scenario by its shipped name or by the path of a TOML file.
 
@@ -124,58 +125,53 @@ def load(
         overrides: Such as "tracker.kind=frozen" (the command line's --set); the last one of a key
             holds.
         seed: Replaces run.seed.
-        **parts: Parts of one's own, such as tracker=MyTracker: an instance of a `Config`, or a
-            class of one; of a tracker also a class or an object that `tracking.wrap` takes.
+        **settings: More changes: gain=1.5, tracker="kams", camera={"noise": 3.0}. Also parts of
+            one's own, such as tracker=MyTracker: an instance of a `Config`, or a class of one; of a
+            tracker also a class or an object that `tracking.wrap` takes.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
-    scenario = _loaded(name, overrides, seed)
-    own = {key: _part(key, value) for key, value in parts.items()}
+    all_changes = keywords.of_texts(overrides)
+    if seed is not None:
+        all_changes.append(Change("run.seed", seed, f"--seed {seed}"))
+    plain = {k: v for k, v in settings.items() if k not in PLUGINS or isinstance(v, str | dict)}
+    own = {k: keywords.own_part(k, v) for k, v in settings.items() if k not in plain}
+    kind = {k: v for k, v in plain.items() if k in PLUGINS}
+    scenario = _loaded(name, all_changes)
+    for given in (kind, {k: v for k, v in plain.items() if k not in kind}):
+        if given:
+            all_changes += keywords.of_keywords(given, scenario.settings())
+            scenario = _loaded(name, all_changes)
     if "tracker" in own:
         own["expect"] = scenario.bounds.of(kinds.kind_of(own["tracker"]))
     return dataclasses.replace(scenario, **own) if own else scenario
 
 
-def _part(key: str, value: Any) -> Any:
-    """The `Config` of a part that is given from Python."""
-    if key not in PLUGINS:
-        raise Mistake(unknown(key, PLUGINS, "part"))
-    whole, name = value, getattr(value, "__qualname__", repr(value))
-    if dataclasses.is_dataclass(whole) and not isinstance(whole, type):
-        return whole
-    try:
-        return kinds.as_config(PLUGINS[key][0], value, name)()
-    except kinds.UnknownKind as error:
-        raise Mistake(f"{key}: {error}") from None
-
-
-def _loaded(name: str, overrides: Sequence[str], seed: int | None) -> Scenario:
+def _loaded(name: str, changes: Sequence[Change]) -> Scenario:
     table, place = read(name)
     written = copy.deepcopy(table)
-    for item in overrides:
-        override(table, item)
-    if seed is not None:
-        put(table, "run.seed", seed, f"--seed {seed}")
+    for change in changes:
+        put(table, *change)
     try:
         return parse(table, Path(name).stem, place, written)
     except Mistake:
-        culprit = _culprit(name, overrides)
+        culprit = _culprit(name, changes)
         if culprit is None:
             raise
-        place = f"--set {culprit}"
+        place = culprit
     return parse(table, Path(name).stem, place, written)
 
 
-def _culprit(name: str, overrides: Sequence[str]) -> str | None:
-    """The override from which on a scenario is wrong; None where its file is."""
+def _culprit(name: str, changes: Sequence[Change]) -> str | None:
+    """The place of the change from which on a scenario is wrong; None where its file is."""
     table, place = read(name)
     culprit, right = None, _is_right(table, place)
-    for item in overrides:
-        override(table, item)
+    for change in changes:
+        put(table, *change)
         before, right = right, _is_right(table, place)
         if before and not right:
-            culprit = item
+            culprit = change.place
     return None if right else culprit
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from servo.loop.episode import measured_run
+from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import CONVERGED_PX, MEANINGS, Outcome, violations
 from servo.loop.step import Step
 from servo.mistake import Mistake

@@ -1,5 +1,6 @@
 """Plain axes, texts without formulas and PNG files for all figures drawn with matplotlib."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,27 @@ from tracking.files import atomic
 
 DOTS = 130
 """Resolution of a figure [dots per inch]."""
+SCREEN = 80
+"""The same, in a notebook."""
+
+
+class Drawing(Figure):
+    """A figure that a notebook shows by itself."""
+
+    def png(self) -> bytes:
+        """The figure as a PNG file."""
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=SCREEN)
+        return file.getvalue()
+
+    _repr_png_ = png
 
 
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, *, sharex: bool = False
-) -> tuple[Figure, list[Axes]]:
+) -> tuple[Drawing, list[Axes]]:
     """A figure of a size [inch] and its axes, row by row, with a light grid and an open frame."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Drawing(figsize=(width, height), layout="constrained")
     axes = list(np.atleast_1d(figure.subplots(rows, columns, sharex=sharex)).ravel())
     for ax in axes:
         ax.grid(alpha=0.25)

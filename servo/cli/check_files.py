@@ -1,0 +1,83 @@
+"""What `servobench check` writes for other programs: JUnit's XML and JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from xml.etree import ElementTree
+
+from servo.loop.run_measures import Violation
+from servo.mistake import Mistake, unwritable
+from servo.output.formats import Made, Number
+from tracking.files import atomic
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedRun:
+    """One run of a check."""
+
+    scenario: str
+    seed: int
+    command: str
+    """The command that repeats it."""
+    seconds: float = 0.0
+    """Wall-clock time."""
+    outcome: str = ""
+    measures: dict[str, Number | None]
+    missed: list[Violation]
+    """The bounds that were not kept."""
+    failed: str = ""
+    """Why there is no outcome, in a sentence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckFile(Made):
+    """The file of --json."""
+
+    FILE: ClassVar[str] = "check.json"
+    KIND: ClassVar[str] = "check"
+
+    runs: list[CheckedRun]
+
+
+def check_place(path: Path | None) -> None:
+    """Refuse a file that cannot be written, before the runs.
+
+    Raises:
+        Mistake: Its folder is missing, or it is a folder itself.
+    """
+    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+        raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
+
+
+def write(path: Path, content: str) -> None:
+    """Write a file.
+
+    Raises:
+        Mistake: It cannot be there.
+        Refused: The disk refuses.
+    """
+    try:
+        atomic.write(path.absolute().parent, path.name, content)
+    except OSError as error:
+        raise unwritable(path, error, "this file") from None
+
+
+def junit(runs: list[CheckedRun]) -> str:
+    """A test case for each run: what was missed, with the command that repeats it."""
+    suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(runs)))
+    for run in runs:
+        case = ElementTree.SubElement(
+            suite, "testcase", classname=f"servobench.{run.scenario}",
+            name=f"{run.scenario}, seed {run.seed}", time=f"{run.seconds:.3f}",
+        )  # fmt: skip
+        message = run.failed or "; ".join(map(str, run.missed))
+        if message:
+            tag = "error" if run.failed else "failure"
+            ElementTree.SubElement(case, tag, message=message).text = f"again: {run.command}"
+    for plural, tag in (("failures", "failure"), ("errors", "error")):
+        suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
+    suite.set("time", f"{sum(run.seconds for run in runs):.3f}")
+    ElementTree.indent(suite)
+    return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"

@@ -1,0 +1,245 @@
+"""A run as an environment of Gymnasium: import this, then `gymnasium.make("servobench/Servo-v0")`.
+
+| choice | meaning |
+|---|---|
+| observation | "features" (`_observed` has their order), "picture", or "both" |
+| action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
+| reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
+| terminated | the tracker has lost the target, or its true centre has left the picture |
+| truncated | the scenario is over |
+
+Why this reward: d is one number in px for centre, angle, size and tilt, so that no weights are
+needed; 10 px is where "held" ends for the measures too, and the slope is largest at the goal. It is
+never negative, so that losing the target never pays.
+
+The seed given to `reset` is the scenario's: the run of `servobench run NAME --seed SEED`, with all
+that `[vary]` draws for it. Without a seed, one is drawn.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from servo.loop.episode import Episode
+from servo.loop.run_measures import CONVERGED_PX
+from servo.loop.step import Step
+from servo.mistake import Mistake, unknown
+from servo.output.annotated import Window, annotated
+from servo.scenario.catalogue import PLUGINS
+from servo.scenario.load import Scenario, load, parse
+from servo.scenario.toml import with_settings
+from servo.types import DOF
+from sim.types import Array
+from tracking.types import Status
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ModuleNotFoundError as error:
+    sentence = "servo.gym needs the extra 'gym': pip install 'servobench[gym]'"
+    raise ModuleNotFoundError(sentence, name=error.name) from None
+
+ID = "servobench/Servo-v0"
+OBSERVATIONS, ACTIONS = ("features", "picture", "both"), ("twist", "residual")
+LARGEST = 10.0
+"""Values of the features are cut at this."""
+LAST_SEED = 2**31
+LEVEL = ("vx", "vy", "vz", "wz")
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+
+
+class ServoEnv(gymnasium.Env[Any, Any]):
+    """Visual servoing: hold a moving target where it shall be seen."""
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
+
+    def __init__(
+        self, scenario: str = "reversal", overrides: Sequence[str] = (),
+        observation: str = "features", action: str = "residual",
+        reach: tuple[float, float] = (0.2, 0.5), dof: Sequence[str] | None = None,
+        render_mode: str | None = None, **settings: Any,
+    ) -> None:  # fmt: skip
+        """Prepare; nothing is rendered before `reset`.
+
+        Args:
+            scenario: A name or a file.
+            overrides: As for `servo.load`, such as "estimator.kind=none".
+            observation: "features", "picture" or "both".
+            action: "twist" or "residual".
+            reach: What an action of 1 means, for speeds [m/s] and angular speeds [rad/s].
+            dof: Parts of the twist that an action has; by default those that the law moves.
+            render_mode: "rgb_array", "human" (a window) or None.
+            **settings: As for `servo.load`, such as gain=1.0 or vary={}.
+
+        Raises:
+            Mistake: There is no such scenario, setting or choice, or no display.
+        """
+        _check("observation", observation, OBSERVATIONS)
+        _check("action", action, ACTIONS)
+        _check("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        if render_mode == "human":
+            _check_display()
+        self.render_mode, self._observation, self._residual = (
+            render_mode, observation, action == "residual",
+        )  # fmt: skip
+        self._given = scenario, tuple(overrides), settings
+        self._base = load(scenario, overrides, **settings)
+        moved = dof or getattr(self._base.controller, "dof", None) or LEVEL
+        for name in moved:
+            _check("dof", name, DOF)
+        self._moves = [DOF.index(name) for name in moved]
+        self._reach = np.repeat(np.array(reach, float), 3)[self._moves]
+        self.metadata = {**self.metadata, "render_fps": round(self._base.camera.rate)}
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
+        self._episode: Episode | None = None
+        self._kept: dict[str, tuple[Any, Any]] = {}
+        self._window: Window | None = None
+        self.observation_space = self._space()
+
+    def _space(self) -> spaces.Space[Any]:
+        camera, scenario = self._base.camera, self._base
+        outline = scenario.target.build(np.random.default_rng(0)).outline
+        features = len(scenario.features.build(outline).names)
+        length = 2 * features + len(DOF) + len(self._moves) + 1
+        own = spaces.Box(-LARGEST, LARGEST, (length,), np.float32)
+        picture = spaces.Box(0, 255, (camera.height, camera.width, 3), np.uint8)
+        both = spaces.Dict({"features": own, "picture": picture})
+        return {"features": own, "picture": picture, "both": both}[self._observation]
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin a run.
+
+        Args:
+            seed: The scenario's, 0 for the scenario as it is written.
+            options: Settings of this run alone, as for `servo.load`, and `scenario`, another one.
+
+        Raises:
+            Mistake: A setting is wrong, or the observations would have another shape.
+        """
+        super().reset(seed=seed)
+        self._end()
+        drawn = int(self.np_random.integers(1, LAST_SEED)) if seed is None else seed
+        scenario = self._scenario(drawn, options or {})
+        if (scenario.camera.width, scenario.camera.height) != (
+            self._base.camera.width, self._base.camera.height
+        ):  # fmt: skip
+            raise Mistake("options: the pictures would have another size; make another environment")
+        self._episode = Episode(scenario, steered=True, kept=self._kept)
+        self._done = np.zeros(len(self._moves))
+        step = self._look()
+        return self._observed(step), self._told(step) | {"seed": drawn, "drawn": scenario.drawn}
+
+    def _scenario(self, seed: int, options: dict[str, Any]) -> Scenario:
+        """The scenario with a seed's draws."""
+        name, overrides, settings = self._given
+        if options:
+            given = {"scenario": name} | settings | options
+            return load(given.pop("scenario"), overrides, seed, **given)
+        base = self._base
+        scenario = parse(with_settings(base.table, {"run.seed": seed}, name), base.name, name)
+        parts = {k for k in PLUGINS if k in settings and not isinstance(settings[k], str | dict)}
+        return replace(scenario, **{k: getattr(base, k) for k in parts}) if parts else scenario
+
+    def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Let an action act as the law's command would, and look again.
+
+        Raises:
+            Mistake: The run has not begun, or is over, or the action is not finite.
+        """
+        if self._episode is None:
+            raise Mistake("step: there is no run; call reset first")
+        done = np.clip(np.asarray(action, float), -1.0, 1.0)
+        if done.shape != self._done.shape or not np.isfinite(done).all():
+            raise Mistake(f"step: expected {len(self._done)} finite numbers, got {action!r}")
+        twist = np.array(self._now.command.twist) if self._residual else np.zeros(6)
+        twist[self._moves] += self._reach * done
+        self._done = done
+        with self._episode.naming_parts():
+            self._episode.move(self._now, twist)
+        step = self._look()
+        lost = self._is_lost(step)
+        over = step.frame.index >= self._episode.frames - 1
+        off = float(np.hypot(*(step.truth.corners - step.goal_corners).T).mean())
+        reward = 1.0 / (1.0 + off / CONVERGED_PX)
+        seen = self._observed(step)
+        if lost or over:
+            self._end()
+        return seen, reward, lost, over and not lost, self._told(step)
+
+    @property
+    def frames(self) -> int:
+        """Number of pictures of a run; a step less is made."""
+        return self._base.frames
+
+    def _look(self) -> Step:
+        assert self._episode is not None
+        with self._episode.naming_parts():
+            self._now = self._episode.look()
+        if self.render_mode == "human":
+            self._window = self._window or Window(ID)
+            self._window.show(annotated(self._now))
+        return self._now
+
+    def _is_lost(self, step: Step) -> bool:
+        size, centre = step.frame.image.shape[1::-1], step.truth.centre
+        inside = np.all((centre >= 0) & (centre <= size)) and step.truth.depth > 0
+        return bool(step.estimate.status is Status.LOST or not inside)
+
+    def _told(self, step: Step) -> dict[str, Any]:
+        return {
+            "time_s": step.frame.time,
+            "servo_error_px": step.servo_error,
+            "tracking_error_px": step.tracking_error,
+            "status": step.estimate.status.name,
+        }
+
+    def _observed(self, step: Step) -> Any:
+        """Features: k errors and k parts of the target's own motion as the estimator has it, over
+        `FeatureSet.scales`; the camera's measured twist (6); the last action; whether it is seen.
+        """
+        picture = step.frame.image
+        if self._observation == "picture":
+            return picture
+        scales = 1.0 if step.command.trace is None else step.command.trace.scales
+        parts = (step.error / scales, step.prediction.motion / scales, step.twist_measured,
+                 self._done, [step.seen])  # fmt: skip
+        own = np.nan_to_num(np.concatenate(parts)).clip(-LARGEST, LARGEST).astype(np.float32)
+        return own if self._observation == "features" else {"features": own, "picture": picture}
+
+    def render(self) -> Any:
+        """The picture of now with truth (white), goal (red) and estimate, in mode "rgb_array"."""
+        return annotated(self._now) if self.render_mode == "rgb_array" else None
+
+    def _end(self) -> None:
+        if self._episode is not None:
+            self._episode.close()
+        self._episode = None
+
+    def close(self) -> None:
+        """Give the renderer's buffers and the window back."""
+        self._end()
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+
+def _check(what: str, given: Any, known: Sequence[Any]) -> None:
+    if given not in known:
+        raise Mistake(unknown(str(given), [str(k) for k in known], what))
+
+
+def _check_display() -> None:
+    if sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+        raise Mistake("render_mode='human': there is no display here; use 'rgb_array'")
+
+
+if ID not in gymnasium.registry:
+    gymnasium.register(id=ID, entry_point="servo.gym:ServoEnv")

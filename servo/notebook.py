@@ -1,0 +1,96 @@
+"""What a notebook shows: a progress bar, tables, pictures and films as HTML."""
+
+from __future__ import annotations
+
+import base64
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from html import escape
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+import pyarrow as pa
+
+from servo.report.words import Cell, Table
+
+INTERVAL = 0.2
+"""Time between two updates of a bar [s]."""
+
+
+class Advance(Protocol):
+    """Tells a bar what is done."""
+
+    def __call__(self, done: int, note: str = "") -> None: ...
+
+
+@contextmanager
+def progress(title: str, total: int) -> Generator[Advance]:
+    """A progress bar where this runs in a notebook, until the block ends; elsewhere nothing."""
+    if not in_notebook():
+        yield _nothing
+        return
+    display: Any = import_module("IPython.display")
+    handle, shown = display.display(display.HTML(_bar(title, 0, total, "")), display_id=True), 0.0
+
+    def advance(done: int, note: str = "") -> None:
+        nonlocal shown
+        if time.monotonic() - shown > INTERVAL:
+            shown = time.monotonic()
+            handle.update(display.HTML(_bar(title, done, total, note)))
+
+    try:
+        yield advance
+    finally:
+        handle.update(display.HTML(""))
+
+
+def _nothing(done: int, note: str = "") -> None:
+    del done, note
+
+
+def in_notebook() -> bool:
+    """Whether this is the kernel of a notebook."""
+    shell: Any = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return shell is not None and getattr(shell, "kernel", None) is not None
+
+
+def _bar(title: str, done: int, total: int, note: str) -> str:
+    bar = f'<progress value="{done}" max="{total}" style="width:20em"></progress>'
+    return f"<div>{escape(title)} {bar} {done} / {total} {escape(note)}</div>"
+
+
+def frame_of(table: pa.Table) -> Any:
+    """A table as a DataFrame where pandas is installed, else as it is."""
+    return table if find_spec("pandas") is None else table.to_pandas()
+
+
+def html_table(table: Table) -> str:
+    """A table as HTML."""
+
+    def row(cells: Any, tag: str) -> str:
+        return f"<tr>{''.join(f'<{tag}>{_text(c)}</{tag}>' for c in cells)}</tr>"
+
+    body = "".join(row(cells, "td") for cells in table.rows)
+    return f"<table><thead>{row(table.head, 'th')}</thead><tbody>{body}</tbody></table>"
+
+
+def _text(cell: Cell) -> str:
+    return escape(cell if isinstance(cell, str) else cell.text)
+
+
+def html_picture(png: bytes) -> str:
+    """A PNG picture as HTML."""
+    return f'<img style="max-width:100%" src="data:image/png;base64,{_base64(png)}">'
+
+
+def html_film(mp4: bytes) -> str:
+    """A film as HTML."""
+    source = f"data:video/mp4;base64,{_base64(mp4)}"
+    return f'<video controls loop style="max-width:100%" src="{source}"></video>'
+
+
+def _base64(raw: bytes) -> str:
+    return base64.b64encode(raw).decode()

@@ -1,0 +1,58 @@
+"""The picture of a step with its rectangles: truth white, goal red, estimate by its status."""
+
+from __future__ import annotations
+
+import cv2
+from matplotlib import pyplot
+from matplotlib.image import AxesImage
+
+from servo.loop.step import Step
+from sim.types import Image
+from tracking.evaluation.drawing.annotated_video import COLOURS
+from tracking.evaluation.drawing.contact_sheet import TRUE, outline
+
+GOAL = (240, 60, 50)
+WIDTH = 640
+"""Pictures that are not as wide are enlarged by a whole number [px]."""
+BAND, LETTERS = 24, 0.5
+"""Height of the band with the text [px], and size of the text."""
+
+
+def annotated(step: Step) -> Image:
+    """A new RGB picture (H, W, 3) of a step with time, status and error; at least about WIDTH."""
+    image = step.frame.image
+    factor = max(1, round(WIDTH / image.shape[1]))
+    drawn = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
+    picture: Image = drawn.astype("uint8", copy=False)
+    status = step.estimate.status
+    outline(picture, step.goal_corners, GOAL, factor)
+    outline(picture, step.truth.corners, TRUE, factor)
+    outline(picture, step.estimate.outline(step.region), COLOURS[status], factor)
+    text = f"{step.frame.time:.2f} s  {status.name}  {step.servo_error:.1f} px"
+    cv2.rectangle(picture, (0, 0), (picture.shape[1], BAND), (0, 0, 0), -1)
+    cv2.putText(picture, text, (8, BAND - 7), cv2.FONT_HERSHEY_SIMPLEX, LETTERS, COLOURS[status], 1,
+                cv2.LINE_AA)  # fmt: skip
+    return picture
+
+
+class Window:
+    """A window of matplotlib's that shows one picture after another."""
+
+    def __init__(self, title: str) -> None:
+        self.figure = pyplot.figure(title)
+        self._axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self._axes.set_axis_off()
+        self.image: AxesImage | None = None
+
+    def show(self, picture: Image) -> None:
+        """Show a picture (H, W, 3)."""
+        if self.image is None:
+            self.image = self._axes.imshow(picture)
+            self.figure.show()
+        self.image.set_data(picture)
+        self.figure.canvas.draw()
+        self.figure.canvas.flush_events()
+
+    def close(self) -> None:
+        """Close it."""
+        pyplot.close(self.figure)

@@ -1,0 +1,211 @@
+"""A whole run as a value, for notebooks and scripts: its tables, figures, pictures and film.
+
+result = servo.simulate("reversal", gain=1.5)
+result.measures, result.steps, result.figure(), result.frame(7.7)
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from html import escape
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, overload
+
+import cv2
+import numpy as np
+import pyarrow as pa
+from PIL import Image as Pillow
+
+from servo import notebook
+from servo.loop.check_expect import check_expect
+from servo.loop.episode import Episode
+from servo.loop.run_measures import Outcome, Report, Violation, summarise, violations
+from servo.loop.step import Step
+from servo.mistake import Mistake
+from servo.output import plots
+from servo.output.annotated import annotated
+from servo.output.steps_table import quantities_of, table_of
+from servo.report.words import Table, shown
+from servo.scenario.load import Scenario, load
+from tracking.evaluation.drawing.contact_sheet import encoded
+from tracking.evaluation.drawing.figures import Drawing
+
+QUALITY = 95
+"""Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""
+MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
+
+
+def simulate(
+    scenario: str | Scenario, overrides: Sequence[str] = (), seed: int | None = None,
+    **settings: Any,
+) -> Result:  # fmt: skip
+    """Run a scenario to its end and keep everything; in a notebook with a progress bar.
+
+    Args:
+        scenario: A name or a file, or what `servo.load` returned.
+        overrides: As for `servo.load`, such as "controller.gain=1.5".
+        seed: Replaces run.seed.
+        **settings: As for `servo.load`, such as gain=1.5 or tracker=MyTracker.
+
+    Raises:
+        Mistake: The scenario or a setting is wrong.
+    """
+    if isinstance(scenario, str):
+        scenario = load(scenario, overrides, seed, **settings)
+    elif overrides or settings or seed is not None:
+        raise Mistake("a loaded scenario takes no changes: give them to servo.load")
+    check_expect(scenario)
+    steps, pictures = list[Step](), list[bytes]()
+    with Episode(scenario) as episode, notebook.progress(scenario.name, episode.frames) as bar:
+        for step in episode:
+            pictures.append(encoded(step.frame.image, QUALITY))
+            steps.append(replace(step, frame=step.light().frame))  # with its particles
+            bar(len(steps), f"error {step.servo_error:.1f} px")
+    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    return Result(scenario, report, episode, steps, pictures)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result(Sequence[Step]):
+    """A finished run; as a sequence it is its steps with their pictures."""
+
+    scenario: Scenario
+    report: Report
+    _episode: Episode
+    _light: list[Step]
+    _pictures: list[bytes]
+
+    def __len__(self) -> int:
+        return len(self._light)
+
+    @overload
+    def __getitem__(self, index: int) -> Step: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Step]: ...
+    def __getitem__(self, index: int | slice) -> Step | list[Step]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        light = self._light[index]
+        raw = np.frombuffer(self._pictures[index], np.uint8)
+        image = np.asarray(cv2.imdecode(raw, cv2.IMREAD_COLOR_RGB), np.uint8)
+        return replace(light, frame=replace(light.frame, image=image))
+
+    def __repr__(self) -> str:
+        rms = self.report.value("servo_rms_px")
+        return f"Result({self.title}: {self.outcome.name}, {rms:.2f} px rms, {len(self)} steps)"
+
+    @property
+    def title(self) -> str:
+        """Scenario and seed."""
+        return f"{self.scenario.name}, seed {self.scenario.run.seed}"
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended."""
+        return self.report.outcome
+
+    @property
+    def missed(self) -> list[Violation]:
+        """The bounds that were not kept."""
+        return violations(self.report, self.scenario.expect)
+
+    @cached_property
+    def measures(self) -> Any:
+        """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
+        table.
+        """
+        found, expect = self.report.measures, self.scenario.expect
+        columns = {
+            "measure": [m.name for m in found],
+            "value": [m.value for m in found],
+            "unit": [m.unit for m in found],
+            "bound": [expect.get(m.name) for m in found],
+            "meaning": [m.meaning for m in found],
+        }
+        table = notebook.frame_of(pa.table(columns))
+        return table if isinstance(table, pa.Table) else table.set_index("measure")
+
+    @cached_property
+    def steps(self) -> Any:
+        """A row for each frame, with the columns of steps.parquet: a DataFrame, or, without pandas,
+        an Arrow table.
+        """
+        return notebook.frame_of(table_of(self._light, quantities_of(self._episode)))
+
+    def figure(self) -> Drawing:
+        """Errors and the target's own motion over time."""
+        return plots.figure(self._light, self.title)
+
+    def frame(self, time: float) -> Pillow.Image:
+        """The picture nearest to a time [s], with truth (white), goal (red) and estimate."""
+        times = np.array([s.frame.time for s in self._light])
+        if not times[0] <= time <= times[-1]:
+            raise Mistake(f"frame({time:g}): the run goes from 0 to {times[-1]:.2f} s")
+        return Pillow.fromarray(annotated(self[int(np.abs(times - time).argmin())]))
+
+    def film(self) -> Clip:
+        """The whole run as a film (H.264), which a notebook plays."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "film.mp4"
+            _film_writer()(self, path, self.title)
+            return Clip(path.read_bytes())
+
+    def view(self) -> None:
+        """Show the recording with Rerun, in the notebook.
+
+        Raises:
+            Mistake: The extra 'notebook' is missing, or this is no notebook.
+        """
+        if find_spec("rerun_notebook") is None:
+            raise Mistake(f"view: {MISSING}")
+        if not notebook.in_notebook():
+            raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
+        from servo.output.recording.log import RerunLog  # rerun takes half a second to import
+        from servo.output.recording.shown import Shown
+
+        log = RerunLog(Shown(), self._episode, len(self))
+        for step in self:
+            log.add(step)
+        log.close()
+
+    def _repr_html_(self) -> str:
+        """Summary and the two plots."""
+        missed = "; ".join(map(str, self.missed))
+        verdict = f"missed: {missed}" if missed else "all bounds kept"
+        verdict = verdict if self.scenario.expect else self.scenario.unjudged or "no bounds"
+        rows = [
+            [m.name, shown(m.value), m.unit, m.meaning]
+            for m in self.report.measures
+            if m.name in ("settle_s", "step_ms") or "rms" in m.name or "peak_px" in m.name
+        ]
+        ending = escape(f"{self.outcome.name}. {self.outcome.value} ({verdict})")
+        table = notebook.html_table(Table(("measure", "value", "unit", "meaning"), rows))
+        plot = notebook.html_picture(self.figure().png())
+        return f"<p><b>{escape(self.title)}</b>: {ending}</p>{table}{plot}"
+
+
+@dataclass(frozen=True, repr=False)
+class Clip:
+    """A film in memory."""
+
+    mp4: bytes
+
+    def save(self, path: str | Path) -> None:
+        """Write it to a file."""
+        Path(path).write_bytes(self.mp4)
+
+    def __repr__(self) -> str:
+        return f"Clip({len(self.mp4) / 1e3:.0f} kB, MP4)"
+
+    def _repr_html_(self) -> str:
+        return notebook.html_film(self.mp4)
+
+
+def _film_writer() -> Callable[[Sequence[Step], Path, str], object]:
+    """The function that writes the film of some steps with a title."""
+    return import_module("servo.output.film").write_film

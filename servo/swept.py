@@ -1,0 +1,125 @@
+"""A study from Python: its runs and its cells as tables.
+
+swept = servo.sweep("latency_gain", ["run.duration=6"], seeds=3)
+swept.cells, swept.runs
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pyarrow as pa
+from pyarrow import csv
+
+from servo import notebook
+from servo.batch.cluster import carry_out
+from servo.batch.local_cluster import local
+from servo.batch.workers import Lost
+from servo.mistake import Refused
+from servo.output.formats import command_line
+from servo.report.words import Table, counted, shown, spread
+from servo.study.parse import load
+from servo.study.perform import perform
+from servo.study.plan import Study, StudyFile
+from servo.study.results import Cell, cells_csv, cells_of
+from servo.study.store import Store, opened
+from sim import gl
+
+SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
+"""Means of a cell that a notebook shows; `cells` has all."""
+
+
+def sweep(
+    study: str, overrides: Sequence[str] = (), seeds: int | None = None, workers: int = 2,
+    out: str | Path | None = None,
+) -> Swept:  # fmt: skip
+    """Do the runs of a study on worker processes; in a notebook with a progress bar.
+
+    Args:
+        study: A name or a file.
+        overrides: Settings of all runs, such as "run.duration=6".
+        seeds: Replaces the study's seeds by 0, 1, ... up to this number.
+        workers: How many processes.
+        out: The study's folder, as `servobench sweep --out` has it: what is there already is not
+            done again. By default nothing is kept.
+
+    Raises:
+        Mistake: The study, a setting or the folder is wrong.
+        Refused: The workers cannot work, or every run failed.
+    """
+    plan = load(study, overrides, seeds)
+    gl.backend()
+    command = command_line("sweep", study, set=list(overrides), seeds=seeds)
+    with ExitStack() as stack:
+        folder = stack.enter_context(TemporaryDirectory()) if out is None else out
+        store = stack.enter_context(opened(Path(folder), plan, StudyFile.of(plan, command)))
+        failed = _work(plan, store, workers)
+        if not store.done():
+            raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")
+        return Swept(plan, store.table(store.done()), failed)
+
+
+def _work(study: Study, store: Store, workers: int) -> list[str]:
+    """Do the missing runs; a sentence for each that failed."""
+    done, failed = store.done(), list[str]()
+    missing = (run for run in study.runs() if run.number not in done)
+    if len(done) == study.size:
+        return failed
+    with local(workers) as cluster, notebook.progress(study.name, study.size) as bar:
+        try:
+            for run, ended in carry_out(cluster, missing, perform):
+                if ended.error:
+                    again = run.command(study.changes)
+                    store.fail(run, ended.error, again)
+                    failed.append(f"{ended.reason} (again: {again})")
+                else:
+                    store.add(ended.value)
+                bar(len(store.done()) + len(failed), f"{len(failed)} failed")
+        except Lost as lost:
+            raise Refused(f"{lost}; give `out` to go on from what is finished") from None
+    return failed
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Swept:
+    """A study whose runs are done."""
+
+    study: Study
+    _table: pa.Table
+    failed: list[str] = field(default_factory=list[str])
+    """A sentence for each run that failed, with the command that repeats it."""
+
+    @cached_property
+    def runs(self) -> Any:
+        """A row for each run: a DataFrame, or, without pandas, an Arrow table."""
+        return notebook.frame_of(self._table)
+
+    @cached_property
+    def cells(self) -> Any:
+        """A row for each combination of axis values: success rate and means with 95 % intervals."""
+        text = cells_csv(self.study, self._cells).encode()
+        return notebook.frame_of(csv.read_csv(pa.BufferReader(text)))
+
+    @cached_property
+    def _cells(self) -> list[Cell]:
+        return cells_of(self.study, self._table.to_pylist())
+
+    def __repr__(self) -> str:
+        runs, cells = self._table.num_rows, len(self._cells)
+        return f"Swept({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
+
+    def _repr_html_(self) -> str:
+        keys = [axis.key for axis in self.study.every_axis]
+        rows = [
+            [*map(shown, cell.settings.values()), counted(cell.success, cell.unit),
+             spread(cell.success),
+             *(shown(mean and mean.value) for mean in map(cell.means.get, SHOWN))]
+            for cell in self._cells
+        ]  # fmt: skip
+        return notebook.html_table(Table((*keys, "units", "held", *SHOWN), rows))

@@ -1,0 +1,79 @@
+"""Checks for other programs: JUnit's XML, JSON, and scenario files as pytest's tests."""
+
+import json
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+from servo.cli.check_command import check_scenarios
+from servo.mistake import Mistake
+
+SHORT = """[run]
+duration = 0.3
+[start]
+x = 9
+[tracker]
+kind = "frozen"
+[expect]
+servo_rms_px = {bound}
+"""
+
+
+def checked(tmp_path, bound, **files):
+    path = tmp_path / "mine.toml"
+    path.write_text(SHORT.format(bound=bound))
+    return path, check_scenarios([str(path)], ["start.x=9"], 3, 2, 1, quiet=True, **files)
+
+
+def test_a_missed_bound_is_a_failure_with_its_command(tmp_path, capsys):
+    files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
+    path, code = checked(tmp_path, 0.001, **files)
+    suite = ElementTree.parse(files["junit"]).getroot()
+    assert code == 1
+    counts = {key: suite.get(key) for key in ("tests", "failures", "errors")}
+    assert counts == {"tests": "2", "failures": "2", "errors": "0"}
+    case, failure = suite[1], suite[1][0]
+    assert (case.get("classname"), case.get("name")) == ("servobench.mine", "mine, seed 4")
+    assert failure.get("message").startswith("servo_rms_px is ")
+    assert failure.get("message").endswith(", expected at most 0.001")
+    again = f"servobench run {path} --set start.x=9 --seed 4"
+    assert failure.text == f"again: {again}"
+    found = json.loads(files["json"].read_text())
+    assert found["command"] == f"servobench check {path} --set start.x=9 --seed 3 --seeds 2"
+    assert (found["kind"], found["format"], len(found["runs"])) == ("check", 1, 2)
+    run = found["runs"][1]
+    assert (run["command"], run["outcome"], run["failed"]) == (again, "CONVERGED", "")
+    assert run["missed"][0]["found"] == run["measures"]["servo_rms_px"]
+    capsys.readouterr()
+
+
+def test_kept_bounds_are_passed_tests(tmp_path):
+    _, code = checked(tmp_path, 1000, junit=tmp_path / "out.xml")
+    suite = ElementTree.parse(tmp_path / "out.xml").getroot()
+    assert (code, suite.get("failures"), [len(case) for case in suite]) == (0, "0", [0, 0])
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_the_runs(tmp_path):
+    with pytest.raises(Mistake, match=r"x/out\.xml: this should be a file to write, in a folder "):
+        checked(tmp_path, 1000, junit=tmp_path / "x" / "out.xml")
+
+
+@pytest.mark.processes
+def test_scenario_files_are_tests_of_pytest(tmp_path):
+    for name, text in {
+        "good": SHORT.format(bound=1000), "bad": SHORT.format(bound=0.001),
+        "wrong": SHORT.format(bound=1) + "[run.x]\n", "study": 'scenario = "line"\n',
+    }.items():  # fmt: skip
+        (tmp_path / f"{name}.toml").write_text(text)
+    told = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "--servobench", "--servobench-seeds=2", "."],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert told.returncode == 1
+    assert "4 failed, 2 passed" in told.stdout
+    assert f"  again: servobench run {tmp_path / 'bad.toml'} --seed 1\n" in told.stdout
+    assert "missed: servo_rms_px is " in told.stdout
+    assert "wrong.toml: run: there is no key 'x'" in told.stdout
+    assert "Traceback" not in told.stdout

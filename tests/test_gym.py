@@ -1,0 +1,226 @@
+"""The environment of Gymnasium: its contract, its seeds, its actions, its reward and its ends."""
+
+import subprocess
+import sys
+import time
+import warnings
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+import servo  # noqa: E402
+import servo.gym  # noqa: E402
+from servo import Mistake  # noqa: E402
+
+SHORT = ["run.duration=0.4", "tracker.particles=20"]
+TUTORIAL = Path(__file__).parent / "tutorials" / "train_servo.py"
+
+
+def made(**settings):
+    return gymnasium.make(servo.gym.ID, **({"overrides": SHORT} | settings))
+
+
+def steps_of(env, actions, **reset):
+    """What an environment gives for some actions."""
+    first, told = env.reset(**reset)
+    return [(first, None, told), *((o, r, i) for o, r, _, _, i in map(env.step, actions))]
+
+
+@pytest.mark.parametrize("observation", servo.gym.OBSERVATIONS)
+@pytest.mark.parametrize("action", servo.gym.ACTIONS)
+def test_gymnasiums_own_check_finds_nothing(observation, action):
+    env = made(observation=observation, action=action)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+def test_both_ways_to_render_pass_gymnasiums_check(monkeypatch):
+    monkeypatch.setattr(servo.gym, "_check_display", lambda: None)
+    monkeypatch.delenv("DISPLAY", raising=False)  # matplotlib then opens no window
+    env = made(render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+    env.reset(seed=0)
+    assert env.render().shape == (480, 640, 3)
+    assert env.unwrapped.metadata["render_fps"] == 30
+
+
+@pytest.mark.parametrize("changes", [[], ["run.latency=2", "controller.acceleration=1.0"]])
+def test_no_residual_is_the_run_of_the_command(changes):
+    """Also of a law that remembers its commands; the seed is the scenario's, with its draws."""
+    env = made(overrides=[*SHORT, *changes])
+    given = steps_of(env, np.zeros((11, 4), np.float32), seed=5)
+    steps = list(servo.run(servo.load("reversal", [*SHORT, *changes], seed=5)))
+    assert len(steps) == 12
+    assert given[0][2]["drawn"] == servo.load("reversal", seed=5).drawn
+    expected = [s.servo_error for s in steps]
+    assert [told["servo_error_px"] for _, _, told in given] == pytest.approx(expected, abs=1e-9)
+    errors = np.array([seen[:4] for seen, _, _ in given])
+    scales = steps[0].command.trace.scales
+    assert errors == pytest.approx(np.array([s.error / scales for s in steps]), abs=1e-6)
+
+
+def test_an_action_moves_the_camera_after_the_delay():
+    """0.1 m/s to the right for ten frames after one of delay: the drives lag by 15 ms."""
+    env = made(scenario="still", action="twist", overrides=["run.duration=0.5"])
+    actions = np.tile(np.array([0.5, 0, 0, 0], np.float32), (12, 1))
+    given = steps_of(env, actions, seed=0)
+    vx = np.array([seen[8] for seen, _, _ in given])
+    assert np.abs(vx[:2]).max() < 1e-6
+    assert vx[6:] == pytest.approx(0.1, rel=0.03)
+    moved = given[-1][2]["servo_error_px"], given[0][2]["servo_error_px"]
+    assert moved[0] != pytest.approx(moved[1], abs=3)
+
+
+def test_the_reward_is_half_at_ten_pixels():
+    env = made(scenario="still", vary={},
+               overrides=["start.x=10", "start.y=0", "start.angle_deg=0", "start.scale=1",
+                          "run.duration=0.3", "tracker.kind=frozen"], action="twist")  # fmt: skip
+    env.reset(seed=0)
+    _, reward, lost, over, told = env.step(np.zeros(4, np.float32))
+    assert told["servo_error_px"] == pytest.approx(10, abs=0.2)
+    assert reward == pytest.approx(0.5, abs=0.01)
+    assert (lost, over) == (False, False)
+
+
+def test_it_ends_when_the_target_has_left_the_picture_and_when_the_time_is_over():
+    away = made(scenario="still", action="twist", reach=(2.0, 0.5),
+                overrides=["run.duration=4", "tracker.kind=frozen"])  # fmt: skip
+    away.reset(seed=0)
+    for _ in range(119):
+        _, _, lost, over, told = away.step(np.array([1, 0, 0, 0], np.float32))
+        if lost or over:
+            break
+    assert (lost, over) == (True, False)
+    assert told["servo_error_px"] > 120
+    with pytest.raises(Mistake, match=r"^step: there is no run; call reset first$"):
+        away.unwrapped.step(np.zeros(4))
+    short = made()
+    short.reset(seed=0)
+    ends = [short.step(np.zeros(4, np.float32))[2:4] for _ in range(11)]
+    assert ends == [(False, False)] * 10 + [(False, True)]
+
+
+def test_seeds_repeat_bit_for_bit_and_differ():
+    env, rng = made(observation="both"), np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (8, 4)).astype(np.float32)
+    first, again, other = (steps_of(env, actions, seed=s) for s in (7, 7, 8))
+    anew = steps_of(made(observation="both"), actions, seed=7)
+    for a, b, c in zip(first, again, anew, strict=True):
+        for x in (b, c):
+            assert a[0]["features"].tobytes() == x[0]["features"].tobytes()
+            assert (a[0]["picture"] == x[0]["picture"]).all()
+            assert a[1:] == x[1:]
+    assert first[0][2]["drawn"] != other[0][2]["drawn"]
+    _, drawn = env.reset()
+    assert env.reset(seed=7)[1]["seed"] == 7 != drawn["seed"]
+
+
+def test_options_change_one_run():
+    env = made()
+    _, told = env.reset(seed=3, options={"vary": {"start.x": {"uniform": [40, 41]}}})
+    assert told["drawn"].keys() == {"start.x", "start.y", "start.angle_deg", "motion.x",
+                                    "motion.length"}  # fmt: skip
+    assert 40 <= told["drawn"]["start.x"] <= 41
+    assert env.reset(seed=3, options={"scenario": "line", "vary": {}})[1]["drawn"] == {}
+    assert abs(env.reset(seed=3)[1]["drawn"]["start.x"]) <= 8
+    with pytest.raises(Mistake, match=r"^options: the pictures would have another size; "):
+        env.reset(options={"camera": {"width": 160}})
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"observation": "image"}, "there is no observation 'image'; there is features, picture, "
+                                   "both"),
+        ({"action": "twists"}, "there is no action 'twists'; did you mean 'twist'?"),
+        ({"dof": ["vz", "vw"]}, "there is no dof 'vw'; there is vx, vy, vz, wx, wy, wz"),
+        ({"gian": 1.0}, "there is no setting 'gian'; did you mean 'gain'?"),
+        ({"render_mode": "human"},
+         "render_mode='human': there is no display here; use 'rgb_array'"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_one_sentence(given, message, monkeypatch):
+    for name in servo.gym.DISPLAYS:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(Mistake) as found:
+        servo.gym.ServoEnv(**given)
+    assert str(found.value) == message
+
+
+def test_a_window_shows_each_picture(monkeypatch):
+    monkeypatch.setattr(servo.gym, "_check_display", lambda: None)
+    monkeypatch.delenv("DISPLAY", raising=False)  # matplotlib then opens no window
+    env = made(render_mode="human")
+    env.reset(seed=0)
+    env.step(np.zeros(4, np.float32))
+    figure, image = (window := env.unwrapped._window).figure, window.image
+    assert (image.get_array() == servo.gym.annotated(env.unwrapped._now)).all()
+    env.close()
+    from matplotlib import pyplot
+
+    assert not pyplot.fignum_exists(figure.number)
+
+
+def test_without_gymnasium_the_extra_is_named(tmp_path):
+    code = "import sys; sys.modules['gymnasium'] = None\nimport servo.gym"
+    told = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True,
+                          text=True, check=False)  # fmt: skip
+    assert told.stderr.splitlines()[-1] == (
+        "ModuleNotFoundError: servo.gym needs the extra 'gym': pip install 'servobench[gym]'"
+    )
+
+
+@pytest.mark.processes
+def test_a_reset_takes_little_time():
+    """30 ms CPU on the machine that it was measured on; four times as much fails."""
+    env, times = made(), []
+    for seed in range(12):
+        began = time.process_time()
+        env.reset(seed=seed)
+        times.append(time.process_time() - began)
+    assert np.median(times[1:]) < 0.12
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_environments_in_processes_give_what_one_gives(context):
+    alone = made(observation="both")
+    actions = np.random.default_rng(1).uniform(-1, 1, (5, 2, 4)).astype(np.float32)
+    expected = [steps_of(alone, actions[:, i], seed=10 + i) for i in range(2)]  # it has rendered
+    many = gymnasium.make_vec(
+        f"servo.gym:{servo.gym.ID}", num_envs=2, vectorization_mode="async",
+        vector_kwargs={"context": context}, overrides=SHORT, observation="both",
+    )  # fmt: skip
+    seen, _ = many.reset(seed=10)
+    for k in range(6):
+        for i in range(2):
+            assert (seen["features"][i] == expected[i][k][0]["features"]).all()
+            assert (seen["picture"][i] == expected[i][k][0]["picture"]).all()
+        if k < 5:
+            seen, *_ = many.step(actions[k])
+    many.close()
+
+
+@pytest.mark.processes
+def test_the_tutorials_policy_beats_the_law_without_an_estimator():
+    spec = spec_from_file_location("train_servo", TUTORIAL)
+    tutorial = module_from_spec(spec)
+    spec.loader.exec_module(tutorial)
+    env = tutorial.environment(14.0)
+    none, learned = (
+        float(np.sqrt(np.mean(tutorial.play(env, np.array(w), seed=100)[1] ** 2)))
+        for w in (np.zeros(4), tutorial.LEARNED)
+    )
+    assert none > 12
+    assert learned < 0.5 * none

@@ -1,0 +1,162 @@
+"""A whole run from Python: tables, figures, pictures, and what a notebook shows of them."""
+
+from functools import partial
+from importlib import import_module
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import servo
+from servo import Mistake, notebook
+from servo.cli.run_command import run_scenario
+
+SHORT = ["run.duration=0.5", "start.x=12", "camera.noise=2"]
+
+
+@pytest.fixture(scope="module")
+def result():
+    return servo.simulate("still", SHORT, seed=4, gain=1.5)
+
+
+def test_its_tables_are_those_of_the_command(result, tmp_path):
+    run_scenario("still", [*SHORT, "controller.gain=1.5"], 4, tmp_path, quiet=True, rerun=False)
+    written = pq.read_table(tmp_path / "steps.parquet").to_pandas()
+    timed = [name for name in written if name.startswith("seconds_")]
+    assert result.steps.drop(columns=timed).equals(written.drop(columns=timed))
+    rms = written.servo_error_px.iloc[-1]
+    assert (
+        result.measures.loc["servo_rms_px", "value"] == rms == result.report.value("servo_rms_px")
+    )
+    assert result.measures.loc["servo_rms_px", "unit"] == "px"
+
+
+def test_without_pandas_tables_are_of_arrow(result, monkeypatch):
+    monkeypatch.setattr(notebook, "find_spec", lambda name: None)
+    monkeypatch.delitem(vars(result), "measures", raising=False)
+    monkeypatch.delitem(vars(result), "steps", raising=False)
+    assert isinstance(result.steps, pa.Table)
+    assert result.measures.column("measure")[0].as_py() == "servo_rms_px"
+    del result.__dict__["steps"], result.__dict__["measures"]
+
+
+def test_it_is_the_sequence_of_its_steps(result):
+    assert len(result) == 15
+    assert [s.frame.index for s in result[3:6]] == [3, 4, 5]
+    last = result[-1]
+    seen = list(servo.run(result.scenario))[-1].frame.image
+    assert np.abs(last.frame.image.astype(int) - seen).mean() < 3  # JPEG
+    assert repr(last) == (
+        f"Step(frame 14, 0.467 s: servo error {last.servo_error:.2f} px, tracking error "
+        f"{last.tracking_error:.2f} px, LOCKED, SERVOING)"
+    )
+    assert repr(result).startswith("Result(still, seed 4: TIMED_OUT, ")
+
+
+def test_a_picture_shows_where_the_target_shall_be(result):
+    picture = np.asarray(result.frame(0.2))
+    assert picture.shape == (480, 640, 3)
+    corners = 2 * result[6].goal_corners
+    across = (corners + np.roll(corners, -1, axis=0)) / 2  # the middle of each side
+    near = [picture[int(y) - 3 : int(y) + 3, int(x) - 3 : int(x) + 3].astype(int)
+            for x, y in across]  # fmt: skip
+    red = [bool((p[..., 0] > np.maximum(90, 2 * p[..., 1])).any()) for p in near]
+    assert sum(red) >= 2  # truth and estimate are drawn over the others
+    with pytest.raises(Mistake, match=r"^frame\(9\): the run goes from 0 to 0.47 s$"):
+        result.frame(9)
+
+
+def test_a_notebook_shows_summary_and_plots(result):
+    page = result._repr_html_()
+    assert "<b>still, seed 4</b>: TIMED_OUT. " in page
+    assert "(missed: outcome is TIMED_OUT, expected CONVERGED; " in page
+    assert page.count("<img") == 1
+    figure = result.figure()
+    assert [ax.get_ylabel()[:8] for ax in figure.axes] == ["feature ", "distance", "dxn/dt o",
+                                                           "dyn/dt o"]  # fmt: skip
+    drawn = cv2.imdecode(np.frombuffer(figure._repr_png_(), np.uint8), cv2.IMREAD_COLOR)
+    assert drawn.shape[1] == 640
+
+
+def test_a_film_is_of_all_steps(result, monkeypatch):
+    given = {}
+
+    def write_film(steps, path, title):
+        given[title] = [s.frame.index for s in steps]
+        path.write_bytes(b"mp4")
+
+    monkeypatch.setattr("servo.result._film_writer", lambda: write_film)
+    clip = result.film()
+    assert given == {"still, seed 4": list(range(15))}
+    assert clip._repr_html_().endswith('src="data:video/mp4;base64,bXA0"></video>')
+
+
+def test_the_viewer_needs_an_extra_and_a_notebook(result, monkeypatch):
+    monkeypatch.setattr("servo.result.find_spec", lambda name: name)
+    with pytest.raises(Mistake, match=r"^view: this is for notebooks; elsewhere 'servobench run'"):
+        result.view()
+    monkeypatch.setattr("servo.result.find_spec", lambda name: None)
+    with pytest.raises(Mistake, match=r"^view: .*pip install 'servobench\[notebook\]'$"):
+        result.view()
+
+
+def test_a_notebook_shows_a_mistake_as_one_sentence():
+    with pytest.raises(Mistake) as found:
+        servo.simulate("still", gian=2)
+    sentence = "Mistake: there is no setting 'gian'; did you mean 'gain'?"
+    assert found.value._render_traceback_() == [sentence]
+
+
+def test_a_loaded_scenario_takes_no_changes():
+    with pytest.raises(Mistake, match=r"^a loaded scenario takes no changes: "):
+        servo.simulate(servo.load("still"), gain=2.0)
+
+
+def test_a_bar_is_shown_in_notebooks_only(monkeypatch):
+    shown = []
+
+    class Display:
+        HTML = staticmethod(str)
+
+        def display(self, page, display_id):
+            self.update(page)
+            return self
+
+        update = staticmethod(shown.append)
+
+    display = Display()
+    monkeypatch.setattr(notebook, "import_module", lambda name: display)
+    monkeypatch.setattr(notebook, "INTERVAL", 0.0)
+    for there in (False, True):
+        monkeypatch.setattr(notebook, "in_notebook", partial(bool, there))
+        with notebook.progress("<run>", 3) as bar:
+            bar(2, "error 1 px")
+    first, second, last = shown
+    assert 'value="0" max="3"' in first
+    assert second.startswith("<div>&lt;run&gt; <progress ")
+    assert second.endswith("2 / 3 error 1 px</div>")
+    assert last == ""
+
+
+@pytest.mark.processes
+def test_a_study_gives_its_tables(tmp_path):
+    study = tmp_path / "mine.toml"
+    study.write_text('scenario = "line"\nseeds = 2\n[axes]\ncontroller.gain = [1.0, 2.0]\n')
+    swept = servo.sweep(str(study), ["run.duration=0.3"], workers=1, out=tmp_path / "out")
+    assert swept.runs.columns[:4].tolist() == ["run", "scenario", "seed", "controller.gain"]
+    assert swept.cells["controller.gain"].tolist() == [1.0, 2.0]
+    assert swept.cells["runs"].tolist() == [2, 2]
+    assert repr(swept) == "Swept(mine: 4 runs, 2 cells, 0 failed)"
+    assert swept._repr_html_().count("<tr>") == 3
+    again = servo.sweep(str(study), ["run.duration=0.3"], workers=1, out=tmp_path / "out")
+    assert again.runs.equals(swept.runs)  # times too: nothing was done again
+
+
+def test_the_film_is_connected():
+    pytest.importorskip("servo.output.film")
+    assert (
+        import_module("servo.output.film").write_film
+        is import_module("servo.result")._film_writer()
+    )
