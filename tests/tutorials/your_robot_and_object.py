@@ -116,7 +116,8 @@ report = json.loads((OUT / "run" / "report.json").read_text())
 print(f"{report['outcome']}: within {report['measures']['servo_rms_px']:.2f} px rms")
 
 # %% [markdown]
-# What the camera sees, and the joints, from Python.
+# What the camera sees, and the joints, from Python. The elbow's unrest is the tracker's, which
+# hardly sees the size of an object in one colour.
 #
 # %%
 steps = list(servo.run(servo.load(str(OUT / "mine.toml"), ["run.duration=3"])))
