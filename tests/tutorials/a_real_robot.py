@@ -132,7 +132,7 @@ time.sleep(1.0)
 times, speeds, errors = np.array(robot.ask("log")).T
 for link in (camera.link, robot.link):
     link.close()
-server.wait(10)
+server.wait(120)  # at most, where a machine is busy [s]
 
 
 # %%

@@ -18,6 +18,7 @@ import numpy as np
 import servo
 from servo.testing import check_controller
 
+DOF = [0, 1, 2, 5]  # vx, vy, vz, wz: a camera that looks straight down stays level
 OUT = Path(os.environ.get("SERVOBENCH_TUTORIALS", "."))
 
 
@@ -33,8 +34,6 @@ class Config:
 
 
 class ProportionalIntegral:
-    dof = (0, 1, 2, 5)  # vx, vy, vz, wz: a camera that looks straight down stays level
-
     def __init__(self, config: Config) -> None:
         self.config = config
 
@@ -52,9 +51,9 @@ class ProportionalIntegral:
         error = features.error(features.values(seen), features.values(self.goal))
         error = np.where(features.known(seen), error, 0.0)
         new = self.sum + error * dt
-        inverse = np.linalg.pinv(features.matrix(seen)[:, self.dof])
+        inverse = np.linalg.pinv(features.matrix(seen)[:, DOF])
         twist = np.zeros(6)
-        twist[self.dof] = -inverse @ (config.kp * error + config.ki * new)
+        twist[DOF] = -inverse @ (config.kp * error + config.ki * new)
         limited = np.clip(twist, -config.fastest, config.fastest)
         saturated = bool((limited != twist).any())
         if not saturated:  # else the sum would grow while the camera cannot follow
