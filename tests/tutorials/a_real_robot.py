@@ -44,9 +44,9 @@ class Camera:
         self.link = Client(("127.0.0.1", port))
 
     def newest(self) -> servo.Frame | None:
-        """The newest picture; older ones are thrown away. None: none came in time."""
+        """The newest picture; older ones are thrown away. None: there is none yet."""
         frame = None
-        while self.link.poll(NO_PICTURE if frame is None else 0):
+        while self.link.poll(0.02 if frame is None else 0):
             head = json.loads(self.link.recv_bytes())
             pixels = np.frombuffer(self.link.recv_bytes(), np.uint8)
             image = pixels.reshape(head["height"], head["width"], 3)  # RGB; OpenCV has BGR
@@ -84,7 +84,9 @@ def drive(loop: servo.Loop, camera: Camera, robot: Robot, frame: servo.Frame | N
     try:
         while frame is not None:
             robot.go(loop.step(frame, robot.posture(frame.time)).twist)
-            frame = camera.newest()
+            last = frame.time
+            while (frame := camera.newest()) is None and robot.ask("clock") < last + NO_PICTURE:
+                pass
         return f"no picture for {NO_PICTURE} s"
     finally:
         robot.go(np.zeros(6))  # whatever happened, an exception included
@@ -125,10 +127,19 @@ for k in range(2):
 #
 # %%
 print(drive(ready_loop(first), camera, robot, first))
-time.sleep(1.0)
-hung = robot.ask("log")[-1][0]
+
+
+def hang(seconds: float) -> float:
+    """Do nothing for so long, by the robot's clock; its time then."""
+    end = robot.ask("clock") + seconds
+    while (now := robot.ask("clock")) < end:
+        time.sleep(0.05)
+    return now
+
+
+hung = hang(0.7)
 robot.go(np.array([0.1, 0, 0, 0, 0, 0]))
-time.sleep(1.0)
+hang(0.7)
 times, speeds, errors = np.array(robot.ask("log")).T
 for link in (camera.link, robot.link):
     link.close()

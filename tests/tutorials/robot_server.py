@@ -6,6 +6,7 @@ JSON or pixels (no pickle: what comes in is never executed).
     camera  ->  {"time", "index", "height", "width"}, then the pixels, RGB; 30 a second
     robot   <-  {"ask": "posture", "time"}  the answer: what it knew of itself at this time
             <-  {"ask": "twist", "twist"}   camera twist (6,), held until the next one
+            <-  {"ask": "clock"}            the answer: its time now
             <-  {"ask": "log"}              time, speed and true error of each tick so far
 
 At a time that is given somebody pulls the camera's cable: it stays connected and is silent. The
@@ -88,6 +89,8 @@ class Robot:
                 self.send(described(posture))
             case "unplug" | "plug":
                 self.plugged = message["ask"] == "plug"
+                self.send(self.log[-1][0])
+            case "clock":
                 self.send(self.log[-1][0])
             case "log":
                 self.send(self.log)
