@@ -13,13 +13,21 @@ from typing import Any
 
 from sim.quiet import silent_libraries
 
-APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
+INSTALL = (
+    "'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri' (Debian, Ubuntu), "
+    "'dnf install mesa-libEGL mesa-libGL mesa-dri-drivers' (Fedora) or 'pacman -S mesa' (Arch)"
+)
+"""What brings OpenGL without a GPU."""
+NO_SCREEN = (
+    "GLFW made no OpenGL context. macOS and Windows bring OpenGL, but give it to a user who is "
+    "logged in at the screen only, not over ssh or to a service; servobench is tested on Linux"
+)
 CHOSEN_BY = "MUJOCO_GL"
 OFF = ("off", "disable", "disabled", "false", "0")
 ANY = ("", "on", "enable", "enabled", "true", "1", "glfw")
 NATIVE = {"linux": ("glx", "egl", "osmesa"), "win32": ("wgl",), "darwin": ("cgl",)}
 """Names of back ends that MuJoCo takes on every system, and on one."""
-OSMESA = ("libOSMesa.so.8", "apt-get install --no-install-recommends libosmesa6 libgl1")
+OSMESA = ("libOSMesa.so.8", "'apt-get install --no-install-recommends libosmesa6 libgl1'")
 NO_WINDOW = 16
 """Side of a context's own buffer [px]: everything is rendered into buffers of MuJoCo's."""
 KEPT = threading.local()
@@ -46,14 +54,14 @@ def backend() -> str:
     if asked == "osmesa":
         _require(*OSMESA)
         return "osmesa"
-    _require("libEGL.so.1", APT)
+    _require("libEGL.so.1", INSTALL)
     if _library("libGL.so.1") is None:
-        _require("libOpenGL.so.0", APT)
+        _require("libOpenGL.so.0", INSTALL)
     with silent_libraries():
         answers = _has_device()
     if not answers:
         raise NoRenderer(
-            f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'."
+            f"No OpenGL driver answers on this machine (libEGL finds no device): run {INSTALL}."
         )
     return "egl"
 
@@ -68,7 +76,7 @@ def check_environment() -> None:
     if asked not in (*ANY, *OFF, *NATIVE.get(sys.platform, ())):
         raise NoRenderer(f"{CHOSEN_BY}={asked}: there is no such back end: unset it, or use egl.")
     if asked in ("egl", "osmesa"):
-        _require(*OSMESA) if asked == "osmesa" else _require("libEGL.so.1", APT)
+        _require(*OSMESA) if asked == "osmesa" else _require("libEGL.so.1", INSTALL)
     os.environ.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to its back end
 
 
@@ -83,10 +91,21 @@ def make_current() -> None:
     """
     process = os.getpid()  # a forked process cannot use its parent's context
     if getattr(KEPT, "process", None) != process:
-        module = importlib.import_module(f"mujoco.{backend()}")
-        KEPT.context, KEPT.process = module.GLContext(NO_WINDOW, NO_WINDOW), process
+        KEPT.context, KEPT.process = _new_context(backend()), process
     context: Any = KEPT.context
     context.make_current()
+
+
+def _new_context(name: str) -> Any:
+    try:
+        context: Any = importlib.import_module(f"mujoco.{name}").GLContext(NO_WINDOW, NO_WINDOW)
+    except Exception as error:
+        if name != "glfw":
+            raise
+        raise NoRenderer(f"{NO_SCREEN} ({error}).") from error
+    if name == "glfw" and not context._context:  # without a screen GLFW gives no window
+        raise NoRenderer(f"{NO_SCREEN}.")
+    return context
 
 
 def describe() -> str:
@@ -110,7 +129,7 @@ def _library(name: str) -> ctypes.CDLL | None:
 
 def _require(name: str, remedy: str) -> None:
     if _library(name) is None:
-        raise NoRenderer(f"The OpenGL library {name} is missing on this machine: run '{remedy}'.")
+        raise NoRenderer(f"The OpenGL library {name} is missing on this machine: run {remedy}.")
 
 
 def _has_device() -> bool:

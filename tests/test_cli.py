@@ -120,7 +120,7 @@ def test_a_missing_gl_library_is_named_before_anything_else(monkeypatch, capfd, 
         assert code == 2
         assert err == (
             "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
-            "run 'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri'.\n"
+            f"run {gl.INSTALL}.\n"
         )
     assert list(elsewhere.iterdir()) == []
 

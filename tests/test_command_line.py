@@ -1,9 +1,16 @@
-"""The command line that is stored with results: it repeats what was typed."""
+"""The command line: that stored with results repeats what was typed; what to begin with; the names
+that a shell completes.
+"""
 
+import re
 import shlex
 
 import pytest
+from click.shell_completion import ShellComplete
+from click.testing import CliRunner
 
+from servo.cli.main import app
+from servo.cli.options import TO_TRY
 from servo.output.formats import command_line
 from servo.scenario.toml import assignment
 from servo.study.plan import Base, Run
@@ -34,3 +41,22 @@ def test_a_value_of_a_study_is_the_same_after_set(value):
     words = shlex.split(run.command({}))
     assert words[:5] == ["servobench", "run", "still", "--seed", "3"]
     assert assignment(words[6]) == ("tracker.x", value)
+
+
+def test_five_commands_to_begin_with_stand_below_the_help():
+    named = re.findall(r"^  servobench (\w+)", TO_TRY, re.MULTILINE)
+    assert len(named) == 5
+    assert {*named} <= app.commands.keys()
+    assert CliRunner().invoke(app, []).output.endswith(TO_TRY)
+
+
+@pytest.mark.parametrize(("words", "begun", "found"), [
+    (["run"], "rev", [("plain", "reversal"), ("plain", "reversal_5hz")]),
+    (["check", "line"], "spi", [("plain", "spin")]),
+    (["sweep"], "enc", [("plain", "encoder")]),
+    (["run"], "mine/a", [("file", "mine/a")]),
+    ([], "doc", [("plain", "doctor")]),
+])  # fmt: skip
+def test_a_shell_completes_so(words, begun, found):
+    shell = ShellComplete(app, {}, "servobench", "_SERVOBENCH_COMPLETE")
+    assert [(c.type, c.value) for c in shell.get_completions(words, begun)] == found

@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ from sim import gl
 
 pytestmark = pytest.mark.processes
 
-APT = "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri"
+INSTALL = (
+    "'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri' (Debian, Ubuntu), "
+    "'dnf install mesa-libEGL mesa-libGL mesa-dri-drivers' (Fedora) or 'pacman -S mesa' (Arch)"
+)
 
 
 def machine_with(monkeypatch, *names, device=True):
@@ -31,16 +35,16 @@ def machine_with(monkeypatch, *names, device=True):
 @pytest.mark.parametrize(
     ("names", "device", "message"),
     [
-        ((), True, f"The OpenGL library libEGL.so.1 is missing on this machine: run '{APT}'."),
+        ((), True, f"The OpenGL library libEGL.so.1 is missing on this machine: run {INSTALL}."),
         (
             ("libEGL.so.1",),
             True,
-            f"The OpenGL library libOpenGL.so.0 is missing on this machine: run '{APT}'.",
+            f"The OpenGL library libOpenGL.so.0 is missing on this machine: run {INSTALL}.",
         ),
         (
             ("libEGL.so.1", "libGL.so.1"),
             False,
-            f"No OpenGL driver answers on this machine (libEGL finds no device): run '{APT}'.",
+            f"No OpenGL driver answers on this machine (libEGL finds no device): run {INSTALL}.",
         ),
     ],
 )
@@ -69,6 +73,25 @@ def test_rendering_that_was_switched_off_says_so(monkeypatch):
         gl.NoRenderer, match=r"^Rendering is switched off by MUJOCO_GL=off: unset it\.$"
     ):
         gl.backend()
+
+
+@pytest.mark.parametrize("broken", [True, False])
+def test_without_a_screen_glfw_says_what_is_known(monkeypatch, broken):
+    """Where it has no window, MuJoCo's context is none; or GLFW itself refuses."""
+
+    def context(width, height):
+        if broken:
+            raise ImportError("Failed to load GLFW3 shared library.")
+        return SimpleNamespace(_context=None)
+
+    monkeypatch.setattr(gl.sys, "platform", "darwin")
+    monkeypatch.setattr(gl.importlib, "import_module", lambda _: SimpleNamespace(GLContext=context))
+    monkeypatch.setattr(gl, "KEPT", SimpleNamespace())
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    with pytest.raises(gl.NoRenderer) as refused:
+        gl.make_current()
+    why = " (Failed to load GLFW3 shared library.)" if broken else ""
+    assert str(refused.value) == f"{gl.NO_SCREEN}{why}."
 
 
 def first_picture(*changes):
@@ -111,7 +134,7 @@ QUIET = {
     "no driver": (
         ["run", "still"], {"LIBGL_DRIVERS_PATH": "/nonexistent"},
         "servobench: No OpenGL driver answers on this machine (libEGL finds no device): run "
-        f"'{APT}'.\n",
+        f"{INSTALL}.\n",
     ),
     "no home": (
         ["report", "gone"], {"HOME": "/dev/null", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": ""},

@@ -48,7 +48,7 @@ def lines(console):
     return [line.rstrip() for line in console.export_text(styles=False).splitlines()]
 
 
-def test_the_doctor_says_this(console, monkeypatch, approved):
+def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     monkeypatch.setattr(doctor_command.gl, "backend", lambda: "egl")
     monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
@@ -88,6 +88,10 @@ def test_the_doctor_says_this(console, monkeypatch, approved):
     )
     assert doctor_command.examine(bench=True) == 0
     approved("prints/doctor", lines(console))
+    monkeypatch.setattr(doctor_command, "clash", lambda: "uninstall one")
+    assert doctor_command.examine(bench=False) == 1
+    assert capsys.readouterr().err == "servobench: uninstall one\n"
+    assert doctor_command.FINE not in lines(console)
 
 
 def report():

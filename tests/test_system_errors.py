@@ -153,7 +153,7 @@ def test_a_closed_stderr_needs_no_silence(monkeypatch):
 def test_a_library_that_is_missing_is_named_with_its_remedy(monkeypatch):
     monkeypatch.setattr(gl.ctypes, "CDLL", refusing())
     with pytest.raises(gl.NoRenderer) as told:
-        gl._require("libX.so", "apt-get install x")
+        gl._require("libX.so", "'apt-get install x'")
     assert str(told.value) == (
         "The OpenGL library libX.so is missing on this machine: run 'apt-get install x'."
     )

@@ -22,12 +22,15 @@ LENGTH = 60.0
 """The car's length in the films that trackers are timed on [px]."""
 TIMED = ("camshift", "cv_mean_shift", "mean_shift", "mk_ssd", "pf_ssd", "condensation", "annealed",
          "mk_pf", "kams", "cv_mil")  # fmt: skip
+FINE = "All is well. To begin with: servobench run reversal"
 UNIT = "camshift"
 """Tracker times are given as multiples of OpenCV's."""
 
 
 def examine(*, bench: bool) -> int:
-    """Print back end, renderer, versions and speed of this machine; bench: how long parts take."""
+    """Print back end, renderer, versions and speed of this machine, and what to do next; bench: how
+    long parts take. The exit code.
+    """
     console = Console()
     backend = gl.backend()
     scenario = scenarios.load("still")
@@ -42,10 +45,12 @@ def examine(*, bench: bool) -> int:
         **versions(),
     }
     print_table(console, Table(("what", "found"), list(rows.items()), words=range(2)))
-    if sentence := clash():
-        complain(sentence)
     if bench:
         _bench(console)
+    if sentence := clash():
+        complain(sentence)
+        return 1
+    plain(console, FINE)
     return 0
 
 

@@ -22,7 +22,7 @@ def app() -> None:
 
 
 @app.command()
-@click.argument("scenario", help="A shipped scenario (servobench list) or a .toml file.")
+@click.argument("scenario", type=opt.SCENARIO, help="A shipped scenario, or a .toml file.")
 @opt.changes_option
 @click.option(
     "--seed", type=opt.NATURAL, help="Seed of every random stream (default: the scenario's)."
@@ -39,7 +39,7 @@ def run(scenario: str, no_rerun: bool, **options: Any) -> None:
 
 
 @app.command()
-@click.argument("scenarios", nargs=-1, help="Which (default: all that have bounds).")
+@click.argument("scenarios", nargs=-1, type=opt.SCENARIO, help="Which (default: all with bounds).")
 @opt.changes_option
 @click.option(
     "--seeds", type=opt.COUNT, default=1, show_default=True,
@@ -114,7 +114,7 @@ def bench(**options: Any) -> None:
 
 
 @app.command()
-@click.argument("study", help="A shipped study (servobench list), or a .toml file of axes.")
+@click.argument("study", type=opt.STUDY, help="A shipped study, or a .toml file of axes.")
 @opt.changes_option
 @click.option("--seeds", type=opt.COUNT, help="Number of seeds from 0 on (default: the study's).")
 @opt.workers_option

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from servo.cli.guard import ending_signals
+from servo.scenario import catalogue
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -57,6 +59,26 @@ class Named(click.Path):
         return super().convert(value, param, ctx)
 
 
+class Shipped(click.ParamType[str]):
+    """A shipped name, or a file of one's own; shells complete both."""
+
+    name = "text"
+
+    def __init__(self, names: Callable[[], list[str]]) -> None:
+        self._names = names
+
+    def shell_complete(
+        self,
+        ctx: click.Context,  # noqa: ARG002  (click's signature)
+        param: click.Parameter,  # noqa: ARG002
+        incomplete: str,
+    ) -> list[CompletionItem]:
+        """The shipped names that begin so; where there is none, files."""
+        found = [CompletionItem(name) for name in self._names() if name.startswith(incomplete)]
+        return found or [CompletionItem(incomplete, type="file")]
+
+
+SCENARIO, STUDY = Shipped(catalogue.shipped), Shipped(catalogue.studies)
 PATH, SOURCE = Named(path_type=Path), Named(path_type=str)
 COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
 
@@ -76,8 +98,22 @@ def out_option(default: str) -> Callable[[Command], Command]:
     return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
 
 
+TO_TRY = """
+To begin with:
+  servobench doctor                    # does this machine render, and how fast?
+  servobench run reversal              # a run: its measures, and the folder runs/reversal-0
+  servobench view runs/reversal-0      # look at it; without a display: --png FILE
+  servobench report runs/reversal-0    # the same as a page
+  servobench list tracker              # what may take the place of a part
+"""
+
+
 class Commands(click.Group):
     """Commands, listed in the order of the file; Ctrl-C, TERM and HUP end all in the same way."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Five commands to try, below the help."""
+        formatter.write(TO_TRY)
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  (click's signature)
         return list(self.commands)
