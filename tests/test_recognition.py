@@ -40,7 +40,7 @@ def test_a_target_out_of_the_picture_is_lost_within_a_second_and_found_again(kin
     )
     gone = ~np.isfinite(sequence.truth).all(axis=(1, 2))
     first, last = np.flatnonzero(gone)[[0, -1]]
-    tracker = create(kind, seed=0, preset="video")
+    tracker = create(kind, seed=0, preset="video", particles=100)
     shots = list(follow(tracker, sequence.source, sequence.region, sequence.start))
     lost = [shot.estimate.status is Status.LOST for shot in shots]
     assert not any(lost[:first])

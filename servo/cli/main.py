@@ -62,7 +62,10 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     help="The target in the first picture: top left corner, size [px], rotation about its centre "
     "(default: the truth's first line).",
 )  # fmt: skip
-@click.option("--tracker", default="annealed", show_default=True, help="Which (servobench list).")
+@click.option(
+    "--tracker", default="annealed:video", show_default=True,
+    help="Which (servobench list), such as kams or kams:paper.",
+)  # fmt: skip
 @opt.changes_option
 @click.option(
     "--seed", type=opt.NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
