@@ -41,7 +41,7 @@ LOCK = LockConfig(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
 class Recognition:
     """By what the target is recognised besides its colours."""
 
-    views: Annotated[int, Ge(0), Le(64)] = 0
+    views: Annotated[int, Ge(0), Le(16)] = 0
     """How many small pictures of the target are kept, the first and the newest, by which it is
     recognised, judged LOST, and found again; 0: none, its colours decide."""
     unlike: Annotated[float, Ge(0), Le(100)] = 0.3

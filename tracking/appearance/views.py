@@ -46,8 +46,9 @@ class Views:
 
     def blurred(self, image: Image) -> Image:
         """The picture, each pixel the mean of as much as a point of a view stands for."""
-        width, height = (max(round(side * self._scale / SIDE), 1)
-                         for side in (self._region.width, self._region.height))  # fmt: skip
+        sides = (self._region.width, self._region.height)
+        width, height = (min(max(round(side * self._scale / SIDE), 1), most)
+                         for side, most in zip(sides, image.shape[1::-1], strict=True))  # fmt: skip
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
@@ -59,10 +60,9 @@ class Views:
         first, if it is new.
         """
         self._scale = state.scale
-        if float(self.likeness(blurred, state.vector[None])[0]) > NEW:
-            return
-        newest = self._stored[1:][-(self._count - 2) :] if self._count > 2 else self._stored[:0]
-        self._stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
+        if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
+            newest = self._stored[max(len(self._stored) - self._count + 2, 1) :]
+            self._stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
 
     def search(self, blurred: Image, last: State, most: int) -> Array:
         """The places (n, 4) of the whole picture that are most like a view, the best first: with
