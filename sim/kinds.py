@@ -115,6 +115,16 @@ def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
     return known[name]
 
 
+def named(folder: str, text: str) -> dict[str, Any]:
+    """The table that "kind" or "kind:preset" stands for; a kind of another package may be
+    "package:kind", and a class to import "module:Name".
+    """
+    kind, *rest = text.split(":")
+    if kind and rest and kind not in names(folder):
+        kind = f"{kind}:{rest.pop(0)}"
+    return {"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {})
+
+
 def presets(folder: str, kind: str) -> dict[str, dict[str, Any]]:
     """All presets of a kind by name: the `PRESETS` of its file, or of another's `Config`."""
     config = config_of(folder, kind)

@@ -132,7 +132,7 @@ BAD = {
     ),
     "an unknown preset": (
         ["in", "--region", REGION, "--set", "tracker.preset=book"],
-        "tracker.preset: there is no preset 'book'; there is paper",
+        "tracker.preset: there is no preset 'book'; there is paper, video",
     ),
     "a first picture that is none": (
         ["broken", "--region", REGION],

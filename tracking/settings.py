@@ -14,6 +14,7 @@ from tracking.appearance.model import SampledModel, model_of
 from tracking.appearance.reference import Learning
 from tracking.hot.colour_labels import evened
 from tracking.lock import LockConfig
+from tracking.recognition import Recognition
 from tracking.types import Region, State
 
 PLAIN: dict[str, Any] = {"contrast": 0.0, "discriminate": False, "update": 0.0}
@@ -68,7 +69,7 @@ class DiscSettings(Colours, Learning):
 
 
 @dataclass(frozen=True, slots=True)
-class CloudSettings(DiscSettings):
+class CloudSettings(DiscSettings, Recognition):
     """A particle filter on one histogram."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 200

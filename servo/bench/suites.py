@@ -12,7 +12,6 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from sim import kinds
-from sim.installed import Trusted
 from tracking.evaluation.sequences.sequence import is_folder, read_all
 from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.sequences.truth import Format
@@ -60,13 +59,7 @@ def contenders(text: str | None) -> list[Contender]:
     """
     every = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]
     words = every if text is None else [w.strip() for w in text.split(",")]
-    chosen: list[dict[str, Any]] = []
-    known = kinds.names(TRACKERS)
-    for word in words:
-        kind, *rest = word.split(":")
-        if kind and kind not in known and rest:
-            kind = f"{kind}:{rest.pop(0)}"
-        chosen.append({"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {}))
+    chosen = [kinds.named(TRACKERS, word) for word in words]
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
 
 

@@ -63,13 +63,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     help="A folder of images (also OTB, VOT), a video, a bag (MCAP, ROS 1, ROS 2), camera:0, or an "
     "address (rtsp, http, tcp, udp).",
 )  # fmt: skip
-@click.option(
-    "--region", metavar="X,Y,W,H[,DEG]",
-    help="The target in the first picture: top left corner, size [px], rotation about its centre "
-    "(default: the truth's first line).",
-)  # fmt: skip
 @opt.footage_options
-@click.option("--tracker", default="annealed", show_default=True, help="Which (servobench list).")
 @opt.changes_option
 @click.option(
     "--seed", type=opt.NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."

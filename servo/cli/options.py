@@ -130,14 +130,23 @@ class Commands(click.Group):
 
 
 def footage_options(command: Command) -> Command:
-    """The options that choose a topic of a bag, and the region by mouse."""
+    """The options that choose pictures, the target in the first one, and the tracker."""
+    region = click.option(
+        "--region", metavar="X,Y,W,H[,DEG]",
+        help="The target in the first picture: top left corner, size [px], rotation about its "
+        "centre (default: the truth's first line).",
+    )  # fmt: skip
     topic = click.option("--topic", help="The topic of a bag, where several have pictures.")
     select = click.option(
         "--select", is_flag=True,
         help="Draw the region with the mouse: in a window, or without a desktop on a page in your "
         "browser.",
     )  # fmt: skip
-    return select(topic(command))
+    tracker = click.option(
+        "--tracker", default="annealed:video", show_default=True,
+        help="Which (servobench list), such as kams or kams:paper.",
+    )  # fmt: skip
+    return region(topic(select(tracker(command))))
 
 
 def truth_options(command: Command) -> Command:

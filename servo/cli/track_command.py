@@ -26,7 +26,7 @@ from servo.output.versions import versions
 from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
 from servo.scenario.toml import override
-from sim.installed import Trusted
+from sim import kinds
 from sim.types import Array
 from tracking.evaluation.sequences import truth as truths
 from tracking.evaluation.sequences.quadrilateral import placement
@@ -37,6 +37,8 @@ from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
 from tracking.files.json_text import number
 from tracking.types import Region, State, Status
+
+TRACKERS = "tracking.trackers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,18 +127,18 @@ def run(request: TrackRequest) -> int:
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """The settings of a tracker such as "kams", with changes such as "tracker.particles=80", as a
-    table; and its `Config`.
+    """The settings of a tracker such as "kams" or "kams:paper" as a table, with changes such as
+    "tracker.particles=80"; and its `Config`.
 
     Raises:
         Mistake: There is no such kind or setting.
     """
-    table: dict[str, Any] = {"tracker": {"kind": Trusted(kind)}}
+    table: dict[str, Any] = {"tracker": kinds.named(TRACKERS, kind)}
     for item in changes:
         override(table, item)
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
-    return table["tracker"], fill_plugin("tracking.trackers", table["tracker"], "tracker")
+    return table["tracker"], fill_plugin(TRACKERS, table["tracker"], "tracker")
 
 
 def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:

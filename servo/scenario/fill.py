@@ -120,7 +120,9 @@ def fill_plugin(folder: str, table: Any, place: str, default: str | None = None)
                 f"{place}.{key}: a file may not name a command to start: give it with --set, or "
                 "from Python"
             )
-    return fill(config, begin | given, place)
+    tables = {k: dataclasses.asdict(v) if dataclasses.is_dataclass(v) and not isinstance(v, type)
+              else v for k, v in begin.items()}  # fmt: skip
+    return fill(config, tables | given, place)
 
 
 def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:

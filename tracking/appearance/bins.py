@@ -109,6 +109,8 @@ class Labelled:
             farthest: Label at least this far around any state [px].
         """
         self.bins = bins
+        self.blurred = image
+        """The picture as views are read in it."""
         self._image, self._farthest = image, farthest
         self._last: tuple[Window, Labels] | None = None
 

@@ -21,6 +21,7 @@ from sim.types import Array, Image
 from tracking.appearance.bins import Bins, Labelled
 from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, inner, ring
 from tracking.appearance.reference import Learning, Reference
+from tracking.appearance.views import Views
 from tracking.hot import point_histograms as hot
 from tracking.types import Region, State
 
@@ -54,10 +55,19 @@ class SampledModel:
         self._bins, self._layout, self._ring = bins, layout, around
         self._reference = reference
         self._radius = max(layout.radius, around.radius)
+        self._views: Views | None = None
+        self._unlike = 0.0
 
     def label(self, image: Image) -> Labelled:
         """A picture (H, W, 3), ready to be read by the other methods; one object a picture."""
-        return Labelled(image, self._bins, self._reference.radius)
+        found = Labelled(image, self._bins, self._reference.radius)
+        if self._views is not None:
+            found.blurred = self._views.blurred(image)
+        return found
+
+    def recognise(self, views: Views, unlike: float) -> None:
+        """From now on the energy has another term: `unlike` times 1 - the likeness to the views."""
+        self._views, self._unlike = views, unlike
 
     def distances(self, image: Labelled, states: Array) -> Array:
         """d_m (N,) of each state (N, 4)."""
@@ -65,12 +75,14 @@ class SampledModel:
         return np.sqrt(hot.squared_distances(rho))
 
     def energy(self, image: Labelled, states: Array) -> Array:
-        """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring; with
-        summed parts, times their number.
+        """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring, and
+        of views if there are some; with summed parts, times their number.
         """
         window = self._window(image, states)
         squared = hot.squared_distances(self._coefficients(window, states))
         eta = self._reference.learning.contrast
+        if self._views is not None:
+            squared = squared + self._unlike * (1 - self._views.likeness(image.blurred, states))
         if eta == 0:
             return self._factor * squared
         ring = (self._ring.points, self._ring.parts, self._ring.weights)

@@ -9,6 +9,7 @@ from sim.types import Array, Frame
 from tracking.appearance.bins import Labelled
 from tracking.appearance.model import SampledModel
 from tracking.lock import Lock
+from tracking.recognition import Recogniser
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import CloudSettings
@@ -36,6 +37,9 @@ class CloudTracker:
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
         self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state
+        self._recogniser = None
+        if c.views > 0:
+            self._recogniser = Recogniser(c, c.view(frame.image), region, state, self._model)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, estimate, resample."""
@@ -46,9 +50,15 @@ class CloudTracker:
         if strewn:
             height, width = frame.image.shape[:2]
             cloud.scatter(c.scatter, (width, height), self._found)
+        if lost and self._recogniser is not None:
+            self._recogniser.send(cloud, image, self._found)
         evaluations = self._search(cloud, self._model, image, self._velocity.step(ego), widen)
-        state = cloud.best() if c.estimate == "best" else cloud.mean()
-        distance = float(self._model.distances(image, state.vector[None])[0])
+        searched = lost and self._recogniser is not None  # in many places: their mean is none
+        state = cloud.best() if c.estimate == "best" or searched else cloud.mean()
+        if self._recogniser is None:
+            distance = float(self._model.distances(image, state.vector[None])[0])
+        else:
+            distance = self._recogniser.doubt(image, state, cloud, frame.time)
         self._status = self._lock.judge(distance, frame.time)
         found = cloud.estimate(state, distance, self._status, evaluations + 1)
         seen = self._status is Status.LOCKED
@@ -57,6 +67,8 @@ class CloudTracker:
         if seen:
             self._found = state
             self._model.learn(image, state)
+            if self._recogniser is not None:
+                self._recogniser.learn(image, state, distance)
         if seen and strewn:
             cloud.gather(state)
         return found

@@ -10,6 +10,7 @@ from sim.ranges import Share
 from sim.types import Array
 from tracking.appearance.bins import Labelled
 from tracking.appearance.model import SampledModel
+from tracking.recognition import LOCK
 from tracking.search.annealing import Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
 from tracking.settings import CloudSettings
@@ -24,7 +25,9 @@ LAYERS: dict[str, Any] = condensation.FILTER | {
     "layers": 5,
 }
 """The annealing of the KAMS paper: no motion model; M = 4, so five layers."""
-PRESETS = {"paper": LAYERS | condensation.SAME}
+VIDEO: dict[str, Any] = {"views": 6, "scatter": 0.5, "widen_when_lost": 1.0, "lock": LOCK}
+"""For recordings: recognised by views too."""
+PRESETS = {"paper": LAYERS | condensation.SAME, "video": VIDEO}
 
 
 @dataclass(frozen=True, slots=True)

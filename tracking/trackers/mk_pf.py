@@ -11,11 +11,15 @@ from tracking.appearance.bins import ColourBins
 from tracking.appearance.layout import Combine
 from tracking.appearance.model import SampledModel, model_of
 from tracking.settings import PLAIN, Sharpness
-from tracking.trackers import condensation
+from tracking.trackers import annealed, condensation
 from tracking.types import Region, State
 
-PRESETS: dict[str, dict[str, Any]] = {"paper": PLAIN | {"density": 16, "scatter": 0.0}}
-"""With so many points a side of a cell, every pixel of a common target is read."""
+VIDEO: dict[str, Any] = annealed.VIDEO | {
+    "discriminate": True, "update": 0.05, "turn_noise": 0.0, "noise": 0.3, "scale_noise": 0.015,
+    "velocity_memory": 1.0,
+}  # fmt: skip
+PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
+"""The paper's: with so many points a side of a cell, every pixel of a common target is read."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,29 +12,34 @@ where Newton would lock onto what is in front.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, final
+from typing import Annotated, Any, final
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.bins import ColourBins
+from tracking.appearance.bins import ColourBins, Labelled
 from tracking.appearance.layout import Combine
 from tracking.appearance.model import model_of
 from tracking.appearance.reference import Learning
 from tracking.lock import Lock, LockConfig
+from tracking.recognition import Recogniser, Recognition
 from tracking.search.newton import KernelModel, Refined
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN, Colours, Inset, Sharpness
+from tracking.trackers.mk_pf import VIDEO
 from tracking.types import Estimate, Region, State, Status, check_region
 
-PRESETS = {"paper": PLAIN | {"inset": 0.0, "density": 16}}
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": PLAIN | {"inset": 0.0, "density": 16},
+    "video": VIDEO | {"particles": 300},
+}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Colours, Learning):
+class Config(Colours, Learning, Recognition):
     """Settings; the defaults hold for the 60 x 30 px car at 5 to 30 Hz."""
 
     particles: Annotated[int, Ge(1), Le(100_000)] = 75
@@ -111,6 +116,9 @@ class PfSsd:
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state
         self._velocity = Velocity(state, c.velocity_memory)
+        self._recogniser = None
+        if c.views > 0:
+            self._recogniser = Recogniser(c, image, region, state, self._cells)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
@@ -120,8 +128,11 @@ class PfSsd:
         if lost:
             height, width = image.shape[:2]
             self._filter.scatter(c.scatter, (width, height), self._found)
+        if lost and self._recogniser is not None:
+            self._recogniser.send(self._filter, labelled, self._found)
         self._filter.weigh(-c.gamma * self._cells.energy(labelled, self._filter.samples))
-        proposed = self._filter.mean()
+        searched = lost and self._recogniser is not None  # in many places: their mean is none
+        proposed = self._filter.best() if searched else self._filter.mean()
         descended = self._descend(image, proposed)
         evaluations = len(self._filter.samples) + descended.evaluations
         if self._status is not Status.LOCKED:
@@ -129,9 +140,8 @@ class PfSsd:
             other = self._descend(image, self._filter.best())
             evaluations += other.evaluations
             descended = min(descended, other, key=lambda end: end.distance)
-        self._status = self._lock.judge(descended.distance, frame.time)
-        state = descended.state if self._status is Status.LOCKED else proposed
-        estimate = self._filter.estimate(state, descended.distance, self._status, evaluations)
+        state, distance = self._judge(labelled, proposed, descended, frame.time)
+        estimate = self._filter.estimate(state, distance, self._status, evaluations)
         # While the target is hidden the velocity stays; the mean moves by it and by chance.
         seen = self._status is Status.LOCKED
         self._filter.resample(1.0 if seen else c.hidden)
@@ -141,10 +151,31 @@ class PfSsd:
             else:
                 self._filter.shift(state.vector - proposed.vector)
             self._cells.learn(labelled, state)
+            if self._recogniser is not None:
+                self._recogniser.learn(labelled, state, distance)
             self._found = state
         # States while the target is lost carry no information on its motion.
         self._velocity.learn(state, seen=seen and not lost)
         return estimate
+
+    def _judge(
+        self, image: Labelled, proposed: State, descended: Refined, time: float
+    ) -> tuple[State, float]:
+        """Set the status; the state and distance to report.
+
+        With views, the end of the descent, which knows the first picture only, must look more like
+        what was learned than where it began.
+        """
+        if self._recogniser is None:
+            self._status = self._lock.judge(descended.distance, time)
+            state = descended.state if self._status is Status.LOCKED else proposed
+            return state, descended.distance
+        ends = (proposed, descended.state)
+        energy = self._cells.energy(image, np.stack([end.vector for end in ends]))
+        state = ends[int(np.argmin(energy))]
+        distance = self._recogniser.doubt(image, state, self._filter, time)
+        self._status = self._lock.judge(distance, time)
+        return state, distance
 
     def _descend(self, image: Image, proposed: State) -> Refined:
         """The end of the descent from the proposal; the proposal itself if that is too far away."""

@@ -2,7 +2,8 @@
 
 For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly.
 The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curves, with motion
-blur. In the middle of the sequence its speed doubles; later a bar hides it completely.
+blur. In the middle of the sequence its speed doubles; later a bar hides it completely. It can also
+leave the picture and return elsewhere.
 """
 
 from dataclasses import dataclass
@@ -32,6 +33,10 @@ FAST = (0.35, 0.6)
 HIDDEN_AT = 0.75
 """Part of the sequence before the bar covers the target."""
 BAR = (90, 90, 90)
+AWAY_AT = 0.3
+"""Part of the sequence before the target is out of the picture."""
+GOING = 6
+"""Frames in which it goes, and comes back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,8 @@ class Config:
     """Largest scale; the smallest is its inverse."""
     hidden: Annotated[int, Ge(0), Le(100)] = 10
     """Number of frames in which the target is fully hidden."""
+    away: Annotated[int, Ge(0), Le(100_000)] = 0
+    """Number of frames in which the target is out of the picture."""
     noise: Annotated[float, Ge(0), Le(100)] = 3.0
     """Standard deviation of the noise of the pictures [grey levels]."""
 
@@ -67,7 +74,9 @@ class Config:
 
         middle = fine.reshape(self.frames, EXPOSURES, 4).mean(axis=1)
         source = Painted(paint, self.frames)
-        return Sequence.of_states("similarity", "similarity", source, REGION, middle)
+        sequence = Sequence.of_states("similarity", "similarity", source, REGION, middle)
+        sequence.truth[sequence.truth[..., 0].min(axis=1) >= WIDTH] = np.nan
+        return sequence
 
     def _states(self, rng: np.random.Generator) -> Array:
         """States (frames * EXPOSURES, 4) of all exposures; each frame's first is at its start."""
@@ -80,6 +89,10 @@ class Config:
         cycles = rng.uniform((1.5, 1.5, 1.0, 1.0), (2.5, 2.5, 2.0, 2.0))
         wave = np.sin(2 * np.pi * cycles * warped[:, None] + begin)
         x = WIDTH / 2 + 0.28 * WIDTH * wave[:, 0]
+        if self.away:
+            since = self.frames * (at - AWAY_AT)
+            gone = np.minimum(since / GOING + 1, (self.away - since) / GOING + 1).clip(0, 1)
+            x = x + WIDTH * gone
         y = HEIGHT / 2 + 0.25 * HEIGHT * wave[:, 1]
         theta = np.radians(self.turn_deg) * (wave[:, 2] - wave[0, 2]) / 2
         size = np.log(self.zoom) * (wave[:, 3] - wave[0, 3]) / 2

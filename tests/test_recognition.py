@@ -1,0 +1,66 @@
+"""A target that leaves or is hidden is LOST within a second, and found where it comes back."""
+
+import numpy as np
+import pytest
+
+from sim.types import Frame
+from tracking import create
+from tracking.appearance.views import Views
+from tracking.evaluation.sequences.generators.similarity import Config
+from tracking.evaluation.track import follow
+from tracking.types import Region, State, Status
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_the_whole_picture_is_searched_for_a_view(smooth_image, turn):
+    """The target of the first picture is found in one that is moved by (31, -17) px."""
+    region, state = Region(32.0, 24.0), State(50.0, 60.0, turn)
+    views = Views(smooth_image, region, state, 3)
+    moved = np.roll(smooth_image, (-17, 31), (0, 1))
+    places = views.search(views.blurred(moved), state, 3)
+    assert np.hypot(*(places[0, :2] - (81.0, 43.0))) < 3
+    assert places[0, 2:].tolist() == [turn, 0.0]
+
+
+def test_the_first_view_and_the_newest_are_kept(smooth_image):
+    first, later = State(50.0, 60.0), [State(50.0 + 22 * i, 30.0) for i in range(4)]
+    views = Views(smooth_image, Region(24.0, 24.0), first, 3)
+    blurred = views.blurred(smooth_image)
+    for state in later:
+        views.learn(blurred, state)
+    alike = views.likeness(blurred, np.stack([s.vector for s in (first, *later)]))
+    np.testing.assert_allclose(alike[[0, 3, 4]], 1.0, atol=1e-9)
+    assert alike[1:3].max() < 0.9
+
+
+@pytest.mark.parametrize("kind", ["annealed", "pf_ssd"])
+def test_a_target_out_of_the_picture_is_lost_within_a_second_and_found_again(kind):
+    sequence = Config(frames=100, away=40, hidden=0, turn_deg=0.0, zoom=1.0).build(
+        np.random.default_rng(5)
+    )
+    gone = ~np.isfinite(sequence.truth).all(axis=(1, 2))
+    first, last = np.flatnonzero(gone)[[0, -1]]
+    tracker = create(kind, seed=0, preset="video", particles=100)
+    shots = list(follow(tracker, sequence.source, sequence.region, sequence.start))
+    lost = [shot.estimate.status is Status.LOST for shot in shots]
+    assert not any(lost[:first])
+    assert lost.index(True) - first <= 30
+    assert all(lost[lost.index(True) : last + 1])
+    end = shots[-1].estimate
+    assert end.status is Status.LOCKED
+    assert np.hypot(end.state.x - sequence.states[-1, 0], end.state.y - sequence.states[-1, 1]) < 4
+
+
+def test_a_picture_too_large_or_too_small_for_the_search_has_no_candidates():
+    state = State(10.0, 6.0)
+    views = Views(np.zeros((12, 20, 3), np.uint8), Region(8.0, 8.0), state, 2)
+    assert views.search(np.zeros((5, 20, 3), np.uint8), state, 5).shape == (0, 4)
+    assert views.search(np.zeros((8, 2000, 3), np.uint8), state, 5).shape == (0, 4)
+
+
+def test_plain_pictures_are_like_nothing():
+    plain = np.full((60, 80, 3), 90, np.uint8)
+    tracker = create("annealed", preset="video", particles=10)
+    tracker.start(Frame(plain, 0.0, 0), Region(20.0, 20.0), State(40.0, 30.0))
+    found = tracker.update(Frame(plain, 0.03, 1))
+    assert 0.5 < found.distance <= 1.0

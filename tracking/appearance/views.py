@@ -1,0 +1,110 @@
+"""Views of the target: small pictures of it, the first and some later ones, which recognise it
+where its colours do not, and find it again (Kalal, Mikolajczyk, Matas 2012: normalised correlation
+with stored patches, of which only trusted ones are stored).
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.hot import views as hot
+from tracking.types import Region, State
+
+SIDE = 8
+"""Points along each side of a view."""
+NEW = 0.9
+"""A view that is more like a stored one than this shows nothing new."""
+SIZES = (0.8, 1.0, 1.25)
+"""Sizes over the last one at which the whole picture is searched."""
+LARGEST = 1024
+"""The whole picture is not searched where it would have more points than this along a side."""
+APART = SIDE // 2
+"""Candidates of one size are at least so many points apart."""
+
+
+class Views:
+    """The first view and the newest ones, to compare states with."""
+
+    def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
+        """Take the first view.
+
+        Args:
+            image: First frame (H, W, 3).
+            region: The template.
+            state: Where it is.
+            count: How many views are kept.
+        """
+        at = (np.arange(SIDE) + 0.5) / SIDE - 0.5
+        u, v = np.meshgrid(at * region.width, at * region.height)
+        self._points = np.stack([u.ravel(), v.ravel()], axis=1)
+        self._region, self._count, self._scale = region, count, state.scale
+        self._stored = self._view(self.blurred(image), state)
+
+    def blurred(self, image: Image) -> Image:
+        """The picture, each pixel the mean of as much as a point of a view stands for."""
+        sides = (self._region.width, self._region.height)
+        width, height = (min(max(round(side * self._scale / SIDE), 1), most)
+                         for side, most in zip(sides, image.shape[1::-1], strict=True))  # fmt: skip
+        return np.asarray(cv2.blur(image, (width, height)), np.uint8)
+
+    def likeness(self, blurred: Image, states: Array) -> Array:
+        """The largest correlation (N,) of each state (N, 4) with a view, -1 to 1."""
+        return hot.likeness(blurred, states, self._points, self._stored)
+
+    def learn(self, blurred: Image, state: State) -> None:
+        """Store the view at a state where the target certainly is, in place of the oldest but the
+        first, if it is new.
+        """
+        self._scale = state.scale
+        if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
+            newest = self._stored[max(len(self._stored) - self._count + 2, 1) :]
+            self._stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
+
+    def search(self, blurred: Image, last: State, most: int) -> Array:
+        """The places (n, 4) of the whole picture that are most like a view, the best first: with
+        the last state's angle, at about its size; none in a picture that is too large for it.
+        """
+        found: list[tuple[float, list[float]]] = []
+        for scale in (last.scale * size for size in SIZES):
+            shrunk = self._shrunk(blurred, last.theta, scale)
+            if shrunk is None:
+                continue
+            small, place = shrunk[0].astype(np.float32), shrunk[1]
+            maps = [cv2.matchTemplate(small, stored.reshape(SIDE, SIDE, 3).astype(np.float32),
+                                      cv2.TM_CCOEFF_NORMED) for stored in self._stored]  # fmt: skip
+            alike = np.nan_to_num(np.max(maps, axis=0), posinf=-1)
+            for _ in range(most):
+                _, value, _, (x, y) = cv2.minMaxLoc(alike)
+                centre = place @ [x + SIDE / 2, y + SIDE / 2, 1.0]
+                found.append((value, [*centre.tolist(), last.theta, math.log(scale)]))
+                alike[max(y - APART, 0) : y + APART + 1, max(x - APART, 0) : x + APART + 1] = -1
+        found.sort(key=lambda item: -item[0])
+        return np.array([state for _, state in found[:most]]).reshape(-1, 4)
+
+    def _shrunk(self, image: Image, theta: float, scale: float) -> tuple[Image, Array] | None:
+        """The picture turned upright, a pixel a point of a view; and where its points lie in the
+        picture (2, 3).
+        """
+        c, s = math.cos(theta), math.sin(theta)
+        steps = scale / SIDE * np.array([self._region.width, self._region.height])
+        turn = np.array([[c, -s], [s, c]]) * steps
+        height, width = image.shape[:2]
+        corners = (
+            np.array([[0, 0], [width, 0], [0, height], [width, height]]) @ np.linalg.inv(turn).T
+        )
+        low, size = corners.min(axis=0), np.ptp(corners, axis=0)
+        if size.max() > LARGEST or size.min() < SIDE:
+            return None
+        place = np.column_stack([turn, turn @ low])
+        centres = place.copy()
+        centres[:, 2] += turn @ [0.5, 0.5] - 0.5  # OpenCV counts from pixel centres
+        shape = (round(size[0]), round(size[1]))
+        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        return np.asarray(cv2.warpAffine(image, centres, shape, flags=flags), np.uint8), place
+
+    def _view(self, blurred: Image, state: State) -> Array:
+        return hot.view(blurred, state.vector, self._points)[None]
