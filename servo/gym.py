@@ -30,7 +30,7 @@ from servo.loop.episode import Episode
 from servo.loop.run_measures import CONVERGED_PX
 from servo.loop.step import Step
 from servo.mistake import Mistake, unknown
-from servo.output.annotated import Window, annotated
+from servo.output.annotated import View, annotated
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario, load, parse
 from servo.scenario.toml import with_settings
@@ -99,7 +99,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
         self._kept: dict[str, tuple[Any, Any]] = {}
-        self._window: Window | None = None
+        self._window: View | None = None
         self.observation_space = self._space()
 
     def _space(self) -> spaces.Space[Any]:
@@ -184,7 +184,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         with self._episode.naming_parts():
             self._now = self._episode.look()
         if self.render_mode == "human":
-            self._window = self._window or Window(ID)
+            self._window = self._window or View(ID)
             self._window.show(annotated(self._now))
         return self._now
 

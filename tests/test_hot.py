@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracking.hot import colour_labels, particle_loops, point_histograms
-from tracking.hot import views as view_loops
+from tracking.hot import likeness as view_loops
 
 RNG = np.random.default_rng(5)
 

@@ -15,7 +15,7 @@ from servo.cli import (
     papers_command,
     run_command,
     terminal,
-    track_command,
+    track_summary,
 )
 from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
 from servo.loop.step import Seconds
@@ -26,7 +26,7 @@ from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
 from tracking.evaluation.drawing import contact_sheet
-from tracking.evaluation.sequences.sources import Painted, Picture
+from tracking.evaluation.sequences.sources import End, Painted, Picture
 from tracking.evaluation.statistics import Interval
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
@@ -138,11 +138,9 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
     seen = [shot(k, Status.LOST if k > 4 else Status.LOCKED, size) for k, size in enumerate(sizes)]
     truth = np.stack([region.corners(State(20.0 + 1.5 * k, 16.0)) for k in range(7)])
     compared = Comparison.of(Track.of(seen, region), truth)
-    track_command._print(console, "kams", "[film]", seen, compared)
-    track_command._print(console, "kams", "film", seen[:3], None)
     monkeypatch.setattr(terminal, "Console", lambda **_: console)
-    track_command._print_oddities(seen)
-    track_command._print_oddities(seen[:2])
+    track_summary.print_track(console, "kams on [film]", seen, compared, None)
+    track_summary.print_track(console, "kams on film", seen[:3], None, End("film: lost", True))
     approved("prints/track", lines(console))
 
 

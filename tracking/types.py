@@ -68,6 +68,10 @@ class Region:
         """Corners (4, 2) in the first picture [px], where the target is in this state."""
         return self.corners(state) if self.quad is None else self.quad
 
+    def inner(self, inset: float) -> Region:
+        """Less this share of its sides, half on each side."""
+        return Region(self.width * (1 - inset), self.height * (1 - inset))
+
     def area(self, state: State) -> float:
         """Area [px^2]."""
         return self.width * self.height * state.scale**2

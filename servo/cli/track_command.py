@@ -16,14 +16,14 @@ from servo.cli import region_choice
 from servo.cli.guard import REFUSED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.region_choice import region_of
-from servo.cli.terminal import COMPILING, STOPPED, complain, plain, print_table, progress_bar
+from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
+from servo.cli.track_summary import print_track
 from servo.loop.part_failed import PartFailed, naming_parts
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
 from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
-from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
 from servo.scenario.toml import override
 from sim import kinds
@@ -71,6 +71,11 @@ class TrackRequest:
             rate=f"{self.rate:g}", frames=self.frames,
         )  # fmt: skip
 
+    def name_with(self, kind: str) -> str:
+        """The name of the folder, with the tracker's kind in it."""
+        source = Path(self.source.replace(":", "-")).stem.encode(errors="replace").decode()
+        return f"{source}-{kind.replace(':', '-')}-{self.seed}"
+
 
 def run(request: TrackRequest) -> int:
     """Track the target and write the files; the exit code.
@@ -95,14 +100,8 @@ def run(request: TrackRequest) -> int:
         itertools.islice(follow(tracker, pictures, region, start), request.frames), part
     )
     kind = settings["kind"]
-    name = Path(request.source.replace(":", "-")).stem.encode(errors="replace").decode()
-    name = f"{name}-{kind.replace(':', '-')}-{request.seed}"
-    try:
-        first = next(shots, None)
-    except PartFailed as error:
-        raise with_traceback(error, prepare(request.out, name)) from None
-    if first is None:
-        raise Mistake(f"{request.source}: there are no pictures in it")
+    name = request.name_with(kind)
+    first = _first(request, shots, name)
     viewer, folder = request.outputs.viewer(), prepare(request.out, name)
     console, comparison = Console(quiet=request.quiet), None
     announce(viewer, console)
@@ -115,8 +114,7 @@ def run(request: TrackRequest) -> int:
     if truth is not None and seen:
         comparison = Comparison.of(Track.of(seen, region), truth)
     report = _report(request, folder, settings, seen, comparison, source.end)
-    _print(console, kind, name, seen, comparison)
-    _print_oddities(seen, source.end)
+    print_track(console, f"{kind} on {name}", seen, comparison, source.end)
     for path in (*files.paths, report):
         plain(console, f"  {path}")
     if code == 0:
@@ -124,6 +122,16 @@ def run(request: TrackRequest) -> int:
     if files.refused is not None:
         raise files.refused
     return code or (REFUSED if source.end is not None and source.end.lost else 0)
+
+
+def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
+    try:
+        first = next(shots, None)
+    except PartFailed as error:
+        raise with_traceback(error, prepare(request.out, name)) from None
+    if first is None:
+        raise Mistake(f"{request.source}: there are no pictures in it")
+    return first
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
@@ -218,35 +226,3 @@ def _report(
         dropped=0 if end is None else end.dropped,
     )
     return report.write(folder)
-
-
-def _print(
-    console: Console, kind: str, name: str, seen: list[Shot], comparison: Comparison | None
-) -> None:
-    lost = sum(shot.estimate.status is Status.LOST for shot in seen)
-    console.print(f"[bold]{escape(kind)}[/] on {escape(name)}: {len(seen)} frames, {lost} LOST")
-    if comparison is None:
-        return
-    found = ((m, m.of(comparison)) for m in MEASURES)
-    rows = [[m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
-            for m, value in found if np.isfinite(value)]  # fmt: skip
-    print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
-
-
-def _print_oddities(seen: list[Shot], end: End | None = None) -> None:
-    blind = [shot.picture for shot in seen if shot.blind]
-    sizes = [shot for shot in seen if shot.size is not None]
-    change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
-    if change is not None and change.size is not None:
-        width, height = change.size
-        complain(
-            f"the pictures change their size at {change.picture.name} to {width} x {height} px; "
-            "the target is searched for at the same pixels"
-        )
-    if blind:
-        complain(
-            f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
-            f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
-        )
-    if end is not None:
-        complain(end.sentence)

@@ -35,7 +35,7 @@ def annotated(step: Step) -> Image:
     return picture
 
 
-class Window:
+class View:
     """A window of matplotlib's that shows one picture after another."""
 
     def __init__(self, title: str) -> None:

@@ -54,11 +54,6 @@ class Layout:
         return Layout(points, parts, kernel / mass[parts], radius, len(mass), pulls)
 
 
-def inner(region: Region, inset: float) -> Region:
-    """A region less this share of its sides, half on each side."""
-    return Region(region.width * (1 - inset), region.height * (1 - inset))
-
-
 def grid(region: Region, per_side: int, density: int) -> Layout:
     """The template cut into per_side^2 equal parts: constant kernels, density^2 points in each."""
     steps = per_side * density

@@ -19,7 +19,7 @@ import numpy as np
 
 from sim.types import Array, Image
 from tracking.appearance.bins import Bins, Labelled
-from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, inner, ring
+from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, ring
 from tracking.appearance.reference import Learning, Reference
 from tracking.appearance.views import Views
 from tracking.hot import point_histograms as hot
@@ -137,7 +137,7 @@ def model_of(
     side; or under one kernel, with so many along its diameter. Of the region's sides the share
     `inset` is left out.
     """
-    inside = inner(region, inset)
+    inside = region.inner(inset)
 
     def layout(density: int) -> Layout:
         return (

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot import views as hot
+from tracking.hot import likeness as hot
 from tracking.types import Region, State
 
 SIDE = 8

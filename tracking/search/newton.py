@@ -23,7 +23,6 @@ from math import sqrt
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.appearance.layout import inner
 from tracking.hot import descent as hot
 from tracking.types import Region, State
 
@@ -77,7 +76,7 @@ class KernelModel:
             pixels: Larger targets are read at every second, third, ... pixel to stay below this.
             inset: Share of the region's width and height that is left out, half on each side.
         """
-        region = inner(region, inset)
+        region = region.inner(inset)
         offsets = (np.arange(per_side) + 0.5) / per_side - 0.5
         u, v = np.meshgrid(offsets * region.width, offsets * region.height)
         centres = np.stack([u.ravel(), v.ravel()], axis=1)

@@ -81,11 +81,9 @@ class RerunLog:
         self._file = recording
         self._rec = recording.begin("servobench", archetypes.blueprint(self._features))
         self._before: Step | None = None
-        self._steps: list[Step] = []
-        self._jpegs: list[bytes] = []
-        self._way: list[Array] = []
+        self._steps, self._jpegs = list[Step](), list[bytes]()
+        self._way, self._corners = list[Array](), list[Array]()
         self._drawn = 0
-        self._corners: list[Array] = []
         self._log_scene()
         self._name_series()
 
@@ -206,9 +204,8 @@ class RerunLog:
         self._rec.log(f"{IMAGE}/way", ways, static=True)
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
-        columns = rr.Transform3D.columns(
-            translation=np.asarray(t), mat3x3=np.asarray(R).reshape(-1, 9)
-        )
+        turned = np.asarray(R).reshape(-1, 9)
+        columns = rr.Transform3D.columns(translation=np.asarray(t), mat3x3=turned)
         self._rec.send_columns(path, index, columns)
 
     def _name_series(self) -> None:
