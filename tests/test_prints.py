@@ -1,6 +1,7 @@
 """What is printed and drawn beside tables: doctor, reports of runs, sheets, the viewer's layout."""
 
 import io
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -53,17 +54,6 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
     monkeypatch.setattr(doctor_command.gl, "describe", lambda: "a renderer")
-    episode = SimpleNamespace(frames=10)
-
-    class Opened:
-        def __init__(self, scenario):
-            pass
-
-        def __enter__(self):
-            return episode
-
-        def __exit__(self, *_):
-            pass
 
     class Folder:
         def __init__(self, folder, _, *, rerun):
@@ -76,7 +66,8 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
         def close(self):
             self.path.write_bytes(bytes(73_000))
 
-    monkeypatch.setattr(doctor_command, "Episode", Opened)
+    opened = nullcontext(SimpleNamespace(frames=10))
+    monkeypatch.setattr(doctor_command, "Episode", lambda _: opened)
     monkeypatch.setattr(doctor_command, "RunFolder", Folder)
     times = SimpleNamespace(render=2.0, step=9.0)
     monkeypatch.setattr(doctor_command.speed, "times_of", lambda episode, output=None: times)

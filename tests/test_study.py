@@ -1,5 +1,6 @@
 """Studies as values, and the folder that keeps them: what is run, what is drawn, what is shown."""
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -9,7 +10,6 @@ import pytest
 from rich.console import Console
 
 from servo.cli import sweep_command
-from servo.report import study_data, study_paths
 from servo.scenario import load as scenarios
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import Draw
@@ -94,9 +94,9 @@ def test_the_command_of_a_run_makes_its_very_scenario(small):
 def test_every_shipped_study_parses_and_the_one_of_trackers_has_all_that_follow_the_car():
     everything = load("trackers")
     every = {*kinds.names("tracking.trackers")} - {*OF_THE_USER, "tag", "homography"}
-    assert {r.settings["tracker.kind"] for r in everything.runs()} == every
     of_car = {n for n in shipped() if "*" in scenarios.load(n).bounds.others}
-    assert {r.scenario for r in everything.runs()} == of_car
+    found = {(r.settings["tracker.kind"], r.scenario) for r in everything.runs()}
+    assert found == {*itertools.product(every, of_car)}
     assert everything.size == len(every) * len(of_car) * 3
     for name in ("particles", "noise", "latency_gain", "depth_error", "how_slow", "calibration"):
         assert load(name).title.endswith(("?", "."))
@@ -107,9 +107,9 @@ def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
     path.write_text('# own\n# Mine.\n[motion]\nkind = "still"\n[sweep]\nseeds = [3, 5]\n'
                     'axes.run.latency = [1, 2, 3]\n')  # fmt: skip
     study = load(str(path))
-    assert (study.size, study.seeds) == (6, (3, 5))
+    latency = scenarios.load(str(path)).run.latency
+    assert (study.size, study.seeds, latency) == (6, (3, 5), 1)
     assert {r.parsed().run.latency for r in study.runs()} == {1, 2, 3}
-    assert scenarios.load(str(path)).run.latency == 1
 
 
 @pytest.fixture
@@ -197,56 +197,3 @@ def test_in_a_narrow_terminal_names_give_way_and_no_digit_is_left_out(small, cap
     long = {"estimator.kind": "kalman_cv", "believed.depth_factor": 0.354, "scenario": "reversal"}
     sweep_command._print_cells(Console(width=64), [replace(cell, settings=long)])
     assert "10 draws 1 (0.722 to 1) 1.24" in capsys.readouterr().out
-
-
-NAMED = """# mine
-# Two schemes from two starts.
-scenario = "small_hybrid"
-seeds = [3]
-compare = "scheme"
-
-[set]
-run.duration = 0.2
-expect = { outcome = "TIMED_OUT" }
-
-[named.scheme."corners, desired"]
-features.kind = "points"
-controller.matrix = "desired"
-
-[named.scheme."target"]
-features = { kind = "pose", error = "cMo" }
-
-[named.begin]
-near = { start.pose = [0.0, 0.0, 1.1, 0.0, 0.0, 20.0] }
-far = { start.pose = [0.0, 0.0, 1.5, 0.0, 0.0, 20.0] }
-"""
-
-
-def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(NAMED)
-    study = load("mine.toml")
-    runs = list(study.runs())
-    assert [r.settings for r in runs[:2]] == [
-        {"scheme": "corners, desired", "begin": "near"},
-        {"scheme": "corners, desired", "begin": "far"},
-    ]
-    parsed = [r.parsed() for r in runs]
-    assert [type(s.features).__module__ for s in parsed[1:3]] == [
-        "servo.features.points", "servo.features.pose",
-    ]  # fmt: skip
-    assert [s.start.pose[2] for s in parsed] == [1.1, 1.5, 1.1, 1.5]
-    assert parsed[0].controller.matrix == "desired"
-    assert "--set 'features.kind=points'" in runs[0].command({}) or (
-        "--set features.kind=points" in runs[0].command({})
-    )
-    with store.opened(tmp_path / "out", study, StudyFile.of(study, "me")) as kept:
-        for run in runs:
-            kept.add(perform(run))
-    found = study_data.load(tmp_path / "out")
-    pictures = study_paths.paths(found)
-    assert [p.title for p in pictures] == ["begin = near", "begin = far"]
-    first = found.series[0].values
-    assert first["camera_z_m"][0] == pytest.approx(-1.1, abs=0.01)
-    assert first["corner0_u_px"][0] == pytest.approx(320 - 600 * 0.1 * 0.598 / 1.1, abs=1.0)
-    assert pictures[0].width > 400

@@ -1,0 +1,61 @@
+"""Named groups of settings in a study, and the ways that its page draws of them."""
+
+import pytest
+
+from servo.report import study_data, study_paths
+from servo.study import store
+from servo.study.parse import load
+from servo.study.perform import perform
+from servo.study.plan import StudyFile
+
+NAMED = """# mine
+# Two schemes from two starts.
+scenario = "small_hybrid"
+seeds = [3]
+compare = "scheme"
+
+[set]
+run.duration = 0.2
+expect = { outcome = "TIMED_OUT" }
+
+[named.scheme."corners, desired"]
+features.kind = "points"
+controller.matrix = "desired"
+
+[named.scheme."target"]
+features = { kind = "pose", error = "cMo" }
+
+[named.begin]
+near = { start.pose = [0.0, 0.0, 1.1, 0.0, 0.0, 20.0] }
+far = { start.pose = [0.0, 0.0, 1.5, 0.0, 0.0, 20.0] }
+"""
+
+
+def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(NAMED)
+    study = load("mine.toml")
+    runs = list(study.runs())
+    assert [r.settings for r in runs[:2]] == [
+        {"scheme": "corners, desired", "begin": "near"},
+        {"scheme": "corners, desired", "begin": "far"},
+    ]
+    parsed = [r.parsed() for r in runs]
+    assert [type(s.features).__module__ for s in parsed[1:3]] == [
+        "servo.features.points", "servo.features.pose",
+    ]  # fmt: skip
+    assert [s.start.pose[2] for s in parsed] == [1.1, 1.5, 1.1, 1.5]
+    assert parsed[0].controller.matrix == "desired"
+    assert "--set 'features.kind=points'" in runs[0].command({}) or (
+        "--set features.kind=points" in runs[0].command({})
+    )
+    with store.opened(tmp_path / "out", study, StudyFile.of(study, "me")) as kept:
+        for run in runs:
+            kept.add(perform(run))
+    found = study_data.load(tmp_path / "out")
+    pictures = study_paths.paths(found)
+    assert [p.title for p in pictures] == ["begin = near", "begin = far"]
+    first = found.series[0].values
+    assert first["camera_z_m"][0] == pytest.approx(-1.1, abs=0.01)
+    assert first["corner0_u_px"][0] == pytest.approx(320 - 600 * 0.1 * 0.598 / 1.1, abs=1.0)
+    assert pictures[0].width > 400
