@@ -175,7 +175,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),
         click.option(
             "--mcap", metavar="FILE.mcap", type=opt.PATH,
-            help="Also write a log for Foxglove and ROS tools; needs servobench[mcap].",
+            help="Also write a log for Foxglove; needs servobench[mcap].",
         ),
         click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
         click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),

@@ -1,4 +1,4 @@
-"""A run or a track as an MCAP log for Foxglove and ROS tools, by foxglove-sdk.
+"""A run or a track as an MCAP log for Foxglove, by foxglove-sdk.
 
 | topic | messages |
 |---|---|
