@@ -15,7 +15,7 @@ from sim.room_view import RoomView
 from tracking.evaluation.drawing.film_page import CAPTION, CHART, HEAD, MARGIN, panel
 from tracking.evaluation.drawing.running_chart import COLOURS, RunningChart, rgb
 from tracking.evaluation.drawing.video_writer import VideoWriter
-from tracking.evaluation.sequences.sources import Video
+from tracking.evaluation.sequences.video_file import Video
 
 CHANGES = ["run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "start.x=-40"]
 

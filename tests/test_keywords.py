@@ -42,7 +42,7 @@ def test_draws_and_bounds_are_tables_like_others():
 def test_a_part_of_ones_own_goes_with_settings():
     scenario = servo.load("still", tracker=Mine, gain=1.0)
     assert scenario.controller.gain == 1.0
-    assert scenario.expect == {}
+    assert scenario.expect == {"outcome": "CONVERGED", "servo_rms_px": 4.0}
     assert "Mine" in str(scenario.settings()["tracker"]["kind"])
 
 

@@ -149,7 +149,7 @@ def test_a_class_or_an_instance_from_python(package):
     config = kinds.config_of(TRACKERS, "calm")
     assert load("still", tracker=config).tracker == config()
     assert load("still", tracker=config(least=8)).tracker.least == 8
-    with pytest.raises(Mistake, match=r"^there is no part 'tracer'; did you mean 'tracker'\?$"):
+    with pytest.raises(Mistake, match=r"^there is no setting 'tracer'; did you mean 'tracker'\?$"):
         load("still", tracer=config)
     with pytest.raises(Mistake, match=r"^motion: 'object' is no Config: "):
         load("still", motion=object)

@@ -13,6 +13,7 @@ from servo.batch import local_cluster, remote_cluster
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
+from servo.output.sinks import Sinks
 from servo.report import study_data, study_time
 from sim import gl, quiet
 from sim.files import reading
@@ -46,7 +47,7 @@ def test_a_file_that_cannot_be_read_to_its_end(monkeypatch, tmp_path):
 
 
 def test_a_table_that_cannot_be_closed_names_its_rows(tmp_path):
-    folder = SimpleNamespace(_log=None, refused=None, folder=tmp_path,
+    folder = SimpleNamespace(_sinks=Sinks({}), folder=tmp_path,
                              _table=SimpleNamespace(close=refusing()))  # fmt: skip
     with pytest.raises(Refused) as refused:
         RunFolder.close(folder)
@@ -58,14 +59,15 @@ def test_a_table_that_cannot_be_closed_names_its_rows(tmp_path):
 def test_a_recording_that_ends_early_costs_nothing_else():
     for act in ("add", "close"):
         said, rows = Refused("it ends"), []
-        log = SimpleNamespace(**{act: refusing(said)})
+        begun = SimpleNamespace(add=rows.append, close=None, abandon=lambda: None)
+        sinks = Sinks({"log": SimpleNamespace(**vars(begun) | {act: refusing(said)})})
         table = SimpleNamespace(add=rows.append, close=lambda rows=rows: rows.append("closed"))
-        folder = SimpleNamespace(_log=log, refused=None, _table=table)
+        folder = SimpleNamespace(_sinks=sinks, _table=table)
         if act == "add":
             RunFolder.add(folder, "one")
             RunFolder.add(folder, "two")
         RunFolder.close(folder)
-        assert folder.refused is said
+        assert str(sinks.refused) == "log: it ends too early: it ends"
         assert rows == (["one", "two", "closed"] if act == "add" else ["closed"])
 
 

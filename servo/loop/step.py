@@ -66,7 +66,7 @@ class Scene:
         return self.features.error(end, start) / dt
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Step:
     """Everything about one frame and what was done with it. Readers only read."""
 
@@ -110,6 +110,13 @@ class Step:
     limited: bool
     """Whether a joint's limit or rate slows the motion until the next frame."""
     seconds: Seconds
+
+    def __repr__(self) -> str:
+        return (
+            f"Step(frame {self.frame.index}, {self.frame.time:.3f} s: servo error "
+            f"{self.servo_error:.2f} px, tracking error {self.tracking_error:.2f} px, "
+            f"{self.estimate.status.name}, {self.command.mode.name})"
+        )
 
     def light(self) -> Step:
         """The same without pixels and particles, to keep thousands of them."""
