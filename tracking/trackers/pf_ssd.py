@@ -34,7 +34,7 @@ from tracking.types import Estimate, Region, State, Status, check_region
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": PLAIN | {"inset": 0.0, "density": 16},
-    "video": VIDEO | {"particles": 300},
+    "video": VIDEO | {"particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
 }
 
 
