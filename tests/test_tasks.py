@@ -79,7 +79,8 @@ def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
 
 
 def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd):
-    words = ("check", "still", *QUICK, "--set", "start.x=200", "--workers", "1")
+    words = ("check", "still", *QUICK, "--set", "start.x=200", "--set", "vary={}",
+             "--workers", "1")  # fmt: skip
     code, out, err = call(monkeypatch, capfd, *words)
     assert (code, out.strip()) == (2, "")
     assert err.startswith("servobench: still: first frame: the region spans ")

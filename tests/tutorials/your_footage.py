@@ -47,7 +47,8 @@ film.release()
 # %%
 region = f"{left:.1f},{top:.1f},{width:.1f},{height:.1f}"
 for tracker in ("pf_ssd", "camshift"):
-    out = ["--out", str(OUT / tracker), "--truth", str(TRUTH), "--video", "--quiet"]
+    video = ["--video", str(OUT / f"{tracker}.mp4")]
+    out = ["--out", str(OUT / tracker), "--truth", str(TRUTH), *video, "--quiet"]
     words = ["track", str(FILM), "--region", region, "--tracker", tracker, *out]
     subprocess.run([sys.executable, "-m", "servo", *words], check=True)
 
