@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from servo.mistake import Mistake
+from servo.papers.loop_series import is_clear
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import draws_of
 from servo.scenario.load import load, parse
@@ -44,6 +45,12 @@ def test_every_other_seed_is_another_run_and_the_same_each_time():
 def test_two_seeds_of_a_shipped_scenario_are_two_runs(name):
     draws = draws_of(read(name)[0]["vary"], name)
     assert [d.value(1) for d in draws] != [d.value(2) for d in draws]
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_no_draw_lets_the_target_drive_through_a_toy(name):
+    """Seeds 0 to 20 of all were tried; a template with a toy in it is another target."""
+    assert all(is_clear(load(name, [], seed)) for seed in (0, 1, 8, 20))
 
 
 def test_a_number_inside_a_list_is_drawn_and_set():

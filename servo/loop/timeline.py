@@ -96,7 +96,7 @@ class Timeline:
             motion_true: The true mean de/dt (k,) of the target's own motion between two times, seen
                 by the camera that took the picture of a truth; for a loop that needs it.
             clock_offset: Stamp minus true time of a picture [s].
-            steered: Whether somebody else's twists will act: the law is then told which do.
+            steered: Whether twists other than the law's will act; the law then gets those.
         """
         self._run, self._loop, self._period, self._ticks = run, loop, period, ticks
         self._rng, self._motion_true = rng, motion_true

@@ -15,6 +15,7 @@ import numpy as np
 from servo.loop.measured_run import measured_run
 from servo.papers.groups import Result
 from servo.scenario import load as scenarios
+from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from sim.types import Array
 from tracking.files.json_text import number
@@ -45,8 +46,9 @@ def varied(scenario: str, seed: int) -> tuple[str, ...]:
 def is_clear(scenario: Scenario) -> bool:
     """Whether the car drives around all toys of the room."""
     places, radii = _toys()
+    motion = scenario.motion.build(stream(scenario.run.seed, "motion"))
     for time in np.arange(0.0, scenario.run.duration, EVERY):
-        car = scenario.motion.at(time).inverse()
+        car = motion.at(float(time)).inverse()
         seen = places @ car.rotation.T + car.translation
         apart = np.linalg.norm(np.maximum(np.abs(seen[:, :2]) - CAR, 0.0), axis=1)
         if (apart < radii).any():
