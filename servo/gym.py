@@ -18,8 +18,6 @@ that `[vary]` draws for it. Without a seed, one is drawn.
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -35,6 +33,7 @@ from servo.scenario.catalogue import PLUGINS
 from servo.scenario.load import Scenario, load, parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
+from sim.display import has_display
 from sim.types import Array
 from tracking.types import Status
 
@@ -51,7 +50,6 @@ LARGEST = 10.0
 """Values of the features are cut at this."""
 LAST_SEED = 2**31
 LEVEL = ("vx", "vy", "vz", "wz")
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
@@ -237,7 +235,7 @@ def _check(what: str, given: Any, known: Sequence[Any]) -> None:
 
 
 def _check_display() -> None:
-    if sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+    if not has_display():
         raise Mistake("render_mode='human': there is no display here; use 'rgb_array'")
 
 

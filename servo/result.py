@@ -7,11 +7,10 @@ result.measures, result.steps, result.figure(), result.frame(7.7)
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, overload
@@ -150,9 +149,11 @@ class Result(Sequence[Step]):
 
     def film(self) -> Clip:
         """The whole run as a film (H.264), which a notebook plays."""
+        from servo.output.film import write_film  # it renders the room
+
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "film.mp4"
-            _film_writer()(self, path, self.title)
+            write_film(self, path, self.title)
             return Clip(path.read_bytes())
 
     def view(self) -> None:
@@ -204,8 +205,3 @@ class Clip:
 
     def _repr_html_(self) -> str:
         return notebook.html_film(self.mp4)
-
-
-def _film_writer() -> Callable[[Sequence[Step], Path, str], object]:
-    """The function that writes the film of some steps with a title."""
-    return import_module("servo.output.film").write_film

@@ -18,17 +18,17 @@ import pyarrow as pa
 from pyarrow import csv
 
 from servo import notebook
-from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import local
 from servo.batch.workers import Lost
 from servo.mistake import Refused
 from servo.output.formats import command_line
-from servo.report.words import Table, counted, shown, spread
+from servo.report.cell_row import cell_row
+from servo.report.words import Table
 from servo.study.parse import load
-from servo.study.perform import perform
 from servo.study.plan import Study, StudyFile
 from servo.study.results import Cell, cells_csv, cells_of
 from servo.study.store import Store, opened
+from servo.study.work import work
 from sim import gl
 
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
@@ -67,19 +67,13 @@ def sweep(
 
 def _work(study: Study, store: Store, workers: int) -> list[str]:
     """Do the missing runs; a sentence for each that failed."""
-    done, failed = store.done(), list[str]()
-    missing = (run for run in study.runs() if run.number not in done)
-    if len(done) == study.size:
+    failed = list[str]()
+    if len(store.done()) == study.size:
         return failed
     with local(workers) as cluster, notebook.progress(study.name, study.size) as bar:
         try:
-            for run, ended in carry_out(cluster, missing, perform):
-                if ended.error:
-                    again = run.command(study.changes)
-                    store.fail(run, ended.error, again)
-                    failed.append(f"{ended.reason} (again: {again})")
-                else:
-                    store.add(ended.value)
+            for failure in work(study, store, cluster):
+                failed += [f"{failure.reason} (again: {failure.command})"] if failure else []
                 bar(len(store.done()) + len(failed), f"{len(failed)} failed")
         except Lost as lost:
             raise Refused(f"{lost}; give `out` to go on from what is finished") from None
@@ -116,10 +110,5 @@ class Swept:
 
     def _repr_html_(self) -> str:
         keys = [axis.key for axis in self.study.every_axis]
-        rows = [
-            [*map(shown, cell.settings.values()), counted(cell.success, cell.unit),
-             spread(cell.success),
-             *(shown(mean and mean.value) for mean in map(cell.means.get, SHOWN))]
-            for cell in self._cells
-        ]  # fmt: skip
+        rows = [cell_row(cell, SHOWN) for cell in self._cells]
         return notebook.html_table(Table((*keys, "units", "held", *SHOWN), rows))

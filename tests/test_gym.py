@@ -17,6 +17,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
+from sim import display  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 TUTORIAL = Path(__file__).parent / "tutorials" / "train_servo.py"
@@ -150,7 +151,7 @@ def test_options_change_one_run():
     ],
 )  # fmt: skip
 def test_mistakes_are_one_sentence(given, message, monkeypatch):
-    for name in servo.gym.DISPLAYS:
+    for name in display.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(Mistake) as found:
         servo.gym.ServoEnv(**given)

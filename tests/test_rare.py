@@ -16,7 +16,7 @@ from servo.cli.sweep_command import SweepRequest
 from servo.mistake import Mistake, unknown
 from servo.report import bench_section, study_data, words
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.study import perform
+from servo.study import perform, work
 from sim import gl, kinds
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
@@ -93,7 +93,7 @@ def broken(monkeypatch, tmp_path):
             pass
 
     monkeypatch.setattr(sweep_command, "local", lambda workers: Cluster())
-    monkeypatch.setattr(sweep_command, "carry_out", lambda client, runs, perform: [
+    monkeypatch.setattr(work, "carry_out", lambda client, runs, perform: [
         (task, Ended(None, "Trace\n  oh\nValueError: no\n")) for task in runs
     ])  # fmt: skip
     return SweepRequest("mine.toml", (), None, 1, None, tmp_path / "out", True)

@@ -12,6 +12,7 @@ from matplotlib.backend_bases import KeyEvent, MouseEvent
 from tracked import FRAMES, call, image, pictures, rows_of
 
 from servo.cli import region_choice, region_page, region_window
+from sim import display
 
 PICTURE = image(0)[..., ::-1].copy()
 
@@ -19,7 +20,7 @@ PICTURE = image(0)[..., ::-1].copy()
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in region_choice.DISPLAYS:
+    for name in display.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     return pictures(tmp_path)
 

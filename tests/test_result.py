@@ -1,8 +1,8 @@
 """A whole run from Python: tables, figures, pictures, and what a notebook shows of them."""
 
 from functools import partial
-from importlib import import_module
 
+import av
 import cv2
 import numpy as np
 import pyarrow as pa
@@ -87,7 +87,7 @@ def test_a_film_is_of_all_steps(result, monkeypatch):
         given[title] = [s.frame.index for s in steps]
         path.write_bytes(b"mp4")
 
-    monkeypatch.setattr("servo.result._film_writer", lambda: write_film)
+    monkeypatch.setattr("servo.output.film.write_film", write_film)
     clip = result.film()
     assert given == {"still, seed 4": list(range(15))}
     assert clip._repr_html_().endswith('src="data:video/mp4;base64,bXA0"></video>')
@@ -154,9 +154,8 @@ def test_a_study_gives_its_tables(tmp_path):
     assert again.runs.equals(swept.runs)  # times too: nothing was done again
 
 
-def test_the_film_is_connected():
-    pytest.importorskip("servo.output.film")
-    assert (
-        import_module("servo.output.film").write_film
-        is import_module("servo.result")._film_writer()
-    )
+def test_a_film_has_a_picture_for_each_step(result, tmp_path):
+    result.film().save(tmp_path / "film.mp4")
+    with av.open(str(tmp_path / "film.mp4")) as film:
+        times = [float(picture.time) for picture in film.decode(video=0)]
+    assert times == pytest.approx([s.frame.time for s in result], abs=1e-4)

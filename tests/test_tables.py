@@ -20,6 +20,7 @@ from servo.cli.sweep_command import SweepRequest
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
+from servo.study import work
 from servo.study.parse import KEYS, load
 from servo.study.plan import StudyFile
 from sim import kinds
@@ -148,11 +149,12 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
     monkeypatch.setattr(sweep_command, "progress_bar", lambda _: nullcontext(bar))
     monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
     monkeypatch.setattr(sweep_command.time, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(sweep_command, "carry_out", lambda _, runs, __: (
+    monkeypatch.setattr(work, "carry_out", lambda _, runs, __: (
         (run, Ended(None, "" if run.number < 5 else "no")) for run in runs
     ))  # fmt: skip
     asked = SweepRequest("mine.toml", (), None, 1, None, None, True)
-    assert sweep_command._work(study, kept, asked, Console()) == [(tmp_path, "no")]
+    failed = sweep_command._work(study, kept, asked, Console())
+    assert [(f.path, f.reason) for f in failed] == [(tmp_path, "no")]
     more = {"total": 6, "completed": 2, "note": sweep_command.COMPILING}
     assert told == [["sweep mine", more]] + [
         {"advance": 1, "note": f"2.0 a minute, {failed} failed"} for failed in (0, 0, 0, 1)

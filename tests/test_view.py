@@ -7,6 +7,7 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.output.recording import view
+from sim import display
 
 
 @dataclass
@@ -113,7 +114,7 @@ def test_the_viewer_is_opened_on_this_machine_alone(monkeypatch, tmp_path, web):
 def test_without_a_display_only_the_browser_is_left(monkeypatch, tmp_path):
     monkeypatch.setattr(view.sys, "platform", "linux")
     monkeypatch.setattr(subprocess, "call", lambda words: 0)
-    for name in view.DISPLAYS:
+    for name in display.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(Mistake) as found:
         view.show(tmp_path / "run.rrd", web=False)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
-import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,13 +10,13 @@ from rich.console import Console
 
 from servo.cli.terminal import plain
 from servo.mistake import Mistake
+from sim.display import has_display
 from sim.types import Image
 from tracking.evaluation.sequences.sources import Picture
 from tracking.types import Region, State
 
 DIGITS = 6
 """Digits of a region's numbers."""
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 Box = tuple[float, float, float, float, float]
 """Left, top, width, height [px], and rotation about the centre [deg]."""
 
@@ -61,17 +59,13 @@ def select(
 def _chosen(image: Image, name: str) -> str:
     from servo.cli import region_page, region_window  # jinja2 and matplotlib
 
-    window = region_window.opened(image, name) if _has_desktop() else None
+    window = region_window.opened(image, name) if has_display() else None
     box = window() if window is not None else region_page.ask(image, name, _say)
     if box is None:
         raise Mistake("--select was closed without a region; give --region X,Y,W,H[,DEG]")
     text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
     _say(f"--region {text} repeats this choice")
     return text
-
-
-def _has_desktop() -> bool:
-    return sys.platform in ("win32", "darwin") or any(os.environ.get(name) for name in DISPLAYS)
 
 
 def _say(text: str) -> None:

@@ -11,19 +11,20 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from servo.batch.cluster import carry_out
 from servo.batch.local_cluster import check_workers, local
 from servo.batch.remote_cluster import check_address, remote, security_of
 from servo.batch.workers import Lost
 from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
 from servo.mistake import Mistake, Refused
 from servo.output.formats import command_line
-from servo.report.words import Table, counted, shown, spread
+from servo.report.cell_row import cell_row
+from servo.report.words import Table
 from servo.study.parse import load
-from servo.study.perform import parquet, perform
+from servo.study.perform import parquet
 from servo.study.plan import Study, StudyFile
 from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, missed
 from servo.study.store import RESULTS, Store, opened
+from servo.study.work import FailedRun, work
 from sim import gl
 from tracking.files.csv_text import csv_text
 
@@ -87,33 +88,25 @@ def run(request: SweepRequest) -> int:
         except Lost as lost:
             kind = Refused if request.scheduler is None else Mistake
             raise kind(f"{lost}; {_again(store, study, request)}") from None
-    for path, error in failed:
-        complain(f"{path}: {error}")
+    for one in failed:
+        complain(f"{one.path}: {one.reason}")
     return 1 if failed else code
 
 
-def _work(
-    study: Study, store: Store, request: SweepRequest, console: Console
-) -> list[tuple[Path, str]]:
-    """Do the missing runs; the file of each failed run, with the last line of its error."""
-    done = store.done()
-    failed: list[tuple[Path, str]] = []
+def _work(study: Study, store: Store, request: SweepRequest, console: Console) -> list[FailedRun]:
+    """Do the missing runs; those that failed."""
+    done, failed = store.done(), list[FailedRun]()
     if len(done) == study.size:
         return failed
-    missing, began = (r for r in study.runs() if r.number not in done), time.monotonic()
-    by = request.scheduler
+    began, by = time.monotonic(), request.scheduler
     with (
         progress_bar(console) as bar,
         local(request.workers) if by is None else remote(by) as cluster,
     ):
         title = f"sweep {escape(study.name)}"
         board = bar.add_task(title, total=study.size, completed=len(done), note=COMPILING)
-        for count, (run, ended) in enumerate(carry_out(cluster, missing, perform), 1):
-            if ended.error:
-                path = store.fail(run, ended.error, run.command(study.changes))
-                failed.append((path, ended.reason))
-            else:
-                store.add(ended.value)
+        for count, failure in enumerate(work(study, store, cluster), 1):
+            failed += [failure] if failure else []
             rate = 60 * count / (time.monotonic() - began)
             bar.update(board, advance=1, note=f"{rate:.1f} a minute, {len(failed)} failed")
     return failed
@@ -156,12 +149,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
 
 def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
     keys = [key.replace(".", ".\n", 1) for key in cells[0].settings]
-    rows = [
-        [*map(shown, cell.settings.values()), counted(cell.success, cell.unit),
-         spread(cell.success),
-         *(shown(mean and mean.value) for mean in map(cell.means.get, SHOWN.values()))]
-        for cell in cells[:MOST_SHOWN]
-    ]  # fmt: skip
+    rows = [cell_row(cell, SHOWN.values()) for cell in cells[:MOST_SHOWN]]
     print_table(console, Table((*keys, "units", "held", *SHOWN), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")

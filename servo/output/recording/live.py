@@ -20,7 +20,7 @@ import rerun_cli
 
 from servo.mistake import Mistake, Refused
 from servo.output.recording.archetypes import flushed, new_stream
-from servo.output.recording.view import has_display
+from sim.display import has_display
 
 HOST = "127.0.0.1"
 SHOWN = 30.0

@@ -21,6 +21,7 @@ from rerun.experimental import ViewerClient
 
 from servo.mistake import Mistake
 from servo.output.recording.archetypes import IMAGE
+from sim.display import has_display
 from sim.files import reading
 from sim.types import Array, Image
 from tracking.files import atomic
@@ -28,7 +29,6 @@ from tracking.files import atomic
 MAGIC = (b"RRF2", b"RRIO")
 """First bytes of Rerun's files."""
 VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 LOADED_WITHIN, POLL = 30.0, 0.25
 DRAWN_AFTER = 3.0
 """Time that a machine without a GPU needs to draw a scene for the first time [s]."""
@@ -53,11 +53,6 @@ def check(path: Path) -> None:
         raise Mistake(str(error)) from None
     if begin not in MAGIC:
         raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
-
-
-def has_display() -> bool:
-    """Whether a window can be opened here."""
-    return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))
 
 
 def show(path: Path, *, web: bool) -> int:
