@@ -166,9 +166,10 @@ def no_workers(monkeypatch):
     """`servobench sweep` works in this process: a worker takes two seconds to start."""
     from servo.batch.workers import one_by_one
     from servo.cli import sweep_command
+    from servo.study import work
 
     monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
-    monkeypatch.setattr(sweep_command, "carry_out", lambda _, tasks, work: one_by_one(tasks, work))
+    monkeypatch.setattr(work, "carry_out", lambda _, tasks, work: one_by_one(tasks, work))
 
 
 @pytest.fixture
