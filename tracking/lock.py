@@ -2,6 +2,7 @@
 trackers.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Annotated
@@ -16,6 +17,13 @@ from tracking.types import Status
 MAD_TO_SIGMA = 1.4826
 FEW = 10
 """With fewer good frames than this the threshold is the cap: their spread says nothing yet."""
+CLEAR = 0.08
+"""At a distance below this, nothing begins to hide the target."""
+SURE = 6.0
+"""A rise by fewer robust standard deviations than this is chance."""
+JUMP = 0.03
+"""What an estimate deviates from the prediction is chance below this: position over the target's
+size, or ln scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +42,12 @@ class LockConfig:
     """The target is believed again below this fraction of the threshold."""
     patience: Time = 1.0
     """After this long without the target it is LOST [s]."""
+    sudden: Annotated[float, Ge(0), Le(1000)] = 0.0
+    """A distance this many times the median of recent good frames is not believed at first, even
+    below the floor, if the target seems to jump as well: so it is where something begins to hide
+    it and draws the estimate along. 0: it is believed."""
+    doubt: Time = 0.3
+    """After this long such a distance is believed: the light has changed [s]."""
 
 
 class Lock:
@@ -43,6 +57,7 @@ class Lock:
         self._config = config
         self._good: deque[float] = deque(maxlen=config.history)
         self._unseen_since: float | None = None
+        self._risen_since: float | None = None
 
     @property
     def threshold(self) -> float:
@@ -54,9 +69,7 @@ class Lock:
         c = self._config
         if len(self._good) < FEW:
             return c.cap
-        good = np.array(self._good)
-        middle = _median(good)
-        sigma = MAD_TO_SIGMA * _median(np.abs(good - middle))
+        middle, sigma = self._usual()
         return min(max(middle + c.sigmas * sigma, c.floor), c.cap)
 
     @property
@@ -64,10 +77,19 @@ class Lock:
         """Whether the last frame was good."""
         return self._unseen_since is None
 
-    def judge(self, distance: float, time: float) -> Status:
-        """The status after a frame with this distance at this time [s]."""
+    def judge(self, distance: float, time: float, jump: float = math.inf) -> Status:
+        """The status after a frame.
+
+        Args:
+            distance: From the target.
+            time: Of the frame [s].
+            jump: Of the estimate from the prediction: position over the target's size, or ln scale,
+                whichever is larger; by default of a tracker that predicts nothing.
+        """
         limit = self.threshold * (1.0 if self.locked else self._config.hysteresis)
-        if distance <= limit:
+        if distance > limit:
+            self._risen_since = None
+        elif not self._begins_to_hide(distance, time, jump):
             self._good.append(distance)
             self._unseen_since = None
             return Status.LOCKED
@@ -75,6 +97,24 @@ class Lock:
             self._unseen_since = time
         waited = time - self._unseen_since
         return Status.LOST if waited >= self._config.patience else Status.UNSURE
+
+    def _begins_to_hide(self, distance: float, time: float, jump: float) -> bool:
+        """Whether the distance has risen suddenly, with a jump, a moment ago."""
+        c, risen = self._config, False
+        if c.sudden > 0 and len(self._good) >= FEW:
+            middle, sigma = self._usual()
+            risen = distance > max(CLEAR, c.sudden * middle, middle + SURE * sigma)
+        if not risen:
+            self._risen_since = None
+        elif self._risen_since is None and jump > JUMP:
+            self._risen_since = time
+        return self._risen_since is not None and time - self._risen_since < c.doubt
+
+    def _usual(self) -> tuple[float, float]:
+        """Median and robust standard deviation of the recent good frames' distances."""
+        good = np.array(self._good)
+        middle = _median(good)
+        return middle, MAD_TO_SIGMA * _median(np.abs(good - middle))
 
 
 def _median(values: Array) -> float:

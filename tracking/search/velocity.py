@@ -29,6 +29,13 @@ class Velocity:
         self._last = self._last + ego
         return self.value + ego
 
+    def jump(self, state: State, size: float) -> float:
+        """How far a state is from what `step` expected: position over the target's size, or ln
+        scale, whichever is larger. The size [px] is that at scale 1.
+        """
+        x, y, _, scale = state.vector - (self._last + self.value)
+        return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
+
     def learn(self, state: State, *, seen: bool) -> None:
         """Take the next state; the velocity of a target that is not seen stays."""
         if seen:

@@ -59,7 +59,9 @@ class CloudTracker:
             distance = float(self._model.distances(image, state.vector[None])[0])
         else:
             distance = self._recogniser.doubt(image, state, cloud, frame.time)
-        self._status = self._lock.judge(distance, frame.time)
+        self._status = self._lock.judge(
+            distance, frame.time, self._velocity.jump(state, cloud.size)
+        )
         found = cloud.estimate(state, distance, self._status, evaluations + 1)
         seen = self._status is Status.LOCKED
         self._velocity.learn(state, seen=seen and not strewn)

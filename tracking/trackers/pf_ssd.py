@@ -33,7 +33,7 @@ from tracking.trackers.mk_pf import VIDEO
 from tracking.types import Estimate, Region, State, Status, check_region
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": PLAIN | {"inset": 0.0, "density": 16},
+    "paper": PLAIN | {"inset": 0.0, "density": 16, "lock": LockConfig()},
     "video": VIDEO | {"particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
 }
 
@@ -80,7 +80,7 @@ class Config(Colours, Learning, Recognition):
     hidden: Share = 0.5
     """Power of the weights in resampling while the target is not seen: 75 particles would gather on
     what hides it, and miss it when it comes out."""
-    lock: LockConfig = field(default_factory=LockConfig)
+    lock: LockConfig = field(default_factory=lambda: LockConfig(sudden=1.5))
     """When the target counts as hidden or lost."""
     widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
     """Factor on the spread while the target is LOST."""
@@ -167,7 +167,8 @@ class PfSsd:
         what was learned than where it began.
         """
         if self._recogniser is None:
-            self._status = self._lock.judge(descended.distance, time)
+            jump = self._velocity.jump(descended.state, self._size)
+            self._status = self._lock.judge(descended.distance, time, jump)
             state = descended.state if self._status is Status.LOCKED else proposed
             return state, descended.distance
         ends = (proposed, descended.state)
