@@ -118,7 +118,7 @@ def test_texture_changes_size_and_speed_over_its_own_colour():
 
 
 def test_a_camouflaged_car_has_the_colours_of_its_ground_and_finer_paint():
-    sequence = build("camouflage", 2, gravel=0, noise=0.0)
+    sequence = build("camouflage", 2, colours="spread", gravel=0, noise=0.0)
     image = picture(sequence, 0).astype(float)
     x, y = sequence.states[0, :2].astype(int)
     car = image[y - 14 : y + 14, x - 24 : x + 24]
@@ -126,6 +126,20 @@ def test_a_camouflaged_car_has_the_colours_of_its_ground_and_finer_paint():
     np.testing.assert_allclose(car.std(axis=(0, 1)), image.std(axis=(0, 1)), rtol=0.2)
     rough, smooth = (np.abs(np.diff(part, axis=1)).mean() for part in (car, image))
     assert rough > 2.5 * smooth
+
+
+def test_a_camouflaged_car_in_one_colour_has_the_histogram_of_any_other_place():
+    sequence = build("camouflage", 2, gravel=0, noise=0.0)
+    image = picture(sequence, 0)
+    assert len(np.unique(image.reshape(-1, 3) // 32, axis=0)) == 1
+    x, y = sequence.states[0, :2].astype(int)
+    car = image[y - 14 : y + 14, x - 24 : x + 24].astype(float)
+    steps = (np.abs(np.diff(part.astype(float), axis=1)) for part in (car, image))
+    rough, smooth = (np.mean(step > 8) for step in steps)
+    assert rough > 0.15
+    assert smooth < 0.02
+    gravel = build("camouflage", 2, gravel=1, noise=0.0)
+    assert len(np.unique(picture(gravel, 0).reshape(-1, 3) // 32, axis=0)) == 2
 
 
 def test_a_contact_sheet_shows_truth_white_and_estimate_green():

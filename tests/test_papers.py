@@ -18,7 +18,7 @@ from tracking.evaluation.verdicts import Finding
 NAMES = [
     "P0-1a", "P0-1b", "P0-2", "P0-3", "P0-4", "P0-5", "P0-6", "P0-7", "P0-8", "P1-1", "P1-2",
     "P1-3", "P1-4a", "P1-4b", "P1-5a", "P1-5b", "P1-6a", "P1-6b", "P1-7", "P1-8", "P1-9", "P2-1",
-    "P2-2", "P2-3", "estimators",
+    "P2-2", "P2-3", "P2-3b", "estimators",
 ]  # fmt: skip
 FULL = Effort(quick=False, sequences=None)
 

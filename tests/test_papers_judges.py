@@ -146,7 +146,7 @@ VARIED = {
     "P1-8": (KERNELS, {"mk_pf-published": 9.0}),
     "P1-9": ({}, {"pf_ssd-published": -2.0}),
     "P2-1": (SHIFTED, {}),
-    "P2-3": ({"texture-alone": 3.0, "colour-alone": 9.0}, {"joint": 2.0}),
+    **dict.fromkeys(("P2-3", "P2-3b"), (dict.fromkeys(("texture-alone", "colour-alone"), 9.0), {})),
     "P2-2": ({"5": 1.2, "10": 1.3, "20": 1.5}, {"filter": 1.5}),
 }  # fmt: skip
 """What makes a claim hold, and what makes it fail: how much worse which tracker is."""

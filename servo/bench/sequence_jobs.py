@@ -21,6 +21,8 @@ from tracking.files.json_text import as_json, number
 
 TRACKS = "tracks"
 LONGEST_LABEL = 60
+NAMING = ("level", "colours")
+"""Settings of painted sequences that are part of their names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +59,9 @@ class Generated:
 
     @property
     def name(self) -> str:
-        """The kind, with the level if there are several."""
-        level = getattr(self.config, "level", None)
-        return self.kind if level is None else f"{self.kind}-{level}"
+        """The kind, with the level or the colours if there are several."""
+        found = [str(getattr(self.config, key)) for key in NAMING if hasattr(self.config, key)]
+        return "-".join([self.kind, *found])
 
     def describe(self) -> dict[str, Any]:
         return {"kind": self.kind, "settings": as_json(self.config)}
