@@ -6,7 +6,7 @@ import pytest
 from sim.types import Frame
 from tracking import create
 from tracking.appearance.views import Views
-from tracking.evaluation.sequences.generators.similarity import Config
+from tracking.evaluation.sequences.generators.similarity import HIDDEN_AT, Config
 from tracking.evaluation.track import follow
 from tracking.types import Region, State, Status
 
@@ -49,6 +49,18 @@ def test_a_target_out_of_the_picture_is_lost_within_a_second_and_found_again(kin
     end = shots[-1].estimate
     assert end.status is Status.LOCKED
     assert np.hypot(end.state.x - sequence.states[-1, 0], end.state.y - sequence.states[-1, 1]) < 4
+
+
+def test_what_hides_the_target_is_not_learned_while_the_doubt_is_still_rising():
+    """The smoothed doubt lags: by it alone the bar became a view, and the target was never LOST."""
+    settings = Config(frames=100, away=0, hidden=35, turn_deg=10.0, zoom=1.2)
+    sequence = settings.build(np.random.default_rng(3))
+    first = round(HIDDEN_AT * 100) - 17
+    tracker = create("annealed", seed=0, preset="video", particles=100)
+    shots = list(follow(tracker, sequence.source, sequence.region, sequence.start))
+    lost = [shot.estimate.status is Status.LOST for shot in shots]
+    assert lost.index(True) - first == 17
+    assert not lost[-1]
 
 
 def test_a_picture_too_large_or_too_small_for_the_search_has_no_candidates():

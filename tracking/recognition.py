@@ -57,6 +57,7 @@ class Recogniser:
         """Take the first view, and let the model compare states with it."""
         self._views = Views(image, region, state, settings.views)
         self._model, self._logit, self._time = model, 0.0, -math.inf
+        self._sign = 0.0
         model.recognise(self._views, settings.unlike)
 
     def doubt(self, image: Labelled, state: State, cloud: ParticleFilter, time: float) -> float:
@@ -66,13 +67,14 @@ class Recogniser:
         likeness = float(self._views.likeness(image.blurred, at)[0])
         logit = BIAS + BY_DISTANCE * distance + BY_LIKENESS * likeness
         logit = float(np.clip(logit + BY_SPREAD * _spread(cloud, state), -CLEAR, CLEAR))
+        self._sign = logit
         keep = math.exp(-max(time - self._time, 0.0) / MEMORY)
         self._logit, self._time = keep * self._logit + (1 - keep) * logit, time
-        return 1 / (1 + math.exp(self._logit))
+        return _doubt(self._logit)
 
     def learn(self, image: Labelled, state: State, doubt: float) -> None:
-        """Take the view at a state where there is hardly a doubt."""
-        if doubt <= 1 - TRUSTED:
+        """Take the view at a state where there is hardly a doubt, in this frame as in the last."""
+        if max(doubt, _doubt(self._sign)) <= 1 - TRUSTED:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: Labelled, last: State) -> None:
@@ -81,6 +83,10 @@ class Recogniser:
         count = round(SENT * len(cloud.samples))
         if len(places) and count:
             cloud.samples[-count:] = places[np.arange(count) % len(places)]
+
+
+def _doubt(logit: float) -> float:
+    return 1 / (1 + math.exp(logit))
 
 
 def _spread(cloud: ParticleFilter, state: State) -> float:
