@@ -70,11 +70,11 @@ class Recogniser:
         self._sign = logit
         keep = math.exp(-max(time - self._time, 0.0) / MEMORY)
         self._logit, self._time = keep * self._logit + (1 - keep) * logit, time
-        return _doubt(self._logit)
+        return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: Labelled, state: State, doubt: float) -> None:
-        """Take the view at a state where there is hardly a doubt, in this frame as in the last."""
-        if max(doubt, _doubt(self._sign)) <= 1 - TRUSTED:
+        """Take the view at a state where there is hardly a doubt, and this frame adds none."""
+        if doubt <= 1 - TRUSTED and self._sign > 0:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: Labelled, last: State) -> None:
@@ -83,10 +83,6 @@ class Recogniser:
         count = round(SENT * len(cloud.samples))
         if len(places) and count:
             cloud.samples[-count:] = places[np.arange(count) % len(places)]
-
-
-def _doubt(logit: float) -> float:
-    return 1 / (1 + math.exp(logit))
 
 
 def _spread(cloud: ParticleFilter, state: State) -> float:
