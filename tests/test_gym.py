@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
-from sim import display  # noqa: E402
+from sim import display, gl  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 TUTORIAL = Path(__file__).parent / "tutorials" / "train_servo.py"
@@ -225,3 +225,16 @@ def test_the_tutorials_policy_beats_the_law_without_an_estimator():
     )
     assert none > 12
     assert learned < 0.5 * none
+
+
+def test_tritons_library_is_loaded_before_mesas(monkeypatch, tmp_path):
+    """Both contain LLVM; in the other order `stable_baselines3.PPO(env)` crashed the process."""
+    (tmp_path / "triton").mkdir()
+    (tmp_path / "triton" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    loaded, load = [], gl._library
+    monkeypatch.setattr(gl, "_library", lambda name: (loaded.append(name), load(name))[1])
+    monkeypatch.setattr(gl, "_has_device", lambda: bool(loaded.append("driver")) or True)
+    gl.backend()
+    assert loaded == [f"{tmp_path}/triton/_C/libtriton.so", "libEGL.so.1", "libGL.so.1", "driver"]

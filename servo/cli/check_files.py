@@ -41,13 +41,18 @@ class CheckFile(Made):
     runs: list[CheckedRun]
 
 
-def check_place(path: Path | None) -> None:
-    """Refuse a file that cannot be written, before the runs.
+def check_place(path: Path | None, suffix: str) -> None:
+    """Refuse a file that cannot be written, or that may be the user's own, before the runs.
 
     Raises:
-        Mistake: Its folder is missing, or it is a folder itself.
+        Mistake: Its folder is missing, it is a folder, a device or a link, or has another suffix.
     """
-    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+    if path is None:
+        return
+    if path.suffix.lower() != suffix:
+        raise Mistake(f"{path}: the name of this file should end in {suffix}")
+    other = path.is_symlink() or (path.exists() and not path.is_file())
+    if other or not path.absolute().parent.is_dir():
         raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
 
 
