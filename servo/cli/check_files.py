@@ -8,7 +8,7 @@ from typing import ClassVar
 from xml.etree import ElementTree
 
 from servo.loop.run_measures import Violation
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.formats import Made, Number
 from tracking.files import atomic
 
@@ -49,8 +49,7 @@ def check_place(path: Path | None, suffix: str) -> None:
     """
     if path is None:
         return
-    if path.suffix.lower() != suffix:
-        raise Mistake(f"{path}: the name of this file should end in {suffix}")
+    check_suffix(path, suffix)
     other = path.is_symlink() or (path.exists() and not path.is_file())
     if other or not path.absolute().parent.is_dir():
         raise Mistake(f"{path}: this should be a file to write, in a folder that is there")

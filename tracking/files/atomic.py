@@ -69,7 +69,7 @@ def _check_replaceable(path: Path) -> None:
         mode = path.lstat().st_mode
     except FileNotFoundError:
         return
-    if stat.S_ISLNK(mode) and os.readlink(path).startswith("/proc/"):
+    if stat.S_ISLNK(mode) and path.readlink().is_relative_to("/proc"):
         mode = stat.S_IFCHR
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
         raise OSError(errno.EEXIST, KINDS.get(stat.S_IFMT(mode), "it is not a file"), path)
