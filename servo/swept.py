@@ -103,7 +103,11 @@ class Swept:
     def cells(self) -> Any:
         """A row for each combination of axis values: success rate and means with 95 % intervals."""
         text = cells_csv(self.study, self._cells).encode()
-        return notebook.frame_of(csv.read_csv(pa.BufferReader(text)))
+        table = csv.read_csv(pa.BufferReader(text))
+        numbers = [pa.float64() if pa.types.is_null(t) else t for t in table.schema.types]
+        return notebook.frame_of(
+            table.cast(pa.schema(zip(table.column_names, numbers, strict=True)))
+        )
 
     @cached_property
     def _cells(self) -> list[Cell]:
