@@ -27,9 +27,10 @@ import numpy as np
 from servo.loop.episode import Episode
 from servo.loop.run_measures import CONVERGED_PX
 from servo.loop.step import Step
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake
 from servo.output.annotated import View, annotated
 from servo.scenario.catalogue import PLUGINS
+from servo.scenario.given import each_once, numbers, one_of, texts
 from servo.scenario.load import Scenario, load, parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
@@ -49,7 +50,7 @@ OBSERVATIONS, ACTIONS = ("features", "picture", "both"), ("twist", "residual")
 LARGEST = 10.0
 """Values of the features are cut at this."""
 LAST_SEED = 2**31
-LEVEL = ("vx", "vy", "vz", "wz")
+LEVEL = [0, 1, 2, 5]
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
@@ -78,33 +79,37 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         Raises:
             Mistake: There is no such scenario, setting or choice, or no display.
         """
-        _check("observation", observation, OBSERVATIONS)
-        _check("action", action, ACTIONS)
-        _check("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        one_of(observation, "observation", OBSERVATIONS)
+        one_of(action, "action", ACTIONS)
+        one_of(render_mode, "render_mode", (None, *self.metadata["render_modes"]))
         if render_mode == "human":
             _check_display()
         self.render_mode, self._observation, self._residual = (
             render_mode, observation, action == "residual",
         )  # fmt: skip
-        self._given = scenario, tuple(overrides), settings
-        self._base = load(scenario, overrides, **settings)
-        moved = dof or getattr(self._base.controller, "dof", None) or LEVEL
-        for name in moved:
-            _check("dof", name, DOF)
-        self._moves = [DOF.index(name) for name in moved]
-        self._reach = np.repeat(np.array(reach, float), 3)[self._moves]
-        self.metadata = {**self.metadata, "render_fps": round(self._base.camera.rate)}
+        self._given = scenario, texts(overrides), settings
+        self._base = load(*self._given[:2], **settings)
+        outline = self._base.target.build(np.random.default_rng(0)).outline
+        self._features = len(self._base.features.build(outline).names)
+        self._moves = self._law_moves() if dof is None else each_once(dof, "dof", DOF)
+        self._reach = np.repeat(numbers(reach, "reach", 2), 3)[self._moves]
+        if self._reach.min() < 0:
+            raise Mistake(f"reach: expected speeds from 0 on, got {reach!r}")
+        modes = [m for m in self.metadata["render_modes"] if m != "human" or has_display()]
+        self.metadata = {"render_modes": modes, "render_fps": round(self._base.camera.rate)}
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
         self._kept: dict[str, tuple[Any, Any]] = {}
         self._window: View | None = None
         self.observation_space = self._space()
 
+    def _law_moves(self) -> list[int]:
+        law, six = self._base.controller, self._features >= len(DOF)
+        return np.flatnonzero(law.moves(six=six)).tolist() if hasattr(law, "moves") else LEVEL
+
     def _space(self) -> spaces.Space[Any]:
-        camera, scenario = self._base.camera, self._base
-        outline = scenario.target.build(np.random.default_rng(0)).outline
-        features = len(scenario.features.build(outline).names)
-        length = 2 * features + len(DOF) + len(self._moves) + 1
+        camera = self._base.camera
+        length = 2 * self._features + len(DOF) + len(self._moves) + 1
         own = spaces.Box(-LARGEST, LARGEST, (length,), np.float32)
         picture = spaces.Box(0, 255, (camera.height, camera.width, 3), np.uint8)
         both = spaces.Dict({"features": own, "picture": picture})
@@ -117,7 +122,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
         Args:
             seed: The scenario's, 0 for the scenario as it is written.
-            options: Settings of this run alone, as for `servo.load`, and `scenario`, another one.
+            options: Settings of this run alone, as for `servo.load`, also `overrides` (after those
+                of the environment) and `scenario`.
 
         Raises:
             Mistake: A setting is wrong, or the observations would have another shape.
@@ -126,21 +132,27 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._end()
         drawn = int(self.np_random.integers(1, LAST_SEED)) if seed is None else seed
         scenario = self._scenario(drawn, options or {})
-        if (scenario.camera.width, scenario.camera.height) != (
-            self._base.camera.width, self._base.camera.height
-        ):  # fmt: skip
-            raise Mistake("options: the pictures would have another size; make another environment")
+        if scenario.run.seed != drawn:
+            raise Mistake("options: the seed of a run is given as reset(seed=...)")
         self._episode = Episode(scenario, steered=True, kept=self._kept)
         self._done = np.zeros(len(self._moves))
         step = self._look()
-        return self._observed(step), self._told(step) | {"seed": drawn, "drawn": scenario.drawn}
+        seen = self._observed(step)
+        if seen not in self.observation_space:
+            self._end()
+            raise Mistake("options: observations would have another shape; make an environment")
+        return seen, self._told(step) | {"seed": drawn, "drawn": scenario.drawn}
 
-    def _scenario(self, seed: int, options: dict[str, Any]) -> Scenario:
+    def _scenario(self, seed: int, options: Any) -> Scenario:
         """The scenario with a seed's draws."""
         name, overrides, settings = self._given
+        if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
+            raise Mistake(f"options: expected settings by name, got {options!r}")
         if options:
-            given = {"scenario": name} | settings | options
-            return load(given.pop("scenario"), overrides, seed, **given)
+            given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | options
+            overrides = *overrides, *texts(given.pop("overrides"))
+            name, seed = given.pop("scenario"), given.pop("seed", seed)
+            return load(name, overrides, seed, **given)
         base = self._base
         scenario = parse(with_settings(base.table, {"run.seed": seed}, name), base.name, name)
         parts = {k for k in PLUGINS if k in settings and not isinstance(settings[k], str | dict)}
@@ -154,9 +166,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """
         if self._episode is None:
             raise Mistake("step: there is no run; call reset first")
-        done = np.clip(np.asarray(action, float), -1.0, 1.0)
-        if done.shape != self._done.shape or not np.isfinite(done).all():
-            raise Mistake(f"step: expected {len(self._done)} finite numbers, got {action!r}")
+        done = np.clip(numbers(action, "step", len(self._done)), -1.0, 1.0)
         twist = np.array(self._now.command.twist) if self._residual else np.zeros(6)
         twist[self._moves] += self._reach * done
         self._done = done
@@ -214,6 +224,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def render(self) -> Any:
         """The picture of now with truth (white), goal (red) and estimate, in mode "rgb_array"."""
+        if not hasattr(self, "_now"):
+            raise Mistake("render: there is no run; call reset first")
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 
     def _end(self) -> None:
@@ -227,11 +239,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if self._window is not None:
             self._window.close()
             self._window = None
-
-
-def _check(what: str, given: Any, known: Sequence[Any]) -> None:
-    if given not in known:
-        raise Mistake(unknown(str(given), [str(k) for k in known], what))
 
 
 def _check_display() -> None:

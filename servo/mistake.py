@@ -6,6 +6,7 @@ import difflib
 import errno
 import traceback
 from collections.abc import Iterable
+from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
 """Errors of a machine that has no more room, or no more open files."""
@@ -50,6 +51,16 @@ def unwritable(place: object, error: OSError, what: str = "to this folder") -> M
     """Why something cannot be written: its place is wrong, or the machine is full."""
     sentence = f"{place}: cannot write {what}: {error.strerror}"
     return Refused(sentence) if error.errno in FULL else Mistake(sentence)
+
+
+def check_suffix(path: Path, *suffixes: str) -> None:
+    """Refuse a file to write that by its name is of another kind, and may be the user's own.
+
+    Raises:
+        Mistake: It is.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise Mistake(f"{path}: the name of this file should end in {' or '.join(suffixes)}")
 
 
 def refusal(error: OSError) -> str:

@@ -40,7 +40,7 @@ MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
 
 
 def simulate(
-    scenario: str | Scenario, overrides: Sequence[str] = (), seed: int | None = None,
+    scenario: str | Path | Scenario, overrides: Sequence[str] = (), seed: int | None = None,
     **settings: Any,
 ) -> Result:  # fmt: skip
     """Run a scenario to its end and keep everything; in a notebook with a progress bar.
@@ -54,7 +54,7 @@ def simulate(
     Raises:
         Mistake: The scenario or a setting is wrong.
     """
-    if isinstance(scenario, str):
+    if not isinstance(scenario, Scenario):
         scenario = load(scenario, overrides, seed, **settings)
     elif overrides or settings or seed is not None:
         raise Mistake("a loaded scenario takes no changes: give them to servo.load")

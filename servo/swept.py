@@ -24,6 +24,7 @@ from servo.mistake import Refused
 from servo.output.formats import command_line
 from servo.report.cell_row import cell_row
 from servo.report.words import Table
+from servo.scenario import given
 from servo.study.parse import load
 from servo.study.plan import Study, StudyFile
 from servo.study.results import Cell, cells_csv, cells_of
@@ -36,7 +37,7 @@ SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
 
 
 def sweep(
-    study: str, overrides: Sequence[str] = (), seeds: int | None = None, workers: int = 2,
+    study: str | Path, overrides: Sequence[str] = (), seeds: int | None = None, workers: int = 2,
     out: str | Path | None = None,
 ) -> Swept:  # fmt: skip
     """Do the runs of a study on worker processes; in a notebook with a progress bar.
@@ -53,6 +54,10 @@ def sweep(
         Mistake: The study, a setting or the folder is wrong.
         Refused: The workers cannot work, or every run failed.
     """
+    study, overrides = given.name(study, "study"), given.texts(overrides)
+    seeds = None if seeds is None else given.whole(seeds, "seeds", 1)
+    workers = given.whole(workers, "workers", 1)
+    out = None if out is None else given.name(out, "folder")
     plan = load(study, overrides, seeds)
     gl.backend()
     command = command_line("sweep", study, set=list(overrides), seeds=seeds)
@@ -98,7 +103,11 @@ class Swept:
     def cells(self) -> Any:
         """A row for each combination of axis values: success rate and means with 95 % intervals."""
         text = cells_csv(self.study, self._cells).encode()
-        return notebook.frame_of(csv.read_csv(pa.BufferReader(text)))
+        table = csv.read_csv(pa.BufferReader(text))
+        numbers = [pa.float64() if pa.types.is_null(t) else t for t in table.schema.types]
+        return notebook.frame_of(
+            table.cast(pa.schema(zip(table.column_names, numbers, strict=True)))
+        )
 
     @cached_property
     def _cells(self) -> list[Cell]:

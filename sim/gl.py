@@ -6,6 +6,7 @@ thing, so this file checks first.
 
 import ctypes
 import importlib
+import importlib.util
 import os
 import sys
 import threading
@@ -51,6 +52,7 @@ def backend() -> str:
         raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset it.")
     if sys.platform != "linux":
         return "glfw"
+    _load_triton()
     if asked == "osmesa":
         _require(*OSMESA)
         return "osmesa"
@@ -125,6 +127,15 @@ def _library(name: str) -> ctypes.CDLL | None:
         return ctypes.CDLL(name)
     except OSError:
         return None
+
+
+def _load_triton() -> None:
+    """Load the library of Triton, which comes with PyTorch, before Mesa's: both contain LLVM, and
+    in the other order the process crashes (Triton of PyTorch 2.15, Mesa 22.3; 0.1 s).
+    """
+    found = importlib.util.find_spec("triton")
+    for folder in (found.submodule_search_locations if found else None) or ():
+        _library(f"{folder}/_C/libtriton.so")
 
 
 def _require(name: str, remedy: str) -> None:

@@ -40,6 +40,13 @@ def test_a_link_in_the_place_of_the_file_is_replaced(tmp_path, name):
     assert path.read_text() == "ours"
 
 
+def test_the_standard_output_is_not_replaced(tmp_path):
+    (tmp_path / "stdout").symlink_to("/proc/self/fd/1")  # as /dev/stdout is
+    with pytest.raises(OSError, match="it is a device, not a file"):
+        atomic.write(tmp_path, "stdout", "ours")
+    assert (tmp_path / "stdout").is_symlink()
+
+
 def test_a_folder_that_is_a_link_is_refused(tmp_path):
     (tmp_path / "precious").mkdir()
     (tmp_path / "out").mkdir()

@@ -55,9 +55,20 @@ def test_kept_bounds_are_passed_tests(tmp_path):
     assert (code, suite.get("failures"), [len(case) for case in suite]) == (0, "0", [0, 0])
 
 
-def test_a_file_that_cannot_be_written_is_refused_before_the_runs(tmp_path):
-    with pytest.raises(Mistake, match=r"x/out\.xml: this should be a file to write, in a folder "):
-        checked(tmp_path, 1000, junit=tmp_path / "x" / "out.xml")
+@pytest.mark.parametrize("name", ["x/out.xml", "folder.xml", "link.xml"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_runs(tmp_path, name):
+    (tmp_path / "folder.xml").mkdir()
+    (tmp_path / "link.xml").symlink_to("/dev/null")
+    sentence = rf"/{name}: this should be a file to write, in a folder that is there$"
+    with pytest.raises(Mistake, match=sentence):
+        checked(tmp_path, 1000, junit=tmp_path / name)
+
+
+def test_no_scenario_is_overwritten(tmp_path):
+    """As `--junit scenes/*.toml` would do, of which the shell makes a file and scenarios."""
+    with pytest.raises(Mistake, match=r"mine\.toml: the name of this file should end in \.json$"):
+        checked(tmp_path, 1000, json=tmp_path / "mine.toml")
+    assert (tmp_path / "mine.toml").read_text() == SHORT.format(bound=1000)
 
 
 @pytest.mark.processes

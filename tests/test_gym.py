@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
-from sim import display  # noqa: E402
+from sim import display, gl  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 TUTORIAL = Path(__file__).parent / "tutorials" / "train_servo.py"
@@ -39,8 +39,53 @@ def test_gymnasiums_own_check_finds_nothing(observation, action):
     env = made(observation=observation, action=action)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(env.unwrapped, skip_render_check=True)
+        check_env(env.unwrapped)
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"reach": 0.2}, "reach: expected 2 finite numbers, got 0.2"),
+        ({"reach": (-1, 1)}, "reach: expected speeds from 0 on, got (-1, 1)"),
+        ({"dof": ["vx", "vx"]}, "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, "
+         "wy, wz, each once"),
+        ({"scenario": None}, "a scenario is given by its name or its file, not by NoneType"),
+        ({"overrides": None}, "None: expected a list of changes, such as ['run.duration=5']"),
+    ],
+)  # fmt: skip
+def test_a_wrong_choice_is_a_sentence(wrong, sentence):
+    with pytest.raises(Mistake) as found:
+        made(**wrong)
+    assert str(found.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ([1], "options: expected settings by name, got [1]"),
+        ({"seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
+        ({"run.seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
+        ({"features": "points"}, "options: observations would have another shape; make an "
+         "environment"),
+    ],
+)  # fmt: skip
+def test_a_wrong_option_is_a_sentence(options, sentence):
+    env = made()
+    with pytest.raises(Mistake) as found:
+        env.reset(seed=1, options=options)
+    assert str(found.value) == sentence
+
+
+def test_an_action_has_the_parts_that_the_law_moves():
+    assert made(scenario="turn_90_points", overrides=()).action_space.shape == (6,)
+    assert made(controller={"dof": ["vx", "wz"]}).action_space.shape == (2,)
+
+
+def test_overrides_of_one_run_follow_those_of_the_environment():
+    env = made(overrides=[*SHORT, "run.duration=0.4"]).unwrapped
+    env.reset(seed=1, options={"overrides": ["run.duration=0.1"]})
+    assert [env.step(np.zeros(4))[3] for _ in range(2)] == [False, True]
 
 
 def test_both_ways_to_render_pass_gymnasiums_check(monkeypatch):
@@ -134,8 +179,8 @@ def test_options_change_one_run():
     assert 40 <= told["drawn"]["start.x"] <= 41
     assert env.reset(seed=3, options={"scenario": "line", "vary": {}})[1]["drawn"] == {}
     assert abs(env.reset(seed=3)[1]["drawn"]["start.x"]) <= 8
-    with pytest.raises(Mistake, match=r"^options: the pictures would have another size; "):
-        env.reset(options={"camera": {"width": 160}})
+    with pytest.raises(Mistake, match=r"^options: observations would have another shape; "):
+        made(observation="picture").reset(options={"camera": {"width": 160}})
 
 
 @pytest.mark.parametrize(
@@ -225,3 +270,16 @@ def test_the_tutorials_policy_beats_the_law_without_an_estimator():
     )
     assert none > 12
     assert learned < 0.5 * none
+
+
+def test_tritons_library_is_loaded_before_mesas(monkeypatch, tmp_path):
+    """Both contain LLVM; in the other order `stable_baselines3.PPO(env)` crashed the process."""
+    (tmp_path / "triton").mkdir()
+    (tmp_path / "triton" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    loaded, load = [], gl._library
+    monkeypatch.setattr(gl, "_library", lambda name: (loaded.append(name), load(name))[1])
+    monkeypatch.setattr(gl, "_has_device", lambda: bool(loaded.append("driver")) or True)
+    gl.backend()
+    assert loaded == [f"{tmp_path}/triton/_C/libtriton.so", "libEGL.so.1", "libGL.so.1", "driver"]

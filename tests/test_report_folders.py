@@ -221,7 +221,7 @@ def test_a_page_that_cannot_be_written_is_a_mistake(make_papers, tmp_path):
     with pytest.raises(Mistake, match=r"papers/figures: this is a folder; --out takes the file"):
         write([folder], folder / "figures")
     before = (folder / "papers.json").read_bytes()
-    with pytest.raises(Mistake, match=r"papers\.json: this is a file of a folder that the page is"):
+    with pytest.raises(Mistake, match=r"papers\.json: the name of this file should end in \.html"):
         write([folder], folder / "figures" / ".." / "papers.json")
     assert (folder / "papers.json").read_bytes() == before
     assert write([folder], folder / "mine.html") == write([folder], folder / "mine.html")

@@ -159,3 +159,32 @@ def test_a_film_has_a_picture_for_each_step(result, tmp_path):
     with av.open(str(tmp_path / "film.mp4")) as film:
         times = [float(picture.time) for picture in film.decode(video=0)]
     assert times == pytest.approx([s.frame.time for s in result], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: servo.simulate(3), "a scenario is given by its name or its file, not by int"),
+        (lambda: servo.simulate("still", [3]),
+         "[3]: expected a list of changes, such as ['run.duration=5']"),
+        (lambda: servo.simulate("still", {"run.duration": 1}),
+         "{'run.duration': 1}: expected a list of changes, such as ['run.duration=5']"),
+        (lambda: servo.sweep(None), "a study is given by its name or its file, not by NoneType"),
+        (lambda: servo.sweep("particles", seeds="x"),
+         "seeds = 'x': expected a whole number from 1 on"),
+        (lambda: servo.sweep("particles", workers=0),
+         "workers = 0: expected a whole number from 1 on"),
+        (lambda: servo.sweep("particles", out=3),
+         "a folder is given by its name or its file, not by int"),
+    ],
+)  # fmt: skip
+def test_an_argument_of_a_wrong_type_is_a_sentence(call, sentence):
+    with pytest.raises(Mistake) as found:
+        call()
+    assert str(found.value) == sentence
+
+
+def test_a_path_and_a_seed_of_numpy_are_taken(tmp_path):
+    (tmp_path / "mine.toml").write_text("[run]\nduration = 0.1\n")
+    loaded = servo.load(tmp_path / "mine.toml", seed=np.int64(3))
+    assert (loaded.name, loaded.run.seed) == ("mine", 3)

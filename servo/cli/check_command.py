@@ -66,8 +66,8 @@ def check_scenarios(
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     check_number(len(chosen) * count)
     _check_changes(changes)
-    check_files.check_place(junit)
-    check_files.check_place(json)
+    check_files.check_place(junit, ".xml")
+    check_files.check_place(json, ".json")
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     checks = [
         Check(i, load(name, changes, s), command_line("run", name, set=list(changes), seed=s))

@@ -8,7 +8,7 @@ from typing import ClassVar
 from xml.etree import ElementTree
 
 from servo.loop.run_measures import Violation
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.formats import Made, Number
 from tracking.files import atomic
 
@@ -41,13 +41,17 @@ class CheckFile(Made):
     runs: list[CheckedRun]
 
 
-def check_place(path: Path | None) -> None:
-    """Refuse a file that cannot be written, before the runs.
+def check_place(path: Path | None, suffix: str) -> None:
+    """Refuse a file that cannot be written, or that may be the user's own, before the runs.
 
     Raises:
-        Mistake: Its folder is missing, or it is a folder itself.
+        Mistake: Its folder is missing, it is a folder, a device or a link, or has another suffix.
     """
-    if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+    if path is None:
+        return
+    check_suffix(path, suffix)
+    other = path.is_symlink() or (path.exists() and not path.is_file())
+    if other or not path.absolute().parent.is_dir():
         raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from servo.bench.ranking import SequenceBench
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.run_folder import RunReport
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
@@ -34,22 +34,20 @@ def write(folders: Sequence[Path], out: Path | None) -> Path:
     """
     text = render([_section(folder) for folder in folders])
     path = out or folders[0] / PAGE
-    _check_out(path, folders)
+    _check_out(path)
     try:
         return atomic.write(path.parent, path.name, text)
     except OSError as error:
         raise unwritable(path, error, "this page") from None
 
 
-def _check_out(path: Path, folders: Sequence[Path]) -> None:
+def _check_out(path: Path) -> None:
     """Refuse a path at which the page must not be written."""
     if not path.parent.is_dir():
         raise Mistake(f"{path}: cannot write this page: there is no such folder")
     if path.is_dir():
         raise Mistake(f"{path}: this is a folder; --out takes the file to write, such as page.html")
-    inside = any(path.resolve().is_relative_to(folder.resolve()) for folder in folders)
-    if inside and path.exists() and path.suffix not in PAGES:
-        raise Mistake(f"{path}: this is a file of a folder that the page is about")
+    check_suffix(path, *PAGES)
 
 
 def _section(folder: Path) -> Section:

@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 
 from servo.cli.terminal import plain, print_table
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
 from servo.scenario.fill import fill
 from sim.assembly import ROBOT, build_model
@@ -49,8 +49,9 @@ def examine(given: dict[str, Any], out: Path) -> int:
     """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`.
 
     Raises:
-        Mistake: The model cannot be used, or a setting does not fit it.
+        Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG.
     """
+    check_suffix(out, ".png")
     console, config = Console(), fill(mjcf.Config, given, "robot")
     try:
         spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)

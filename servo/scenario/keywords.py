@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.draws import flat
+from servo.scenario.given import texts
 from servo.scenario.toml import assignment, trusted
 from sim import kinds
 
@@ -29,9 +30,7 @@ def of_texts(items: Sequence[str]) -> list[Change]:
     Raises:
         Mistake: One has not the form key=value.
     """
-    if isinstance(items, str):
-        raise Mistake(f"{items!r}: expected a list of changes, such as [{items!r}]")
-    return [Change(*assignment(item), f"--set {item}") for item in items]
+    return [Change(*assignment(item), f"--set {item}") for item in texts(items)]
 
 
 def of_keywords(given: Mapping[str, Any], settings: Mapping[str, Any]) -> list[Change]:
@@ -52,7 +51,7 @@ def _changes(
     given: Mapping[str, Any], known: Sequence[str], tables: Sequence[str]
 ) -> Iterator[Change]:
     for name, raw in given.items():
-        value = _plain(raw)
+        value = plain(raw)
         place = f"{name}={value!r}"
         if name in PLUGINS and isinstance(value, str):
             yield Change(f"{name}.kind", value, place)
@@ -79,15 +78,15 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     return found[0]
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """A value of Python or NumPy in the types of TOML, its texts trusted."""
     match value:
         case dict():
-            return {key: _plain(item) for key, item in value.items()}
+            return {key: plain(item) for key, item in value.items()}
         case list() | tuple():
-            return [_plain(item) for item in value]
+            return [plain(item) for item in value]
         case _ if hasattr(value, "tolist"):
-            return _plain(value.tolist())
+            return plain(value.tolist())
         case _ if hasattr(value, "__fspath__"):
             return trusted(str(value))
         case _:

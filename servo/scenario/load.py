@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from servo.mistake import Mistake, unknown
-from servo.scenario import keywords, toml
+from servo.scenario import given, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import AS_WRITTEN, draws_of
@@ -116,7 +116,7 @@ def _described(config: Any) -> Table:
 
 
 def load(
-    name: str, overrides: Sequence[str] = (), seed: int | None = None, **settings: Any
+    name: str | Path, overrides: Sequence[str] = (), seed: int | None = None, **settings: Any
 ) -> Scenario:
     """A scenario by its shipped name or by the path of a TOML file.
 
@@ -132,16 +132,17 @@ def load(
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
+    name = given.name(name, "scenario")
     all_changes = keywords.of_texts(overrides)
     if seed is not None:
-        all_changes.append(Change("run.seed", seed, f"--seed {seed}"))
+        all_changes.append(Change("run.seed", keywords.plain(seed), f"--seed {seed}"))
     plain = {k: v for k, v in settings.items() if k not in PLUGINS or isinstance(v, str | dict)}
     own = {k: keywords.own_part(k, v) for k, v in settings.items() if k not in plain}
     kind = {k: v for k, v in plain.items() if k in PLUGINS}
     scenario = _loaded(name, all_changes)
-    for given in (kind, {k: v for k, v in plain.items() if k not in kind}):
-        if given:
-            all_changes += keywords.of_keywords(given, scenario.settings())
+    for some in (kind, {k: v for k, v in plain.items() if k not in kind}):
+        if some:
+            all_changes += keywords.of_keywords(some, scenario.settings())
             scenario = _loaded(name, all_changes)
     if "tracker" in own:
         own["expect"] = scenario.bounds.of(kinds.kind_of(own["tracker"]))

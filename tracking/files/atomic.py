@@ -60,7 +60,7 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to replace a device, a pipe or a folder by a file.
+    """Refuse to replace a device, a pipe or a folder by a file, or a link such as /dev/stdout.
 
     Raises:
         OSError: The path is one of them.
@@ -69,6 +69,8 @@ def _check_replaceable(path: Path) -> None:
         mode = path.lstat().st_mode
     except FileNotFoundError:
         return
+    if stat.S_ISLNK(mode) and path.readlink().is_relative_to("/proc"):
+        mode = stat.S_IFCHR
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
         raise OSError(errno.EEXIST, KINDS.get(stat.S_IFMT(mode), "it is not a file"), path)
 

@@ -19,7 +19,7 @@ import numpy as np
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_suffix
 from servo.output.recording.archetypes import IMAGE
 from sim.display import has_display
 from sim.files import reading
@@ -76,7 +76,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     Raises:
         Mistake: The viewer cannot start, has no such panel, or does not show the recording.
     """
-    _check_png(path, png)
+    _check_png(png)
     try:
         with _quiet_viewer() as viewer:
             viewer.open(str(path.resolve()))
@@ -98,14 +98,13 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     atomic.write(png.parent, png.name, drawn)
 
 
-def _check_png(path: Path, png: Path) -> None:
+def _check_png(png: Path) -> None:
     """Refuse a PNG file that cannot or must not be written."""
     if not png.absolute().parent.is_dir():
         raise Mistake(f"{png}: there is no such folder to write to")
     if png.exists() and not png.is_file():
         raise Mistake(f"{png}: this is not a file; --png takes the file to write")
-    if png.exists() and png.samefile(path):
-        raise Mistake(f"{png}: this is the recording itself")
+    check_suffix(png, ".png")
 
 
 def _quiet_viewer() -> ViewerClient:
