@@ -144,6 +144,19 @@ def test_yuv_is_read_in_both_orders(tmp_path, encoding):
     np.testing.assert_allclose(picture.image[5, 6], expected, atol=1.5)
 
 
+@pytest.mark.parametrize("big", [0, 1])
+def test_of_sixteen_bits_the_high_byte_is_read(tmp_path, big):
+    grey = np.full((HEIGHT, WIDTH), 77 * 256 + 200, ">u2" if big else "<u2")
+
+    def make(store):
+        message = bags.raw(store, 1.0, grey.view(np.uint8)[..., None], "mono16")
+        message.width, message.is_bigendian = WIDTH, big
+        return [(bags.START, bags.RAW, message)]
+
+    (picture,) = Bag(bags.write(tmp_path / "log.mcap", {"/eye": make}), None)
+    np.testing.assert_array_equal(picture.image, full(*GREY))
+
+
 def test_a_message_that_cannot_be_read_says_why(tmp_path):
     good = full(*COLOUR)
 
@@ -181,6 +194,24 @@ def test_foxglove_messages_are_read(tmp_path):
         np.testing.assert_array_equal(picture.image, shade(k)[..., ::-1])
 
 
+def test_a_number_in_place_of_bytes_takes_no_memory(tmp_path):
+    wrong = [bags.protobuf((1, 1 << 50)), bags.protobuf((2, 1 << 50)), b"\xff" * 50]
+    rows = [(float(k), data) for k, data in enumerate(wrong)]
+    topics = {"/eye": ("foxglove.CompressedImage", rows)}
+    found = Bag(bags.write_mcap(tmp_path / "log.mcap", "protobuf", "protobuf", topics), None)
+    assert [p.reason for p in found] == 3 * ["this message is cut off or damaged"]
+
+
+def test_pictures_that_are_written_in_another_way_are_named(tmp_path):
+    topics = {"/eye": ("foxglove.CompressedImage", [(1.0, b"{}")])}
+    path = bags.write_mcap(tmp_path / "log.mcap", "json", "jsonschema", topics, profile="")
+    with pytest.raises(ValueError) as refused:
+        Bag(path, None)
+    assert str(refused.value) == (
+        f"{path}: no topic has pictures; there is /eye (foxglove.CompressedImage as json)"
+    )
+
+
 def test_without_a_stamp_the_time_of_recording_counts(tmp_path):
     def make(store):
         rows = [(10.0, 0.0), (10.2, 0.0), (10.3, 0.0)]
@@ -216,6 +247,7 @@ def test_a_cut_bag_is_one_sentence(two, form):
             list(Bag(path, "/left"))
         assert str(refused.value).startswith(f"{path}: this bag is damaged or incomplete")
         assert "\n" not in str(refused.value)
+        assert str(refused.value).endswith("; 'rosbag reindex' may mend it") == path.is_file()
 
 
 def test_the_missing_extra_is_named(two, monkeypatch):

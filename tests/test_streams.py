@@ -57,11 +57,20 @@ def test_a_recording_on_a_server_waits_and_a_reader_that_stops_ends_the_thread()
     assert threading.active_count() == before
 
 
-def test_times_increase_whatever_the_stamps_are():
+@pytest.mark.parametrize(
+    ("stamps", "expected"),
+    [
+        ([None, 7.0, 7.05, None, 7.3], [0.0, 0.1, 0.15, 0.25, 0.4]),
+        ([7.0, 7.2, 7.1, 7.4, 7.3, 7.6], [0.0, 0.2, 0.2001, 0.4, 0.4001, 0.6]),  # wrong order
+        ([7.0, 7.0, 7.0, 7.3, 7.3], [0.0, 0.1, 0.2, 0.3, 0.4]),  # the same twice
+        ([7.0, 7.1, 2.0, 2.2], [0.0, 0.1, 0.2, 0.4]),  # a clock that was set back,
+        ([7.0, 7.1, 1.7e9, 1.7e9 + 1], [0.0, 0.1, 0.2, 1.2]),  # or forward
+        ([7.0, 3607.0, 3607.5], [0.0, 3600.0, 3600.5]),  # a pause
+    ],
+)
+def test_times_increase_whatever_the_stamps_are(stamps, expected):
     times = Times(10.0)
-    stamps = [None, 7.0, 7.05, None, 7.3, 2.0, 2.2, 2.2]
-    found = [times.since_first(stamp) for stamp in stamps]
-    assert found == pytest.approx([0.0, 0.1, 0.15, 0.25, 0.4, 0.5, 0.7, 0.8])
+    assert [times.since_first(stamp) for stamp in stamps] == pytest.approx(expected, abs=1e-6)
 
 
 class Camera:
@@ -147,7 +156,7 @@ def test_a_stream_that_dies_leaves_its_rows(monkeypatch, capfd, tmp_path, parts,
     assert f" pictures, then it was lost: {reason}" in err
     assert len(err.splitlines()) == 1
     rows = rows_of(tmp_path / "out" / "track.csv")
-    assert len(rows) > 5
+    assert len(rows) > 1
     assert float(rows[-1]["time"]) > 0.2
     assert json.loads((tmp_path / "out" / "report.json").read_text())["frames"] == len(rows)
 
@@ -170,6 +179,14 @@ def test_a_playlist_at_an_address_opens_nothing(tmp_path):
     assert str(refused.value) == (
         f"{address}: cannot open this stream: Invalid data found when processing input"
     )
+
+
+@pytest.mark.parametrize("rtsp", [False, True], ids=["tcp", "rtsp"])
+def test_a_stream_is_read_from_its_first_key_frame_on(rtsp):
+    with served(film(50, gop=50), gap=0.01, rtsp=rtsp) as address:
+        source = source_of(address, 30.0)
+        given = len(list(source))
+    assert given + source.end.dropped >= 49  # the last one of RTSP may lack its end
 
 
 def test_a_password_is_not_printed():

@@ -12,6 +12,7 @@ import pytest
 
 from sim.files import picture_file
 from tracking.evaluation.sequences.sequence import source_of
+from tracking.evaluation.sequences.sources import End
 from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
 
 FRAMES = 20
@@ -23,11 +24,11 @@ CODECS = {
 }  # fmt: skip
 
 
-def film(form="mp4", videos=1):
-    """A video of FRAMES frames at 25 Hz, each brighter than the one before."""
+def film(form="mp4", videos=1, rate=25):
+    """A video of FRAMES frames, each brighter than the one before."""
     data = io.BytesIO()
     with av.open(data, mode="w", format=form) as container:
-        streams = [container.add_stream(CODECS[form], rate=Fraction(25)) for _ in range(videos)]
+        streams = [container.add_stream(CODECS[form], rate=Fraction(rate)) for _ in range(videos)]
         for stream in streams:
             stream.width, stream.height = WIDTH, HEIGHT
             stream.pix_fmt = {"gif": "rgb8", "avi": "yuvj420p"}.get(form, "yuv420p")
@@ -149,6 +150,18 @@ def test_the_missing_frames_of_a_cut_video_are_none(tmp_path):
     there = [image is not None for image in images]
     assert 0 < sum(there) < FRAMES
     assert there == sorted(there, reverse=True)
+
+
+@pytest.mark.parametrize("form", ["matroska", "webm"])
+def test_a_file_that_breaks_off_before_the_end_it_states_says_so(tmp_path, form):
+    path, whole = tmp_path / "film", film(form, rate=5)
+    path.write_bytes(whole)
+    assert Video.of(path).end is None
+    path.write_bytes(whole[: len(whole) // 2])
+    video = Video.of(path)
+    assert 1 < len(list(video)) == video.count < FRAMES
+    sentence = f"{path}: {video.count} pictures, then this video breaks off"
+    assert video.end == End(sentence, lost=True)
 
 
 def test_a_video_of_noise_ends(tmp_path):

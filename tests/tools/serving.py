@@ -15,8 +15,9 @@ RELIABLE = 33
 """The RTP payload type of MPEG-TS."""
 
 
-def film(frames, rate=25):
-    """An MPEG-TS film of the tests' moving target: the bytes of each picture (all key frames)."""
+def film(frames, rate=25, gop=1):
+    """An MPEG-TS film of the tests' moving target: the bytes of each picture; one in `gop` is a
+    key frame."""
     parts = [b""]
 
     class File:
@@ -27,7 +28,7 @@ def film(frames, rate=25):
     with av.open(File(), mode="w", format="mpegts", options={"flush_packets": "1"}) as container:
         stream = container.add_stream("mpeg2video", rate=Fraction(rate))
         stream.width, stream.height, stream.pix_fmt = 160, 100, "yuv420p"
-        stream.codec_context.gop_size, stream.codec_context.max_b_frames = 1, 0
+        stream.codec_context.gop_size, stream.codec_context.max_b_frames = gop, 0
         stream.codec_context.bit_rate = 4_000_000
         for k in range(frames):
             picture = av.VideoFrame.from_ndarray(image(k)[..., ::-1].copy(), format="rgb24")

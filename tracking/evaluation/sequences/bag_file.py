@@ -39,6 +39,12 @@ class Topic:
     def has_pictures(self) -> bool:
         return self.kind in KINDS.get(self.serialization, ())
 
+    @property
+    def shown_kind(self) -> str:
+        """The type, and how it is written if it is not read for that reason."""
+        other = any(self.kind in kinds for kinds in KINDS.values()) and not self.has_pictures
+        return f"{self.kind} as {self.serialization}" if other else self.kind
+
 
 @dataclass(frozen=True, slots=True)
 class Contents:
@@ -109,7 +115,7 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     if found and not found[0].count and len(found) == 1:
         raise ValueError(f"{path}: there are no messages in {found[0].name}")
     if not images:
-        there = [f"{topic.name} ({topic.kind})" for topic in topics]
+        there = [f"{topic.name} ({topic.shown_kind})" for topic in topics]
         raise ValueError(f"{path}: no topic has pictures; there is {_listed(there)}")
     there = _listed([f"{topic.name} ({topic.count})" for topic in images])
     if name is None:
@@ -144,9 +150,10 @@ def _opened(path: Path) -> Generator[Contents]:
         raise ValueError(f"{path}: bags are read by the package '{error.name}', which is not "
                          "installed: install servobench[ros]") from None  # fmt: skip
     except Exception as error:
-        known = type(error).__name__ in ("ReaderError", "EndOfFile")
+        mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
+        known = type(error).__name__ in ("ReaderError", "EndOfFile") and not mend
         reason = f" ({str(error).rstrip('.')})" if known and str(error) else ""
-        raise ValueError(f"{path}: this bag is damaged or incomplete{reason}") from None
+        raise ValueError(f"{path}: this bag is damaged or incomplete{reason}{mend}") from None
 
 
 @contextmanager

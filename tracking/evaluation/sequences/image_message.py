@@ -32,6 +32,8 @@ CODES = {
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2RGB),
 }  # fmt: skip
 """Bytes a pixel of each encoding, and OpenCV's conversion to RGB."""
+DEEP = "mono16"
+"""Two bytes a pixel, of which the high one is read, as of 16-bit PNG files and videos."""
 NANO = 1e-9
 LITTLE_CDR = {0: ">", 1: "<"}
 """Byte orders of plain CDR, by the second byte of a message."""
@@ -100,19 +102,26 @@ def _ros(kind: str, cdr: bool, data: bytes) -> tuple[float, Image]:
         fields.text()  # the format, which the data states too
         return stamp, decoded(fields.block())
     height, width, encoding = fields.number("I"), fields.number("I"), fields.text()
-    fields.number("B")  # the byte order of larger numbers
+    big = fields.number("B") != 0
     step = fields.number("I")
-    return stamp, _rgb(width, height, encoding, step, fields.block())
+    return stamp, _rgb(width, height, encoding, step, fields.block(), big=big)
 
 
 def _foxglove(kind: str, _: bool, data: bytes) -> tuple[float, Image]:
     found = _protobuf(data)
-    time = _protobuf(bytes(found.get(1, b"")))
+    time = _protobuf(_block(found.get(1, b"")))
     stamp = _int(time.get(1, 0)) + NANO * _int(time.get(2, 0))
     if kind in COMPRESSED:
-        return stamp, decoded(bytes(found[2]))
+        return stamp, decoded(_block(found[2]))
     width, height, step = (_int(found[at]) for at in (2, 3, 5))
-    return stamp, _rgb(width, height, bytes(found[4]).decode(), step, bytes(found[6]))
+    return stamp, _rgb(width, height, _block(found[4]).decode(), step, _block(found[6]))
+
+
+def _block(value: bytes | int) -> bytes:
+    """A field of bytes, not a number: bytes(number) would be as many zeros."""
+    if isinstance(value, int):
+        raise KeyError(value)
+    return value
 
 
 def _int(value: bytes | int) -> int:
@@ -145,12 +154,14 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
             return value, at
 
 
-def _rgb(width: int, height: int, encoding: str, step: int, data: bytes) -> Image:
-    """A raw picture with rows of `step` bytes."""
-    if encoding not in CODES:
-        raise ValueError(f"its encoding is '{encoding}'; known are {', '.join(CODES)}")
+def _rgb(
+    width: int, height: int, encoding: str, step: int, data: bytes, *, big: bool = False
+) -> Image:
+    """A raw picture with rows of `step` bytes; `big`: of larger numbers the high byte is first."""
+    if encoding not in (*CODES, DEEP):
+        raise ValueError(f"its encoding is '{encoding}'; known are {', '.join((*CODES, DEEP))}")
     check_size(width, height)
-    size, code = CODES[encoding]
+    size, code = CODES.get(encoding, (2, cv2.COLOR_GRAY2RGB))
     if not width * size <= step <= len(data) // height:
         raise ValueError(
             f"a picture of {width} x {height} px in {encoding} does not fit into {len(data)} bytes "
@@ -158,6 +169,8 @@ def _rgb(width: int, height: int, encoding: str, step: int, data: bytes) -> Imag
         )
     rows = np.frombuffer(data, np.uint8, step * height).reshape(height, step)[:, : width * size]
     pixels = np.ascontiguousarray(rows).reshape(height, width, size)
+    if encoding == DEEP:
+        pixels = np.ascontiguousarray(pixels[..., 0 if big else 1])
     try:
         image = pixels if code is None else cv2.cvtColor(pixels, code).astype(np.uint8, copy=False)
     except cv2.error:

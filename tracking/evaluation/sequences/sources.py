@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,6 +11,10 @@ from sim.types import Image
 
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
+SET_BACK, SET_FORWARD = 1.0, 86_400.0
+"""A clock that goes back or forward so far was set [s]."""
+CLOSE, REPEATED = 1e-4, 0.5
+"""Least time between two pictures, and longest between two of the same stamp [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,22 +68,28 @@ class Times:
 
     def __init__(self, rate: float) -> None:
         self._gap = 1.0 / rate
-        self._last, self._zero = -self._gap, None
+        self._last, self._zero, self._stamp = -self._gap, None, None
 
     _zero: float | None
+    _stamp: float | None
 
     def since_first(self, stamp: float | None) -> float:
         """The time of the next picture.
 
-        Without a stamp it is one picture later than the last. A clock that was set back goes on
-        from there.
+        Without a stamp, or with that of the last, it is one picture later than the last. Pictures
+        in a wrong order follow each other closely, until one is later again. A clock that was set
+        goes on from there.
         """
         time = self._last + self._gap
         if stamp is not None:
-            if self._zero is not None and stamp - self._zero > self._last:
-                time = stamp - self._zero
+            ahead = -math.inf if self._zero is None else stamp - self._zero - self._last
+            if stamp == self._stamp:
+                time = self._last + min(self._gap, REPEATED)
+            elif -SET_BACK < ahead < SET_FORWARD:
+                time = self._last + max(ahead, CLOSE)
             else:
                 self._zero = stamp - time
+            self._stamp = stamp
         self._last = time
         return time
 

@@ -37,7 +37,9 @@ STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 """Formats that FFmpeg may detect: no playlists, which name other addresses and files."""
 PATIENCE = 5.0
 """Longest time without an answer or a picture [s]."""
-OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000", "fflags": "nobuffer"}
+OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000"}
+"""No "nobuffer": it throws away what was read to detect the format, and so the first key frame and
+all pictures up to the next one."""
 
 
 def shown(address: str) -> str:
@@ -59,10 +61,12 @@ def camera(number: int) -> Live:
 def _stream(address: str) -> Generator[Feed]:
     scheme = address.partition(":")[0].lower()
     options = OPTIONS | {"format_whitelist": STREAMS, "protocol_whitelist": PROTOCOLS[scheme]}
+    began = time.monotonic()
     try:
         container = av.open(address, options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
-        raise Broken(f"cannot open this stream: {_reason(error)}") from None
+        late = time.monotonic() > began + PATIENCE  # RTSP then says that the data are invalid
+        raise Broken(f"cannot open this stream: {_silent() if late else _reason(error)}") from None
     with container:
         try:
             video = only_video(container)
@@ -83,8 +87,12 @@ def _pictures(container: InputContainer, video: av.VideoStream) -> Iterator[Stam
 
 def _reason(error: Exception) -> str:
     if isinstance(error, ExitError):
-        return f"nothing came for {PATIENCE:g} s"
+        return _silent()
     return getattr(error, "strerror", None) or str(error)
+
+
+def _silent() -> str:
+    return f"nothing came for {PATIENCE:g} s"
 
 
 @contextmanager

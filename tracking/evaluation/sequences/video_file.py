@@ -8,6 +8,7 @@ FFmpeg gets an open file without its name, so that it reads no addresses and no 
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -49,6 +50,9 @@ OTHERS = {
     b"\0\0\1": "this is a bare stream without times, not a video: put it in an MP4 or Matroska",
 }
 COVER = Disposition.attached_pic
+LENGTH = re.compile(r"(\d+):(\d+):(\d+\.?\d*)")
+LAST_SHOWN = 1.0
+"""Longest time that the last frame of a whole video is shown [s]."""
 HEAD = 64
 """Length of the beginning that is checked [bytes]."""
 Stamped = tuple[float | None, Image | None]
@@ -97,8 +101,8 @@ def check_beginning(head: bytes) -> None:
     raise ValueError(f"this is not a video; known formats are {KNOWN}")
 
 
-def describe(path: Path) -> tuple[float, int]:
-    """Frames a second, and how many frames there are.
+def describe(path: Path) -> tuple[float, int, End | None]:
+    """Frames a second, how many frames there are, and whether the file breaks off.
 
     Raises:
         ValueError: The file cannot be read, or is not one video.
@@ -114,7 +118,11 @@ def describe(path: Path) -> tuple[float, int]:
                         f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
                         f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
                     )
-                return rate, stream.frames or _counted(container, stream)
+                if stream.frames:
+                    return rate, stream.frames, None
+                count, last = _counted(container, stream)
+                end = f"{path}: {count} pictures, then this video breaks off"
+                return rate, count, End(end, lost=True) if last < _stated(stream) else None
         except FFmpegError:
             raise ValueError(f"{path}: this video is damaged, or not of a known format") from None
         except OSError as error:
@@ -205,10 +213,24 @@ def only_video(container: InputContainer) -> VideoStream:
     return stream
 
 
-def _counted(container: InputContainer, stream: VideoStream) -> int:
-    """Number of frames, counted in a file that does not state it."""
-    count = 0
+def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, float]:
+    """Number of frames and the last one's stamp [s], of a file that does not state the number."""
+    count, last = 0, 0.0
     with suppress(FFmpegError, OSError):
         for packet in container.demux(stream):
-            count += packet.size > 0
-    return count
+            if packet.size > 0:
+                count += 1
+                last = max(last, float((packet.pts or 0) * (stream.time_base or 0)))
+    return count, last
+
+
+def _stated(stream: VideoStream) -> float:
+    """The time after which a frame must come in a whole file [s], by its stream's length.
+
+    Matroska and WebM may state it; 0 where it is not known.
+    """
+    found = LENGTH.fullmatch(stream.metadata.get("DURATION", ""))
+    if found is None:
+        return 0.0
+    hours, minutes, seconds = map(float, found.groups())
+    return 3600 * hours + 60 * minutes + seconds - LAST_SHOWN
