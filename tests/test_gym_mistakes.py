@@ -1,0 +1,83 @@
+"""Wrong choices and options of the environment of Gymnasium; and which library it loads first."""
+
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+
+import servo  # noqa: E402
+import servo.gym  # noqa: E402
+from servo import Mistake  # noqa: E402
+from sim import display, gl  # noqa: E402
+
+SHORT = ["run.duration=0.4", "tracker.particles=20"]
+
+
+def made(**settings):
+    return gymnasium.make(servo.gym.ID, **({"overrides": SHORT} | settings))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"reach": 0.2}, "reach: expected 2 finite numbers, got 0.2"),
+        ({"reach": (-1, 1)}, "reach: expected speeds from 0 on, got (-1, 1)"),
+        ({"dof": ["vx", "vx"]}, "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, "
+         "wy, wz, each once"),
+        ({"scenario": None}, "a scenario is given by its name or its file, not by NoneType"),
+        ({"overrides": None}, "None: expected a list of changes, such as ['run.duration=5']"),
+    ],
+)  # fmt: skip
+def test_a_wrong_choice_is_a_sentence(wrong, sentence):
+    with pytest.raises(Mistake) as found:
+        made(**wrong)
+    assert str(found.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ([1], "options: expected settings by name, got [1]"),
+        ({"seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
+        ({"run.seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
+        ({"features": "points"}, "options: observations would have another shape; make an "
+         "environment"),
+    ],
+)  # fmt: skip
+def test_a_wrong_option_is_a_sentence(options, sentence):
+    env = made()
+    with pytest.raises(Mistake) as found:
+        env.reset(seed=1, options=options)
+    assert str(found.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"observation": "image"}, "there is no observation 'image'; there is features, picture, "
+                                   "both"),
+        ({"action": "twists"}, "there is no action 'twists'; did you mean 'twist'?"),
+        ({"dof": ["vz", "vw"]}, "there is no dof 'vw'; there is vx, vy, vz, wx, wy, wz"),
+        ({"gian": 1.0}, "there is no setting 'gian'; did you mean 'gain'?"),
+        ({"render_mode": "human"},
+         "render_mode='human': there is no display here; use 'rgb_array'"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_one_sentence(given, message, monkeypatch):
+    for name in display.DISPLAYS:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(Mistake) as found:
+        servo.gym.ServoEnv(**given)
+    assert str(found.value) == message
+
+
+def test_tritons_library_is_loaded_before_mesas(monkeypatch, tmp_path):
+    """Both contain LLVM; in the other order `stable_baselines3.PPO(env)` crashed the process."""
+    (tmp_path / "triton").mkdir()
+    (tmp_path / "triton" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    loaded, load = [], gl._library
+    monkeypatch.setattr(gl, "_library", lambda name: (loaded.append(name), load(name))[1])
+    monkeypatch.setattr(gl, "_has_device", lambda: bool(loaded.append("driver")) or True)
+    gl.backend()
+    assert loaded == [f"{tmp_path}/triton/_C/libtriton.so", "libEGL.so.1", "libGL.so.1", "driver"]
