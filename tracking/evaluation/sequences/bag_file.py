@@ -18,10 +18,8 @@ MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3"
 """First bytes of the files."""
 INDEX, INDEXED = "metadata.yaml", b"rosbag2_bagfile_information"
 """The file that makes a folder a ROS 2 bag, and what it has near its beginning."""
-HEAD = 1000
-"""Length of the beginning that is looked at [bytes]."""
-LARGEST = 1_000_000_000
-"""Largest record of an MCAP file [bytes]."""
+HEAD, LARGEST = 1000, 1_000_000_000
+"""Length of the beginning that is looked at, and of the largest record of an MCAP file [bytes]."""
 MOST_NAMED = 8
 """Most topics in a message."""
 
