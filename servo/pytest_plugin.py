@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from argparse import ArgumentTypeError
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options."""
     group = parser.getgroup("servobench")
     group.addoption(OPTION, action="store_true", help="Test the bounds of scenario files (.toml).")
-    group.addoption(SEEDS, type=int, default=1, metavar="N", help="Number of seeds, from 0 on.")
+    group.addoption(SEEDS, type=_count, default=1, metavar="N", help="Number of seeds, from 0 on.")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise ArgumentTypeError(f"expected a number from 1 on, got {text}")
+    return int(text)
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:

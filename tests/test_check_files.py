@@ -88,3 +88,14 @@ def test_scenario_files_are_tests_of_pytest(tmp_path):
     assert "missed: servo_rms_px is " in told.stdout
     assert "wrong.toml: run: there is no key 'x'" in told.stdout
     assert "Traceback" not in told.stdout
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("count", ["0", "-3", "x"])
+def test_a_number_of_seeds_is_from_1_on(tmp_path, count):
+    told = subprocess.run(
+        [sys.executable, "-m", "pytest", "--servobench", f"--servobench-seeds={count}"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert told.returncode == 4
+    assert f"--servobench-seeds: expected a number from 1 on, got {count}\n" in told.stderr
