@@ -100,6 +100,17 @@ class Estimator(Protocol):
 
 
 @runtime_checkable
+class Forgets(Protocol):
+    """An estimator that can take back what it measured last."""
+
+    def forget(self) -> None:
+        """Take back the last measurement: the target is hidden in this picture, and was partly
+        hidden in the one before. Does nothing if no measurement came last.
+        """
+        ...
+
+
+@runtime_checkable
 class NeedsTruth(Protocol):
     """An estimator that knows the truth, for comparison: a simulation only has it."""
 

@@ -110,7 +110,7 @@ class ErrorFilters:
             self._filters = Filters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
         f, seen = self._filters, np.isfinite(error)
-        measured = seen & self._begun
+        self._corrected = measured = seen & self._begun
         old = f.x, f.covariance
         self._advance(f, own)
         y = self._gap(f, error, seen)
@@ -127,6 +127,11 @@ class ErrorFilters:
         self._begun |= seen
         innovation = np.where(measured, y, np.nan)
         return Prediction(*self._result(f, np.where(seen, error, 0.0), own), innovation, nis)
+
+    def forget(self) -> None:
+        """Take back the last measurement, but not the first of a feature."""
+        if self._filters is not None:
+            self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The prediction, less certain with each frame."""

@@ -58,6 +58,7 @@ class Filters:
         f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
         f.H, f.P = blocks(self._each, model.H[None]), blocks(self._each, model.P)
         self.x = np.zeros((count, len(model.H)))
+        self._before: tuple[Array, Array] | None = None
         self._take(model)
 
     def use(self, model: Model) -> None:
@@ -72,7 +73,7 @@ class Filters:
 
     def predict(self, u: Array) -> None:
         """Go on by a frame, with a known input (k,)."""
-        f = self._filter
+        f, self._before = self._filter, None
         f.x = self.x.reshape(-1, 1)
         f.predict(u[:, None])
         self.x = f.x.reshape(self.x.shape)
@@ -99,11 +100,20 @@ class Filters:
 
     def update(self, innovation: Array, measured: Flags) -> None:
         """Correct the features that were measured, by their innovations (k,)."""
-        f = self._filter
+        f, self._before = self._filter, (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
         f.R = np.diag(np.where(measured, self.model.R, UNMEASURED * self.S))
         f.update(self.expected + np.where(measured, innovation, 0.0))
         self.x = f.x.reshape(self.x.shape)
+
+    def forget(self, which: Flags) -> bool:
+        """Take back the correction of some features (k,), if it came last; whether it did."""
+        if self._before is None:
+            return False
+        (x, P), self._before = self._before, None
+        self.x = np.where(which[:, None], x, self.x)
+        self.covariance = np.where(which[:, None, None], P, self.covariance)
+        return True
 
     def _blocks(self) -> Array:
         """The filter's covariance (k, n, k, n); writing to it changes the filter's."""

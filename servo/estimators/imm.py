@@ -61,7 +61,7 @@ class Imm:
         if not self._filters:
             self._filters = tuple(Filters(at(dt), len(error)) for at in self._model_at)
         seen = np.isfinite(error)
-        measured = seen & self._begun
+        self._corrected = measured = seen & self._begun
         self._mix_and_predict(own, dt)
         each = np.array([f.expected for f in self._filters])
         expected = (self._mu * each).sum(axis=0)
@@ -71,12 +71,19 @@ class Imm:
         level = self._level.value
         nis = self._level.learn((z - expected) ** 2 / spread, measured)
         fits = self._mu * np.exp(-(y**2) / (2 * S * level)) / np.sqrt(S) + 1e-300
+        self._mixed = self._mu
         self._mu = np.where(measured, fits / fits.sum(axis=0), self._mu)
         for f, gap in zip(self._filters, y, strict=True):
             f.update(gap, seen)
         self._begun |= seen
         innovation = np.where(measured, z - expected, np.nan)
         return Prediction(*self._ahead(own), innovation, nis)
+
+    def forget(self) -> None:
+        """Take back the last measurement, but not the first of a feature."""
+        taken_back = [f.forget(self._corrected) for f in self._filters]
+        if any(taken_back):
+            self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """The prediction, less certain with each frame."""

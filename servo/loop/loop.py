@@ -20,7 +20,7 @@ from servo.loop.goal import Goal
 from servo.loop.part_checks import check_built, check_command, check_estimate, check_known
 from servo.loop.part_failed import parts_named
 from servo.loop.posture_record import elapsed
-from servo.parts import Controller, Estimator, FeatureSet, NeedsTruth, Task
+from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
@@ -204,6 +204,8 @@ class Loop:
             self.goal_sight = self._goal_sight(frame.time)
             self.controller.aim(self.goal_sight)
         self.sight = self._see(frame, posture) if frame.fresh else None
+        if frame.fresh and self.sight is None and isinstance(self._estimator, Forgets):
+            self._estimator.forget()
         asked = self.controller.command(self.sight, posture, self.interval)
         return check_command(asked, self.parts, self.sight)
 
