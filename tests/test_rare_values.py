@@ -1,5 +1,7 @@
 """Values that hardly ever come: empty windows, odd pictures, axes of mixed kinds."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -102,14 +104,15 @@ class Packets:
         self.sizes, self.error = sizes, error
 
     def demux(self, *_):
-        yield from (type("Packet", (), {"size": size}) for size in self.sizes)
+        yield from (SimpleNamespace(size=n, pts=k) for k, n in enumerate(self.sizes))
         if self.error:
             raise self.error
 
 
 def test_the_frames_of_a_broken_video_are_counted_up_to_the_break():
-    assert video_file._counted(Packets([9, 9, 0]), None) == 2
-    assert video_file._counted(Packets([9], OSError("cut off")), None) == 1
+    stream = SimpleNamespace(time_base=0.5)
+    assert video_file._counted(Packets([9, 9, 0]), stream) == (2, 0.5)
+    assert video_file._counted(Packets([9], OSError("cut off")), stream) == (1, 0.0)
 
 
 def test_a_toolkit_that_has_no_picture_is_asked_for_no_more():
