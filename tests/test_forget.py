@@ -6,6 +6,7 @@ from servoing import begun, own
 
 import servo
 from servo.estimators import error_kalman, imm, jump, kalman_ca, kalman_cv
+from servo.estimators._error_filter import ErrorFilters
 
 KINDS = [error_kalman, imm, jump, kalman_ca, kalman_cv]
 DT = 1 / 30
@@ -58,3 +59,13 @@ def test_the_camera_does_not_drive_off_with_a_target_that_a_board_begins_to_hide
     """It drove 14 px off by an estimate that the board had moved by 1.2 px, too little to doubt."""
     report = servo.simulate("occlusion_partial", ["run.duration=6"], seed=26).report
     assert next(m.value for m in report.measures if m.name == "servo_peak_px") < 2.0
+
+
+def test_a_dropped_picture_takes_nothing_back(monkeypatch):
+    """Nothing hides the target: it was whole in the picture before."""
+    asked = []
+    monkeypatch.setattr(ErrorFilters, "forget", lambda one: asked.append(one))
+    run = servo.simulate("dropped_frames", ["run.duration=3"], seed=0)
+    assert sum(not step.frame.fresh for step in run) > 10
+    assert all(step.seen for step in run if step.frame.fresh)
+    assert asked == []
