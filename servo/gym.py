@@ -46,7 +46,8 @@ except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence, name=error.name) from None
 
 ID = "servobench/Servo-v0"
-OBSERVATIONS, ACTIONS = ("features", "picture", "both"), ("twist", "residual")
+OBSERVATIONS = ("features", "picture", "both")
+ACTIONS = ("twist", "residual")
 LARGEST = 10.0
 """Values of the features are cut at this."""
 LAST_SEED = 2**31
@@ -59,11 +60,16 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
 
     def __init__(
-        self, scenario: str = "reversal", overrides: Sequence[str] = (),
-        observation: str = "features", action: str = "residual",
-        reach: tuple[float, float] = (0.2, 0.5), dof: Sequence[str] | None = None,
-        render_mode: str | None = None, **settings: Any,
-    ) -> None:  # fmt: skip
+        self,
+        scenario: str = "reversal",
+        overrides: Sequence[str] = (),
+        observation: str = "features",
+        action: str = "residual",
+        reach: tuple[float, float] = (0.2, 0.5),
+        dof: Sequence[str] | None = None,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
         """Prepare; nothing is rendered before `reset`.
 
         Args:
@@ -84,9 +90,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         one_of(render_mode, "render_mode", (None, *self.metadata["render_modes"]))
         if render_mode == "human":
             _check_display()
-        self.render_mode, self._observation, self._residual = (
-            render_mode, observation, action == "residual",
-        )  # fmt: skip
+        self.render_mode = render_mode
+        self._observation = observation
+        self._residual = action == "residual"
         self._given = scenario, texts(overrides), settings
         self._base = load(*self._given[:2], **settings)
         outline = self._base.target.build(np.random.default_rng(0)).outline
@@ -104,7 +110,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._space()
 
     def _law_moves(self) -> list[int]:
-        law, six = self._base.controller, self._features >= len(DOF)
+        law = self._base.controller
+        six = self._features >= len(DOF)
         return np.flatnonzero(law.moves(six=six)).tolist() if hasattr(law, "moves") else LEVEL
 
     def _space(self) -> spaces.Space[Any]:
@@ -151,7 +158,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if options:
             given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | options
             overrides = *overrides, *texts(given.pop("overrides"))
-            name, seed = given.pop("scenario"), given.pop("seed", seed)
+            name = given.pop("scenario")
+            seed = given.pop("seed", seed)
             return load(name, overrides, seed, **given)
         base = self._base
         scenario = parse(with_settings(base.table, {"run.seed": seed}, name), base.name, name)
@@ -197,7 +205,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._now
 
     def _is_lost(self, step: Step) -> bool:
-        size, centre = step.frame.image.shape[1::-1], step.truth.centre
+        size = step.frame.image.shape[1::-1]
+        centre = step.truth.centre
         inside = np.all((centre >= 0) & (centre <= size)) and step.truth.depth > 0
         return bool(step.estimate.status is Status.LOST or not inside)
 
@@ -217,8 +226,13 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if self._observation == "picture":
             return picture
         scales = 1.0 if step.command.trace is None else step.command.trace.scales
-        parts = (step.error / scales, step.prediction.motion / scales, step.twist_measured,
-                 self._done, [step.seen])  # fmt: skip
+        parts = (
+            step.error / scales,
+            step.prediction.motion / scales,
+            step.twist_measured,
+            self._done,
+            [step.seen],
+        )
         own = np.nan_to_num(np.concatenate(parts)).clip(-LARGEST, LARGEST).astype(np.float32)
         return own if self._observation == "features" else {"features": own, "picture": picture}
 

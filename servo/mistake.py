@@ -11,9 +11,16 @@ from pathlib import Path
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
 """Errors of a machine that has no more room, or no more open files."""
 MISPLACED = (
-    errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
-    errno.EACCES, errno.EPERM, errno.EROFS,
-)  # fmt: skip
+    errno.ENOENT,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.EEXIST,
+    errno.ENAMETOOLONG,
+    errno.ELOOP,
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+)
 """Errors of a path that the user chose: it cannot be what it should be."""
 LONGEST = 2000
 """A sentence that quotes more than can be read keeps its two ends [characters]."""

@@ -33,7 +33,8 @@ def progress(title: str, total: int) -> Generator[Advance]:
         yield _nothing
         return
     display: Any = import_module("IPython.display")
-    handle, shown = display.display(display.HTML(_bar(title, 0, total, "")), display_id=True), 0.0
+    handle = display.display(display.HTML(_bar(title, 0, total, "")), display_id=True)
+    shown = 0.0
 
     def advance(done: int, note: str = "") -> None:
         nonlocal shown

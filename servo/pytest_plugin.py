@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-OPTION, SEEDS = "--servobench", "--servobench-seeds"
+OPTION = "--servobench"
+SEEDS = "--servobench-seeds"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -40,9 +40,11 @@ MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
 
 
 def simulate(
-    scenario: str | Path | Scenario, overrides: Sequence[str] = (), seed: int | None = None,
+    scenario: str | Path | Scenario,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
     **settings: Any,
-) -> Result:  # fmt: skip
+) -> Result:
     """Run a scenario to its end and keep everything; in a notebook with a progress bar.
 
     Args:
@@ -59,7 +61,8 @@ def simulate(
     elif overrides or settings or seed is not None:
         raise Mistake("a loaded scenario takes no changes: give them to servo.load")
     check_expect(scenario)
-    steps, pictures = list[Step](), list[bytes]()
+    steps = list[Step]()
+    pictures = list[bytes]()
     with Episode(scenario) as episode, notebook.progress(scenario.name, episode.frames) as bar:
         for step in episode:
             pictures.append(encoded(step.frame.image, QUALITY))
@@ -118,7 +121,8 @@ class Result(Sequence[Step]):
         """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
         table.
         """
-        found, expect = self.report.measures, self.scenario.expect
+        found = self.report.measures
+        expect = self.scenario.expect
         columns = {
             "measure": [m.name for m in found],
             "value": [m.value for m in found],

@@ -37,9 +37,12 @@ SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
 
 
 def sweep(
-    study: str | Path, overrides: Sequence[str] = (), seeds: int | None = None, workers: int = 2,
+    study: str | Path,
+    overrides: Sequence[str] = (),
+    seeds: int | None = None,
+    workers: int = 2,
     out: str | Path | None = None,
-) -> Swept:  # fmt: skip
+) -> Swept:
     """Do the runs of a study on worker processes; in a notebook with a progress bar.
 
     Args:
@@ -54,7 +57,8 @@ def sweep(
         Mistake: The study, a setting or the folder is wrong.
         Refused: The workers cannot work, or every run failed.
     """
-    study, overrides = given.name(study, "study"), given.texts(overrides)
+    study = given.name(study, "study")
+    overrides = given.texts(overrides)
     seeds = None if seeds is None else given.whole(seeds, "seeds", 1)
     workers = given.whole(workers, "workers", 1)
     out = None if out is None else given.name(out, "folder")
@@ -114,7 +118,8 @@ class Swept:
         return cells_of(self.study, self._table.to_pylist())
 
     def __repr__(self) -> str:
-        runs, cells = self._table.num_rows, len(self._cells)
+        runs = self._table.num_rows
+        cells = len(self._cells)
         return f"Swept({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
 
     def _repr_html_(self) -> str:

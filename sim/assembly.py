@@ -10,7 +10,9 @@ from sim.quaternion import quaternion_of
 from sim.robot import CAMERA, Design
 from sim.target import Target
 
-ROBOT, TARGET, SECOND = "robot", "target", "second_target"
+ROBOT = "robot"
+TARGET = "target"
+SECOND = "second_target"
 """Names in the scene: the robot's begin with "robot/"; the targets are bodies of these names."""
 SPOT = "spot"
 """The prop of a light that is not the same everywhere: MuJoCo lights corners and blends between
@@ -55,9 +57,11 @@ def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> N
     """The camera's name is then CAMERA."""
     base = robot.base
     frame = room.worldbody.add_frame(pos=base.translation, quat=quaternion_of(base.rotation))
-    spec, lag = robot.spec.copy(), robot.drives.lag_ms / 1e3
+    spec = robot.spec.copy()
+    lag = robot.drives.lag_ms / 1e3
     if lag > 0:
         for drive in spec.actuators:
-            drive.dyntype, drive.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTEREXACT, lag
+            drive.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+            drive.dynprm[0] = lag
     room.attach(spec, prefix=f"{ROBOT}/", frame=frame)
     room.camera(CAMERA).fovy = camera.fovy_deg or FOVY

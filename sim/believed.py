@@ -49,9 +49,13 @@ class BelievedConfig:
         f = self.fx_factor
         lens = None if self.ignore_distortion else camera.distortion
         believed = replace(
-            camera, fx=camera.fx * f, fy=camera.fy * f, cx=camera.cx + self.cx_shift,
-            cy=camera.cy + self.cy_shift, distortion=lens,
-        )  # fmt: skip
+            camera,
+            fx=camera.fx * f,
+            fy=camera.fy * f,
+            cx=camera.cx + self.cx_shift,
+            cy=camera.cy + self.cy_shift,
+            distortion=lens,
+        )
         return camera if believed == camera else believed
 
     @property

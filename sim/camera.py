@@ -117,7 +117,8 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
     intrinsic = model.cam_intrinsic[camera].reshape(2, 2).astype(float)
     focal, offset = (intrinsic / sensor * (width, height)).tolist()
     # MuJoCo's offset says where the middle of the image lies as seen from the principal point.
-    cx, cy = width / 2 - offset[0], height / 2 - offset[1]
+    cx = width / 2 - offset[0]
+    cy = height / 2 - offset[1]
     return Camera(fx=focal[0], fy=focal[1], cx=cx, cy=cy, width=width, height=height)
 
 
@@ -133,10 +134,13 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
             '"camera.calibration=FILE"'
         )
     own = pinhole(model, name, config.width, config.height)
-    fx, fy, lens = own.fx, own.fy, config.lens
+    fx = own.fx
+    fy = own.fy
+    lens = config.lens
     has_sensor = bool(model.cam_sensorsize[model.camera(name).id].all())
     if config.fx is not None:
-        fx, fy = config.fx, config.fy or config.fx
+        fx = config.fx
+        fy = config.fy or config.fx
     elif config.fovy_deg is not None or (lens is not None and not has_sensor):
         edge = np.array([0.0, np.tan(np.radians(config.fovy_deg or FOVY) / 2)])
         fx = fy = config.height / 2 / float((edge if lens is None else lens.bend(edge))[1])
@@ -150,14 +154,16 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 def border(camera: Camera) -> Array:
     """The border of a camera's image, at each pixel's corner (n, 2) [px]."""
-    u, v = np.arange(camera.width + 1.0), np.arange(camera.height + 1.0)
+    u = np.arange(camera.width + 1.0)
+    v = np.arange(camera.height + 1.0)
     sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]
     return np.concatenate([np.stack(side, axis=-1) for side in sides])
 
 
 def _check(camera: Camera) -> None:
     """Refuse a camera that a flat picture in front of it cannot show."""
-    pixels, lens = border(camera), camera.distortion
+    pixels = border(camera)
+    lens = camera.distortion
     rays = camera.normalise(pixels)
     farthest = float(np.hypot(*rays.T).max())
     if lens is not None and lens.folds and farthest >= lens.reach:

@@ -29,14 +29,16 @@ COEFFICIENTS: dict[Model, int] = {"plumb_bob": 5, "rational": 8, "fisheye": 4}
 """How many coefficients a model has."""
 WIDEST = 85.0
 """Largest angle between a ray and the optical axis [deg]: a flat picture cannot show much more."""
-RADII, DIRECTIONS = 2048, 64
+RADII = 2048
+DIRECTIONS = 64
 """Where a model is examined for folds."""
 BEFORE_FOLD = 0.97
 """Share of the radius at which a model folds back that is used."""
 TINY = 1e-4
 """Smallest radius at which the fisheye's formula is evaluated; below, its factor is constant."""
 UNIT = np.eye(2)
-ROUNDS, EXACT = 60, 1e-6
+ROUNDS = 60
+EXACT = 1e-6
 """Newton's method ends after a smaller step, which leaves an error of about its square."""
 
 
@@ -90,7 +92,10 @@ class Distortion:
         for _ in range(ROUNDS):
             found, slopes = _extended(self, rays)
             e = bent - found
-            a, b, c, d = slopes[..., 0, 0], slopes[..., 0, 1], slopes[..., 1, 0], slopes[..., 1, 1]
+            a = slopes[..., 0, 0]
+            b = slopes[..., 0, 1]
+            c = slopes[..., 1, 0]
+            d = slopes[..., 1, 1]
             step = np.empty_like(rays)
             step[..., 0] = d * e[..., 0] - b * e[..., 1]
             step[..., 1] = a * e[..., 1] - c * e[..., 0]
@@ -147,7 +152,8 @@ def _radial(lens: Distortion, q: Array) -> tuple[Array, Array]:
 
 def _polynomial(x: Array, coefficients: tuple[float, ...]) -> tuple[Array, Array]:
     """Value and derivative of a polynomial, constant term first."""
-    value, slope = coefficients[-1], 0.0
+    value = coefficients[-1]
+    slope = 0.0
     for c in coefficients[-2::-1]:
         slope = slope * x + value
         value = value * x + c

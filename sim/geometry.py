@@ -35,7 +35,8 @@ def log_so3(R: Array) -> Array:
     """Rotation vector (3,) [rad] of a rotation by less than pi."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     axis = np.array([(h - f) / 2, (c - g) / 2, (d - b) / 2])
-    sine, cosine = sqrt(axis @ axis), (a + e + i - 1) / 2
+    sine = sqrt(axis @ axis)
+    cosine = (a + e + i - 1) / 2
     if sine < SMALL_ANGLE and cosine > 0:
         return axis
     return axis * (atan2(sine, cosine) / sine)
@@ -64,7 +65,8 @@ def exp_se3(xi: Array) -> Pose:
 
 def log_se3(pose: Pose) -> Array:
     """The constant twist (6,) that makes this motion in unit time."""
-    w, t = log_so3(pose.rotation), pose.translation
+    w = log_so3(pose.rotation)
+    t = pose.translation
     half = sqrt(w @ w) / 2
     share = (1 - half / tan(half)) / (4 * half**2) if half > SMALL_ANGLE else 1 / 12
     across = skew(w) @ t

@@ -93,7 +93,8 @@ def make_current() -> None:
     """
     process = os.getpid()  # a forked process cannot use its parent's context
     if getattr(KEPT, "process", None) != process:
-        KEPT.context, KEPT.process = _new_context(backend()), process
+        KEPT.context = _new_context(backend())
+        KEPT.process = process
     context: Any = KEPT.context
     context.make_current()
 

@@ -16,9 +16,15 @@ from pathlib import Path
 from typing import Any
 
 FOLDERS = (
-    "tracking.trackers", "servo.estimators", "servo.controllers", "servo.features",
-    "sim.motions", "sim.disturbances", "sim.robots", "sim.targets",
-)  # fmt: skip
+    "tracking.trackers",
+    "servo.estimators",
+    "servo.controllers",
+    "servo.features",
+    "sim.motions",
+    "sim.disturbances",
+    "sim.robots",
+    "sim.targets",
+)
 """Folders that packages may add to; the group of "sim.robots" is "servobench.robots"."""
 
 

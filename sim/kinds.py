@@ -80,8 +80,11 @@ def _check_config(config: type[Any], name: str) -> None:
     if not dataclasses.is_dataclass(config):
         raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
     missing = dataclasses.MISSING
-    bare = [f.name for f in dataclasses.fields(config)
-            if f.init and f.default is missing and f.default_factory is missing]  # fmt: skip
+    bare = [
+        f.name
+        for f in dataclasses.fields(config)
+        if f.init and f.default is missing and f.default_factory is missing
+    ]
     if bare:
         raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
 
@@ -90,7 +93,8 @@ def kind_of(config: Any) -> str:
     """The kind of a `Config`: its own attribute `kind` where it has one, the name of its file in
     one of our folders, that of its entry point, or module:Class.
     """
-    own, of = getattr(config, "kind", None), type(config)
+    own = getattr(config, "kind", None)
+    of = type(config)
     if not isinstance(own, str):
         package, _, kind = of.__module__.rpartition(".")
         if package.partition(".")[0] in OWN and of.__qualname__ == "Config":
@@ -171,8 +175,9 @@ def _path_of(folder: str, kind: str) -> str:
     if ":" not in kind:
         several = [n for n in _added(folder) if n.endswith(f":{kind}")]
         which = f"several packages have a kind '{kind}': write {' or '.join(several)}"
-        raise UnknownKind(which if several else f"there is no kind '{kind}'; there is "
-                          f"{', '.join(names(folder))}")  # fmt: skip
+        raise UnknownKind(
+            which if several else f"there is no kind '{kind}'; there is {', '.join(names(folder))}"
+        )
     if not isinstance(kind, Trusted):
         raise UnknownKind(
             f"'{kind}' is no kind of an installed package, and a file may not name code to "

@@ -32,11 +32,14 @@ class KnownRobot:
         Raises:
             ValueError: A setting has another number of values than the robot has joints.
         """
-        self._true, self._rng = robot, rng
+        self._true = robot
+        self._rng = rng
         model = copy.copy(robot.model)
-        self._robot, self._data = Robot(model, design), mujoco.MjData(model)
+        self._robot = Robot(model, design)
+        self._data = mujoco.MjData(model)
         _move_site(model, believed.hand_eye)
-        drives, names = design.drives, robot.names
+        drives = design.drives
+        names = robot.names
         self._offsets = each_joint("believed.joint_offsets", believed.joint_offsets, names)
         self._noise = each_joint("robot.encoder_noise", drives.encoder_noise, names)
         self._step = each_joint("robot.encoder_step", drives.encoder_step, names)
@@ -65,7 +68,8 @@ class KnownRobot:
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
         """What the robot makes of its encoders; the twist is the mean since the last posture."""
         self._read(data)
-        eye, twist = self._robot.eye(self._data), np.zeros(6)
+        eye = self._robot.eye(self._data)
+        twist = np.zeros(6)
         if self._last is not None and data.time > self._last[0]:
             time, before = self._last
             twist = log_se3(before.inverse() @ eye) / (data.time - time)

@@ -45,7 +45,8 @@ class Lens:
         """The camera's picture (H, W, 3) of what `view` sees, or some of its rows."""
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
-        four, (u, v) = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA), self._maps
+        four = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA)
+        (u, v) = self._maps
         bent = cv2.remap(four, u[rows], v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
@@ -61,10 +62,12 @@ class Lens:
 def _view(camera: Camera) -> Camera:
     """The pinhole camera whose image is the rectangle around all rays that a camera sees."""
     rays = camera.normalise(border(camera))
-    low, span = rays.min(axis=0), np.ptp(rays, axis=0)
+    low = rays.min(axis=0)
+    span = np.ptp(rays, axis=0)
     own: Array = np.array([camera.width, camera.height])
     size = np.clip(np.ceil(SHARP * span * (camera.fx, camera.fy)), own, LARGEST * own)
-    (fx, fy), (cx, cy) = (size / span).tolist(), (-low * size / span).tolist()
+    (fx, fy) = (size / span).tolist()
+    (cx, cy) = (-low * size / span).tolist()
     return Camera(fx, fy, cx, cy, *size.astype(int).tolist())
 
 
@@ -79,13 +82,15 @@ class Sensor:
         bands: Sequence[Band] = (),
     ) -> None:
         self._size = (config.height, config.width)
-        self._lens, self._rng = lens, rng
+        self._lens = lens
+        self._rng = rng
         steps = sorted({k for band in bands for k in band.steps})
         self._bands = [
             (slice(band.begin, band.end), [steps.index(k) for k in band.steps]) for band in bands
         ]
         """Rows, and which of the pictures they are exposed in."""
-        period, slow = 1 / config.rate, config.auto_gain
+        period = 1 / config.rate
+        slow = config.auto_gain
         self._share = None if slow is None else 1 - exp(-period / slow)
         self._gain = 1.0
         self._level: float | None = None

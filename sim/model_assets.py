@@ -9,13 +9,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-MOST_BYTES, MOST_FACES, MOST_PIXELS = 100_000_000, 1_000_000, 50_000_000
+MOST_BYTES = 100_000_000
+MOST_FACES = 1_000_000
+MOST_PIXELS = 50_000_000
 """Limits of a whole model: its files, its meshes, its pictures."""
 MESHES = (".stl", ".obj", ".msh")
 PNG = b"\x89PNG\r\n\x1a\n"
 PNG_SIZE = slice(16, 24)
 """Where a PNG has its width and height, after the signature and the head of its first block."""
-STL_HEAD, STL_FACES, STL_FACE = 84, slice(80, 84), 50
+STL_HEAD = 84
+STL_FACES = slice(80, 84)
+STL_FACE = 50
 """Binary STL [bytes]: its head, the number of faces in it, and the size of a face."""
 MSH_FACES = slice(12, 16)
 PACKAGE = re.compile("^(package|model)://([^/]*)/+")

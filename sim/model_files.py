@@ -16,10 +16,20 @@ from sim.model_assets import Assets, package_root
 from sim.quiet import silent_libraries
 from sim.urdf import complete_urdf
 
-MOST_TEXT, DEEPEST = 5_000_000, 200
+MOST_TEXT = 5_000_000
+DEEPEST = 200
 """Limits of a file of XML: its size [bytes], and its elements inside each other."""
-MULTIPLIED = ("replicate", "composite", "flexcomp", "flex", "skin", "plugin", "model", "attach",
-              "hfield")  # fmt: skip
+MULTIPLIED = (
+    "replicate",
+    "composite",
+    "flexcomp",
+    "flex",
+    "skin",
+    "plugin",
+    "model",
+    "attach",
+    "hfield",
+)
 """Elements that are refused: they read other files, or become very many elements."""
 NOT_TAKEN = ("size", "visual", "statistic", "option", "custom", "sensor", "contact", "extension")
 """Sections that are left out: they describe a whole simulation, or collisions, which do not matter
@@ -27,8 +37,17 @@ here.
 """
 NUMBERED = re.compile(r"( Element name '(?P<name>[^']*)', id \d+)|,? line \d+")
 """What MuJoCo's messages say of places: lines are of the text after includes."""
-SOLID = ("body_pos", "body_quat", "body_mass", "body_inertia", "geom_pos", "geom_size", "jnt_pos",
-         "jnt_axis", "mesh_vert")  # fmt: skip
+SOLID = (
+    "body_pos",
+    "body_quat",
+    "body_mass",
+    "body_inertia",
+    "geom_pos",
+    "geom_size",
+    "jnt_pos",
+    "jnt_axis",
+    "mesh_vert",
+)
 """Arrays of a compiled model in which all numbers have to be finite."""
 
 

@@ -38,7 +38,9 @@ def truth(
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
     seen = camera.project(T_camera_target.apply(MARKS @ outline))
-    corners, centre, nose = seen[:4], seen[4], seen[5]
+    corners = seen[:4]
+    centre = seen[4]
+    nose = seen[5]
     ahead, aside = (nose - centre).tolist()
     return Truth(
         centre=centre,

@@ -61,11 +61,13 @@ class OpenGLRenderer:
         self, model: mujoco.MjModel, camera: str, view: Camera, supersample: int = 1
     ) -> None:
         self._size = (view.width, view.height)
-        width, height = view.width * supersample, view.height * supersample
+        width = view.width * supersample
+        height = view.height * supersample
         if pinhole(model, camera, view.width, view.height) != view:
             _aim(model, camera, view)
         offscreen = model.vis.global_
-        offscreen.offwidth, offscreen.offheight = width, height
+        offscreen.offwidth = width
+        offscreen.offheight = height
         gl.make_current()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
@@ -92,12 +94,14 @@ class OpenGLRenderer:
         """Where one of the geoms is seen, as large as it is rendered."""
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        group, shown = self._model.geom_group.copy(), self._option.geomgroup.copy()
+        group = self._model.geom_group.copy()
+        shown = self._option.geomgroup.copy()
         if alone:
             self._model.geom_group[geoms & shown[group].astype(bool)] = ALONE
             self._option.geomgroup[:] = np.arange(len(shown)) == ALONE
         self._draw(data)
-        self._model.geom_group[:], self._option.geomgroup[:] = group, shown
+        self._model.geom_group[:] = group
+        self._option.geomgroup[:] = shown
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         wanted = np.zeros(self._scene.ngeom + 1, bool)
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -120,7 +124,8 @@ class OpenGLRenderer:
 
 def _aim(model: mujoco.MjModel, name: str, view: Camera) -> None:
     """Give a model's camera these intrinsics: what `pinhole` reads, backwards."""
-    camera, size = model.camera(name).id, np.array([view.width, view.height])
+    camera = model.camera(name).id
+    size = np.array([view.width, view.height])
     offset = size / 2 - (view.cx, view.cy)
     model.cam_sensorsize[camera] = size * PIXEL
     model.cam_intrinsic[camera] = np.array([view.fx, view.fy, *offset]) * PIXEL

@@ -102,7 +102,8 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
     for i in range(model.nu):
         if (wrong := wrong_drive(model, i)) is not None:
             raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
-    eye, camera = model.site(CAMERA), model.camera(CAMERA)
+    eye = model.site(CAMERA)
+    camera = model.camera(CAMERA)
     same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
     if eye.bodyid != camera.bodyid or not same:
         raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
@@ -118,7 +119,8 @@ class Robot:
             ValueError: The model is no robot of this kind; the message says what is wrong.
         """
         _check_drives(model, design)
-        self.model, self._design = model, design
+        self.model = model
+        self._design = design
         self._site = model.site(CAMERA).id
         self.ids = joints = model.actuator_trnid[:, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
@@ -133,7 +135,8 @@ class Robot:
         rates = np.where(bounded, model.actuator_ctrlrange, [-np.inf, np.inf])
         self.slowest, self.fastest = rates.T
         stops = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
-        self._limited, self._freedom = limited, len(joints) > 6
+        self._limited = limited
+        self._freedom = len(joints) > 6
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
         self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
         self._jacobians = np.zeros((2, 3, model.nv))
@@ -143,11 +146,19 @@ class Robot:
         """What the robot knows of itself, as of the last kinematics; twist is its mean since the
         last frame, accepted the mean of what its drives were set to.
         """
-        J, joints = self.jacobian(data), self.joints(data)
+        J = self.jacobian(data)
+        joints = self.joints(data)
         return Posture(
-            self.eye(data), twist, joints, self.lower, self.upper, J, self.slowest, self.fastest,
+            self.eye(data),
+            twist,
+            joints,
+            self.lower,
+            self.upper,
+            J,
+            self.slowest,
+            self.fastest,
             accepted,
-        )  # fmt: skip
+        )
 
     def joints(self, data: mujoco.MjData) -> Array:
         """Joint positions (n,) [m or rad]."""
@@ -195,7 +206,8 @@ class Robot:
 
     def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:
         """The rates (n,) that make the whole motion in this time; None where no joints do."""
-        q, ahead = self.joints(data), self._ahead
+        q = self.joints(data)
+        ahead = self._ahead
         ahead.qpos[:] = data.qpos
         mujoco.mj_kinematics(self.model, ahead)
         there = iterate(self, ahead, q, self.eye(ahead) @ exp_se3(twist * hold))

@@ -73,7 +73,8 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
     """The joints that move a body, from the base on."""
     found: list[int] = []
     while body:
-        first, count = model.body_jntadr[body], model.body_jntnum[body]
+        first = model.body_jntadr[body]
+        count = model.body_jntnum[body]
         found[:0] = range(first, first + count)
         body = int(model.body_parentid[body])
     return tuple(found)

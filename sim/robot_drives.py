@@ -39,7 +39,8 @@ def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
 
 def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
     """Why an actuator is no velocity servo of one joint; None where it is one."""
-    gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, :3]
+    gain = model.actuator_gainprm[actuator, 0]
+    bias = model.actuator_biasprm[actuator, :3]
     on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
     if not on_joint or model.actuator_gear[actuator, 0] != 1:
         return "has to drive one joint, with gear 1"
@@ -62,7 +63,9 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
     """
     for name in names:
         joint = spec.joint(name)
-        joint.damping, joint.stiffness, joint.frictionloss = np.zeros(3), np.zeros(3), 0.0
+        joint.damping = np.zeros(3)
+        joint.stiffness = np.zeros(3)
+        joint.frictionloss = 0.0
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
     for name, moved, speed, force in zip(names, _inertia(spec), speeds, forces, strict=True):
         joint = spec.joint(name)
@@ -73,7 +76,8 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1, 0, 0, 0, 0, 0]
         )
         drive.set_to_velocity(inertia / TIME_CONSTANT)
-        drive.ctrllimited, drive.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [-speed, speed]
+        drive.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        drive.ctrlrange = [-speed, speed]
         if inertia * speed / FULL_SPEED_AFTER <= force < np.inf:
             drive.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
             drive.forcerange = [-force, force]
@@ -114,7 +118,8 @@ def random_joints(
 def _inertia(spec: mujoco.MjSpec) -> Array:
     """The largest inertia (n,) that each joint sees, the others held [kg m^2 or kg]."""
     model = spec.compile()
-    data, whole = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    data = mujoco.MjData(model)
+    whole = np.empty((model.nv, model.nv))
     largest = np.zeros(model.nv)
     for q in random_joints(model, range(model.njnt), np.random.default_rng(0), SAMPLES):
         data.qpos[:] = q

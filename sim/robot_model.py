@@ -124,11 +124,13 @@ def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:
     moved = {int(model.body_weldid[model.jnt_bodyid[j]]) for j in carried.joints}
     for i in range(model.neq):
         ends = [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
-        kind, own = int(model.eq_type[i]), set(carried.joints)
+        kind = int(model.eq_type[i])
+        own = set(carried.joints)
         if kind in CLOSING:
             sites = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
             bodies = [int(model.site_bodyid[e]) if sites else e for e in ends]
-            ends, own = [int(model.body_weldid[b]) for b in bodies], moved
+            ends = [int(model.body_weldid[b]) for b in bodies]
+            own = moved
         elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
             ends = [j for t in ends if t >= 0 for j in _joints_of_tendon(model, t)]
         if own & set(ends):

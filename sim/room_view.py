@@ -11,7 +11,8 @@ from sim.types import Array, Camera, Image
 
 CAMERA = "room"
 """A camera of room.xml, which is put elsewhere."""
-EYE, LOOKS_AT = (0.9, -3.1, 1.9), (0.0, 0.0, 0.5)
+EYE = (0.9, -3.1, 1.9)
+LOOKS_AT = (0.0, 0.0, 0.5)
 """Where from and where to, in the room [m]; recordings begin with the same view."""
 SMOOTH = 4
 """Samples of a pixel: no steps at the edges."""
@@ -26,10 +27,13 @@ class RoomView:
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        focal, quality = height / 2 / tan(FOVY / 2), model.vis.quality
+        focal = height / 2 / tan(FOVY / 2)
+        quality = model.vis.quality
         view = Camera(focal, focal, width / 2, height / 2, width, height)
-        self._model, self._data = model, mujoco.MjData(model)
-        self._id, before = model.camera(CAMERA).id, quality.offsamples
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._id = model.camera(CAMERA).id
+        before = quality.offsamples
         quality.offsamples = SMOOTH
         self._renderer = OpenGLRenderer(model, CAMERA, view)
         quality.offsamples = before
@@ -38,15 +42,18 @@ class RoomView:
 
     def render(self, bodies: Array) -> Image:
         """A picture (H, W, 3) of all bodies at poses (n, 3, 4) that `World.bodies` gave."""
-        model, data = self._model, self._data
-        data.xmat[1:], data.xpos[1:] = bodies[:, :, :3].reshape(-1, 9), bodies[:, :, 3]
+        model = self._model
+        data = self._data
+        data.xmat[1:] = bodies[:, :, :3].reshape(-1, 9)
+        data.xpos[1:] = bodies[:, :, 3]
         turned = data.xmat[model.geom_bodyid].reshape(-1, 3, 3)
         data.geom_xmat[:] = (turned @ self._turned).reshape(-1, 9)
         data.geom_xpos[:] = data.xpos[model.geom_bodyid] + np.einsum(
             "gij,gj->gi", turned, model.geom_pos
         )
         mujoco.mj_camlight(model, data)
-        data.cam_xpos[self._id], data.cam_xmat[self._id] = EYE, _towards(EYE, LOOKS_AT).ravel()
+        data.cam_xpos[self._id] = EYE
+        data.cam_xmat[self._id] = _towards(EYE, LOOKS_AT).ravel()
         return self._renderer.render(data)
 
     def close(self) -> None:

@@ -69,7 +69,8 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
             size[:] = size[0]
         pose = Pose(matrix_of(model.geom_quat[g]), model.geom_pos[g].copy())
         model_name, _, own = model.geom(g).name.partition("/")
-        name, body = own or model_name, int(model.geom_bodyid[g])
+        name = own or model_name
+        body = int(model.geom_bodyid[g])
         rgba, surface = _appearance(model, g, kind)
         kind = kind if surface is None else "mesh"
         found.append(Shape(name, body, kind, size, pose, rgba, surface))
@@ -80,7 +81,8 @@ def _appearance(model: mujoco.MjModel, g: int, kind: str) -> tuple[Array, Surfac
     """Colour (4,) and surface of a geom; a picture that does not lie on a surface is its mean
     colour.
     """
-    rgba, material = model.geom_rgba[g].astype(float), model.geom_matid[g]
+    rgba = model.geom_rgba[g].astype(float)
+    material = model.geom_matid[g]
     if material >= 0 and tuple(rgba) == UNSET:
         rgba = model.mat_rgba[material].astype(float)
     picture, flat = _picture(model, material)
@@ -100,8 +102,10 @@ def _picture(model: mujoco.MjModel, material: int) -> tuple[Image | None, bool]:
     texture = model.mat_texid[material, role] if material >= 0 else -1
     if texture < 0:
         return None, False
-    start, channels = int(model.tex_adr[texture]), int(model.tex_nchannel[texture])
-    height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
+    start = int(model.tex_adr[texture])
+    channels = int(model.tex_nchannel[texture])
+    height = int(model.tex_height[texture])
+    width = int(model.tex_width[texture])
     pixels = model.tex_data[start : start + height * width * channels]
     step = -(-max(height, width) // LARGEST_SIDE)
     picture = pixels.reshape(height, width, channels)[::step, ::step, :3]
@@ -112,7 +116,8 @@ def _picture(model: mujoco.MjModel, material: int) -> tuple[Image | None, bool]:
 def _box(half: Array, repeat: Array, picture: Image) -> Surface:
     """Six sides, on each of which the picture lies as MuJoCo lays it."""
     around = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]])
-    vertices, normals = np.zeros((3, 2, 6, 3)), np.zeros((3, 2, 6, 3))
+    vertices = np.zeros((3, 2, 6, 3))
+    normals = np.zeros((3, 2, 6, 3))
     for axis, right, up in ((0, 1, 2), (1, 0, 2), (2, 0, 1)):
         for side, sign in enumerate((-1, 1)):
             vertices[axis, side, :, axis] = normals[axis, side, :, axis] = sign

@@ -12,7 +12,8 @@ from sim.assembly import SECOND, SPOT, TARGET
 from sim.quaternion import quaternion_of
 from sim.types import Effect, Pose
 
-BOARD, LAMP = "board", "lamp"
+BOARD = "board"
+LAMP = "lamp"
 BOARD_NEARNESS = 0.3
 """Where the board crosses the line of sight, as a fraction of the way from target to camera."""
 BELOW = Pose(np.eye(3), np.array([0.0, 0.0, -100.0]))
@@ -44,13 +45,16 @@ class Stage:
     def __init__(
         self, model: mujoco.MjModel, motion: Motion, disturbances: Sequence[Disturbance]
     ) -> None:
-        self._model, self._motion, self._disturbances = model, motion, tuple(disturbances)
+        self._model = model
+        self._motion = motion
+        self._disturbances = tuple(disturbances)
         self._has_second = any(SECOND in d.props for d in disturbances)
         self._mocap = {
             name: int(model.body(name).mocapid[0])
             for name in (TARGET, BOARD, *([SECOND] if self._has_second else []))
         }
-        self._lamp, self._spot = model.light(LAMP).id, model.light(SPOT).id
+        self._lamp = model.light(LAMP).id
+        self._spot = model.light(SPOT).id
         self._lamp_diffuse = model.light(LAMP).diffuse.copy()
         self._board_parked = model.body(BOARD).pos.copy()
 
@@ -72,7 +76,8 @@ class Stage:
         self._place_board(data, effect.board, target, eye)
         if self._has_second:
             self._put(data, SECOND, effect.second or BELOW)
-        model, spot = self._model, effect.spot
+        model = self._model
+        spot = effect.spot
         model.light_diffuse[self._lamp] = self._lamp_diffuse * effect.lamp
         model.light_active[self._spot] = spot is not None
         if spot is not None:

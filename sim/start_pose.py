@@ -21,11 +21,15 @@ from sim.types import Array, Pose
 if TYPE_CHECKING:
     from sim.robot import Robot
 
-STEPS, TOLERANCE, DAMPING = 200, 1e-10, 1e-3
+STEPS = 200
+TOLERANCE = 1e-10
+DAMPING = 1e-3
 """Of the damped iteration."""
-RESTARTS, ENOUGH = 40, 8
+RESTARTS = 40
+ENOUGH = 8
 """The search begins at so many places at most, and ends with so many solutions."""
-SEARCH_STEPS, NEAR = 60, 1e-3
+SEARCH_STEPS = 60
+NEAR = 1e-3
 """Steps of the search, and the error at which the damped iteration takes over."""
 LEAST_COST = 1e-4
 """Weight of a step's size, which keeps it small in singular poses."""
@@ -131,11 +135,16 @@ def _descend(
     configuration = mink.Configuration(robot.model, whole)
     task = mink.FrameTask("robot/eye", "site", 1.0, 1.0, lm_damping=1e-3)
     turned = T_world_camera.rotation @ VISION_FROM_MUJOCO.T
-    task.set_target(mink.SE3.from_rotation_and_translation(
-        mink.SO3.from_matrix(turned), T_world_camera.translation))  # fmt: skip
-    limits, left = [mink.ConfigurationLimit(robot.model)], np.inf
+    task.set_target(
+        mink.SE3.from_rotation_and_translation(
+            mink.SO3.from_matrix(turned), T_world_camera.translation
+        )
+    )
+    limits = [mink.ConfigurationLimit(robot.model)]
+    left = np.inf
     for _ in range(SEARCH_STEPS):
-        before, left = left, float(np.linalg.norm(task.compute_error(configuration)))
+        before = left
+        left = float(np.linalg.norm(task.compute_error(configuration)))
         if left < NEAR / 10 or left > before * 0.999:
             break
         try:
@@ -166,7 +175,8 @@ def comfort(robot: Robot, data: mujoco.MjData) -> float:
 def _reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
     error = robot.eye(data).inverse() @ T_world_camera
     angle = angle_of(error.rotation)
-    q, span = data.qpos[robot.qpos], robot.upper - robot.lower
+    q = data.qpos[robot.qpos]
+    span = robot.upper - robot.lower
     limited = np.isfinite(span)
     room = np.full(len(q), np.inf)
     np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)

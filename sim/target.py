@@ -40,7 +40,8 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
         length: Along the target's x [m].
         width: Along the target's y [m].
     """
-    a, b = length / 2, width / 2
+    a = length / 2
+    b = width / 2
     return centre + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
 
 
@@ -81,7 +82,8 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     hits = np.zeros((0, 3)) if bounds is None else _hits(model, data, *bounds)
     if len(hits) == 0:
         raise ValueError("nothing of it is seen from above the table, whose top is at z = 0")
-    low, high = hits.min(axis=0), hits.max(axis=0)
+    low = hits.min(axis=0)
+    high = hits.max(axis=0)
     assert bounds is not None
     length, width = (high - low)[:2] + (bounds[1] - bounds[0])[:2] / RAYS
     return rectangle(np.append(((low + high) / 2)[:2], hits[:, 2].mean()), length, width)
@@ -102,7 +104,9 @@ def _hits(model: mujoco.MjModel, data: mujoco.MjData, low: Array, high: Array) -
     """Where rays straight down, in the middles of a grid's cells, first meet the model (n, 3)."""
     middles = (np.arange(RAYS) + 0.5) / RAYS
     xs, ys = (low[i] + middles * (high[i] - low[i]) for i in (0, 1))
-    down, top, hit = np.array([0.0, 0.0, -1.0]), high[2] + 1.0, np.zeros(1, np.int32)
+    down = np.array([0.0, 0.0, -1.0])
+    top = high[2] + 1.0
+    hit = np.zeros(1, np.int32)
     found: list[tuple[float, float, float]] = []
     for x, y in itertools.product(xs.tolist(), ys.tolist()):
         far = mujoco.mj_ray(model, data, np.array([x, y, top]), down, SHOWN, True, -1, hit)

@@ -71,7 +71,8 @@ def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
     """
     if camera.readout_ms == 0:
         return (Band(0, camera.height, _subframes(camera, steps, steps)),)
-    readout, last = camera.readout_ms / 1e3 * camera.rate * steps, camera.bands - 1
+    readout = camera.readout_ms / 1e3 * camera.rate * steps
+    last = camera.bands - 1
     found: list[Band] = []
     for i in range(camera.bands):
         begin, end = (

@@ -73,7 +73,8 @@ class Pose:
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
         """A pose on the table: position [m] and heading [rad] about world z."""
-        c, s = np.cos(heading), np.sin(heading)
+        c = np.cos(heading)
+        s = np.sin(heading)
         return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
 
     def __matmul__(self, other: Pose) -> Pose:

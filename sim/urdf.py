@@ -78,8 +78,10 @@ def _leave_out_wrong_inertia(link: Element) -> None:
 
 def speeds(tree: Element) -> dict[str, float]:
     """The largest rates of a URDF's joints by name [rad/s or m/s], which MuJoCo does not read."""
-    limits = {joint.get("name", ""): joint.find("limit")
-              for joint in tree.findall("joint")}  # fmt: skip
-    given = {name: float(limit.get("velocity", "0")) for name, limit in limits.items()
-             if limit is not None}  # fmt: skip
+    limits = {joint.get("name", ""): joint.find("limit") for joint in tree.findall("joint")}
+    given = {
+        name: float(limit.get("velocity", "0"))
+        for name, limit in limits.items()
+        if limit is not None
+    }
     return {name: speed for name, speed in given.items() if 0 < speed < math.inf}

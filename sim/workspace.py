@@ -44,7 +44,8 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
         robot: Which.
         height: Where the camera shall be over the table [m].
     """
-    model, data = robot.model, mujoco.MjData(robot.model)
+    model = robot.model
+    data = mujoco.MjData(robot.model)
     rows: list[list[float]] = []
     far = 0.0
     for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
@@ -65,7 +66,8 @@ def _base(found: Array, height: float) -> tuple[float, float, float, float]:
     """A base for the best of these postures, behind the table's middle."""
     order = np.argsort(-found[:, 0])[: max(1, round(BEST * len(found)))]
     best = found[order]
-    away, above = np.median(np.hypot(best[:, 1], best[:, 2])), np.median(best[:, 3])
+    away = np.median(np.hypot(best[:, 1], best[:, 2]))
+    above = np.median(best[:, 3])
     x, y = best[:, 1:3].mean(axis=0)
     # Most arms turn about an upright axis first: all directions are then as good as along x.
     ahead = degrees(atan2(y, x)) if np.hypot(x, y) > ONE_SIDED * away else 0.0

@@ -25,9 +25,13 @@ from sim.timing import Rates, exposures
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
 UNSTABLE = tuple(
-    int(w) for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
-                     mujoco.mjtWarning.mjWARN_BADQACC)
-)  # fmt: skip
+    int(w)
+    for w in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
+)
 """Warnings after which MuJoCo has put everything back to its start."""
 
 
@@ -65,7 +69,8 @@ class World:
         encoders: np.random.Generator | None = None,
     ) -> None:
         rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
-        steps, self._drive_steps = rates.steps, rates.drive_steps
+        steps = rates.steps
+        self._drive_steps = rates.drive_steps
         self.period = 1.0 / camera.rate
         self._hold = self._drive_steps / rates.physics
         props = [prop for d in disturbances for prop in d.props]
@@ -76,7 +81,8 @@ class World:
         self.camera_believed = believed.camera(self.camera)
         self._known = as_known(self.robot, robot, believed, encoders)
         self._eye = self.model.camera(CAMERA).id
-        self.outline, self.outline_found = target.outline, target.found
+        self.outline = target.outline
+        self.outline_found = target.found
         self._stage = Stage(self.model, motion, disturbances)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
@@ -88,7 +94,8 @@ class World:
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
         self._pictures: list[Image] = []
         self._frames = 0
-        self._mean_twist, self._accepted = np.zeros(6), np.zeros(6)
+        self._mean_twist = np.zeros(6)
+        self._accepted = np.zeros(6)
         self._image: Image | None = None
         self._eye_at = self._set_stage(0.0)
 
@@ -140,8 +147,10 @@ class World:
         Args:
             twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
         """
-        before, each = self._eye_at, np.broadcast_to(twists, (len(self.ticks), 6))
-        saturated, accepted = False, list[Array]()
+        before = self._eye_at
+        each = np.broadcast_to(twists, (len(self.ticks), 6))
+        saturated = False
+        accepted = list[Array]()
         for k, until in pairwise(self._moments):
             if k in self._exposed_at:
                 self._set_stage(self.data.time)
@@ -177,7 +186,8 @@ class World:
 
     def look(self) -> Frame:
         """The picture as of now; where the camera drops it, the last one again."""
-        effect, pictures = self._stage.effect(self.data.time), self._pictures
+        effect = self._stage.effect(self.data.time)
+        pictures = self._pictures
         self._pictures = []
         if effect.dropped and self._image is not None:
             return Frame(self._image, self.data.time, self._frames, fresh=False)

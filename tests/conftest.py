@@ -90,8 +90,13 @@ def ran(tmp_path_factory):
     from servo.cli import run_command
 
     folder = tmp_path_factory.mktemp("run") / "out"
-    changes = ["run.duration=0.5", "expect={}", "expect.tilt_peak_deg=1.0",
-               "expect.servo_rms_px=0.5", "tracker.kind=mean_shift"]  # fmt: skip
+    changes = [
+        "run.duration=0.5",
+        "expect={}",
+        "expect.tilt_peak_deg=1.0",
+        "expect.servo_rms_px=0.5",
+        "tracker.kind=mean_shift",
+    ]
     assert run_command.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
     return folder
 
@@ -107,10 +112,21 @@ def make_papers():
         (folder / "figures").mkdir(parents=True)
         rule = Rule("error", "as they are", "2 worlds", "1 px", "none", "below 1 px")
         claims = {
-            name: Judged("it is so", rule, finding, 1.5, 1.0, 2.25, "px", 2, "1 & 2",
-                         [["x"], ["7"]], ["figures/one.png"])
+            name: Judged(
+                "it is so",
+                rule,
+                finding,
+                1.5,
+                1.0,
+                2.25,
+                "px",
+                2,
+                "1 & 2",
+                [["x"], ["7"]],
+                ["figures/one.png"],
+            )
             for name, finding in (("P0-1a", "holds"), ("P2-2", "does not hold"))
-        }  # fmt: skip
+        }
         line = "servobench papers P0-1a P2-2 --quick"
         versions = {"servobench": "0.1.0"}
         PapersReport(command=line, versions=versions, quick=True, claims=claims).write(folder)
@@ -225,11 +241,16 @@ def browser(tmp_path):
         pytest.skip("Chromium and its driver are not on this machine")
     options = selenium.ChromeOptions()
     for argument in (
-        "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run",
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
         "--enable-unsafe-swiftshader",  # WebGL without a GPU, for Rerun's viewer
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
         f"--user-data-dir={tmp_path / 'profile'}",
-    ):  # fmt: skip
+    ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     opened = selenium.Chrome(options, selenium.ChromeService(executable_path=driver))

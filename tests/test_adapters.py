@@ -127,8 +127,12 @@ def test_each_picture_has_the_time_of_its_number(monkeypatch):
         tracker.init(bgr(0), (40, 30, 30, 20))
         for k in range(1, 4):
             tracker.update(bgr(k))
-        assert seen == [(0, 0.0), (1, pytest.approx(0.1)), (2, pytest.approx(0.2)),
-                        (3, pytest.approx(0.3))]  # fmt: skip
+        assert seen == [
+            (0, 0.0),
+            (1, pytest.approx(0.1)),
+            (2, pytest.approx(0.2)),
+            (3, pytest.approx(0.3)),
+        ]
 
 
 def written(folder, count=FRAMES):

@@ -21,10 +21,17 @@ from sim.timing import Rates
 from tracking.types import Status as Tracked
 
 
-@pytest.mark.parametrize(("rate", "fits"), [
-    (480.0, True), (480.1, False), (120.0, True), (119.0, False),
-    (120.0 * (1 + 5e-10), True), (120.0 * (1 + 2e-9), False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rate", "fits"),
+    [
+        (480.0, True),
+        (480.1, False),
+        (120.0, True),
+        (119.0, False),
+        (120.0 * (1 + 5e-10), True),
+        (120.0 * (1 + 2e-9), False),
+    ],
+)
 def test_whole_steps(rate, fits):
     assert (Rates.of(480.0, 120.0, rate).physics == 480.0) is fits
 
@@ -37,12 +44,18 @@ def effect(kind, time, **settings):
 def test_disturbances_begin_and_end_at_their_times():
     board = {"start": 4.0, "duration": 0.5, "slide": 0.25}
     assert [effect("board", t, **board).board is None for t in (3.74, 3.75, 4.75, 4.76)] == [
-        True, False, False, True,
-    ]  # fmt: skip
+        True,
+        False,
+        False,
+        True,
+    ]
     car = {"start": 3.0, "duration": 6.0}
     assert [effect("second_target", t, **car).second is None for t in (2.99, 3.0, 9.0, 9.01)] == [
-        True, False, False, True,
-    ]  # fmt: skip
+        True,
+        False,
+        False,
+        True,
+    ]
     drop = {"start": 0.5, "share": 1.0}
     assert [effect("dropped_frames", t, **drop).dropped for t in (0.49, 0.5)] == [False, True]
 
@@ -102,24 +115,35 @@ class Step:
         return SimpleNamespace(status=Tracked.LOCKED)
 
 
-@pytest.mark.parametrize(("steps", "outcome"), [
-    ([Step(servo_error=10.0)], Outcome.CONVERGED), ([Step(servo_error=10.01)], Outcome.TIMED_OUT),
-    ([Step(0.0, 99.0), Step(1.0)], Outcome.CONVERGED),  # the last second has begun after it
-    ([Step(0.01, 99.0), Step(1.0)], Outcome.TIMED_OUT),
-    ([Step(0.0, 99.0, (0.0, 0.0))], Outcome.TIMED_OUT),
-    ([Step(0.0, 99.0, (40.0, 30.0))], Outcome.TIMED_OUT),
-    ([Step(0.0, 99.0, (-0.1, 5.0))], Outcome.DIVERGED),
-    ([Step(0.0, 99.0, (5.0, 30.1))], Outcome.DIVERGED),
-    ([Step(0.0, 99.0, limited=True)], Outcome.LIMIT_HIT),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("steps", "outcome"),
+    [
+        ([Step(servo_error=10.0)], Outcome.CONVERGED),
+        ([Step(servo_error=10.01)], Outcome.TIMED_OUT),
+        ([Step(0.0, 99.0), Step(1.0)], Outcome.CONVERGED),  # the last second has begun after it
+        ([Step(0.01, 99.0), Step(1.0)], Outcome.TIMED_OUT),
+        ([Step(0.0, 99.0, (0.0, 0.0))], Outcome.TIMED_OUT),
+        ([Step(0.0, 99.0, (40.0, 30.0))], Outcome.TIMED_OUT),
+        ([Step(0.0, 99.0, (-0.1, 5.0))], Outcome.DIVERGED),
+        ([Step(0.0, 99.0, (5.0, 30.1))], Outcome.DIVERGED),
+        ([Step(0.0, 99.0, limited=True)], Outcome.LIMIT_HIT),
+    ],
+)
 def test_outcomes(steps, outcome):
     assert run_measures._outcome(steps) is outcome
 
 
-@pytest.mark.parametrize(("error", "turned", "grown", "off"), [
-    (2.0, 1.0, 2.0, False), (2.01, 0, 0, True), (0, 1.01, 0, True), (0, -1.01, 0, True),
-    (0, 0, 2.01, True), (0, 0, -2.01, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("error", "turned", "grown", "off"),
+    [
+        (2.0, 1.0, 2.0, False),
+        (2.01, 0, 0, True),
+        (0, 1.01, 0, True),
+        (0, -1.01, 0, True),
+        (0, 0, 2.01, True),
+        (0, 0, -2.01, True),
+    ],
+)
 def test_settling(error, turned, grown, off):
     steps = [Step(0.0, error), Step(1.0)]
     time = run_measures._settling_time(steps, np.array([turned, 0.0]), np.array([grown, 0.0]))

@@ -29,10 +29,18 @@ def passes(check, *arguments):
     return True
 
 
-@pytest.mark.parametrize(("width", "height", "right"), [
-    (1, 1, True), (0, 1, False), (1, 0, False), (-1, 5, False), (16_384, 16_384, True),
-    (16_385, 1, False), (1, 16_385, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("width", "height", "right"),
+    [
+        (1, 1, True),
+        (0, 1, False),
+        (1, 0, False),
+        (-1, 5, False),
+        (16_384, 16_384, True),
+        (16_385, 1, False),
+        (1, 16_385, False),
+    ],
+)
 def test_sides_of_pictures(width, height, right):
     assert passes(check_size, width, height, "here") is right
 
@@ -43,39 +51,65 @@ def test_sizes_of_files(tmp_path, size, right):
     assert passes(reading.content, tmp_path / "a", "file", 10) is right
 
 
-@pytest.mark.parametrize(("line", "right"), [
-    ("1000000,0,5,5", True), ("1000001,0,5,5", False), ("0,0,0.001,5", True), ("0,0,0,5", False),
-    ("0,0,5,0", False), ("-1000000,0,5,5", True), ("-1000001,0,5,5", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("line", "right"),
+    [
+        ("1000000,0,5,5", True),
+        ("1000001,0,5,5", False),
+        ("0,0,0.001,5", True),
+        ("0,0,0,5", False),
+        ("0,0,5,0", False),
+        ("-1000000,0,5,5", True),
+        ("-1000001,0,5,5", False),
+    ],
+)
 def test_numbers_of_truths(tmp_path, line, right):
     (tmp_path / "groundtruth.txt").write_text(f"{line}\n{line}\n")
     assert passes(truth.read, tmp_path / "groundtruth.txt") is right
 
 
-@pytest.mark.parametrize(("line", "right"), [
-    ("5,5,6,6", True), ("5,5,5,6", False), ("5,5,6,5", False), ("6,5,5,6", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("line", "right"),
+    [
+        ("5,5,6,6", True),
+        ("5,5,5,6", False),
+        ("5,5,6,5", False),
+        ("6,5,5,6", False),
+    ],
+)
 def test_corners_of_truths(tmp_path, line, right):
     (tmp_path / "gt.txt").write_text(f"{line}\n")
     assert passes(truth.read, tmp_path / "gt.txt") is right
 
 
-@pytest.mark.parametrize(("line", "right"), [
-    ("10,20,11,21", False), ("10,20,10,21", True), ("10,20,11,20", True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("line", "right"),
+    [
+        ("10,20,11,21", False),
+        ("10,20,10,21", True),
+        ("10,20,11,20", True),
+    ],
+)
 def test_four_numbers_are_corners_only_where_both_are_larger(tmp_path, line, right):
     (tmp_path / "any.txt").write_text(f"{line}\n")
     assert passes(truth.read, tmp_path / "any.txt") is right
 
 
-@pytest.mark.parametrize(("box", "size", "right"), [
-    ((10, 20, 40, 60), (49, 79), True),  # it ends one pixel beyond the picture
-    ((10, 20, 40, 60), (48.9, 79), False), ((10, 20, 40, 60), (49, 78.9), False),
-    ((10, 20, 40, 60), (39, 59), False),  # as a corner it lies one pixel beyond
-    ((10, 20, 40, 60), (38.9, 59), True), ((10, 20, 40, 60), (39, 58.9), True),
-    ((10, 20, 10, 60), (15, 70), True), ((10, 20, 40, 20), (45, 30), True),
-    ((-10, 20, 5, 30), (9, 40), False), ((-10, 20, 5, 30), (9, 49), True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("box", "size", "right"),
+    [
+        ((10, 20, 40, 60), (49, 79), True),  # it ends one pixel beyond the picture
+        ((10, 20, 40, 60), (48.9, 79), False),
+        ((10, 20, 40, 60), (49, 78.9), False),
+        ((10, 20, 40, 60), (39, 59), False),  # as a corner it lies one pixel beyond
+        ((10, 20, 40, 60), (38.9, 59), True),
+        ((10, 20, 40, 60), (39, 58.9), True),
+        ((10, 20, 10, 60), (15, 70), True),
+        ((10, 20, 40, 20), (45, 30), True),
+        ((-10, 20, 5, 30), (9, 40), False),
+        ((-10, 20, 5, 30), (9, 49), True),
+    ],
+)
 def test_boxes_that_leave_the_picture(box, size, right):
     corners = quadrilateral.corners_of(np.array(box, float))[None]
     assert passes(truth.check_boxes, corners, size, "gt") is right
@@ -102,17 +136,28 @@ def test_corners_are_a_rectangle_up_to_a_fiftieth_of_the_longer_side(skew, turne
     assert (state.theta == np.pi / 2) is turned
 
 
-@pytest.mark.parametrize(("text", "right"), [
-    ("camera:0", True), ("camera:999", True), ("camera:1000", False), ("camera:", False),
-    ("camera:-1", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("camera:0", True),
+        ("camera:999", True),
+        ("camera:1000", False),
+        ("camera:", False),
+        ("camera:-1", False),
+    ],
+)
 def test_numbers_of_cameras(text, right):
     assert passes(source_of, text, 30.0) is right
 
 
-@pytest.mark.parametrize(("head", "said"), [
-    (b"\x1f" * 9, "not a video; known"), (b"\x20" * 9, "a text"), (b"\t\r\n" * 9, "a text"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        (b"\x1f" * 9, "not a video; known"),
+        (b"\x20" * 9, "a text"),
+        (b"\t\r\n" * 9, "a text"),
+    ],
+)
 def test_letters_of_texts(head, said):
     with pytest.raises(ValueError, match=said):
         video_file.check_beginning(head)
@@ -123,19 +168,40 @@ def region_passes(width=40.0, height=20.0, x=50.0, y=30.0, theta=0.0, scale=1.0,
     return passes(check_region, frame, Region(width, height), State(x, y, theta, scale))
 
 
-@pytest.mark.parametrize(("given", "right"), [
-    ({"width": 4.0}, True), ({"width": 3.99}, False), ({"height": 4.0}, True),
-    ({"height": 3.99}, False), ({"width": 8.0, "scale": 0.5}, True),
-    ({"x": 0.0}, True), ({"x": -0.01}, False), ({"y": 60.0}, True), ({"y": 60.01}, False),
-    ({"size": (16_384, 100)}, True), ({"size": (16_385, 100)}, False),
-    ({"size": (60, 16_384)}, True), ({"size": (60, 16_385)}, False),
-    ({"theta": 1e6}, True), ({"theta": -1.001e6}, False), ({"theta": math.nan}, False),
-    ({"width": 1e6, "scale": math.exp(-LARGEST_LOG), "size": (60, 16_000), "x": 8000.0,
-      "height": 1000.0}, True),
-    ({"width": 1e3, "height": 1e3, "scale": 0.99 * math.exp(-LARGEST_LOG)}, False),
-    ({"scale": 1.01 * math.exp(LARGEST_LOG), "x": 4e3, "y": 4e3, "size": (8000, 8000)}, False),
-    ({"scale": math.exp(LARGEST_LOG), "x": 4e3, "y": 4e3, "size": (8000, 8000)}, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "right"),
+    [
+        ({"width": 4.0}, True),
+        ({"width": 3.99}, False),
+        ({"height": 4.0}, True),
+        ({"height": 3.99}, False),
+        ({"width": 8.0, "scale": 0.5}, True),
+        ({"x": 0.0}, True),
+        ({"x": -0.01}, False),
+        ({"y": 60.0}, True),
+        ({"y": 60.01}, False),
+        ({"size": (16_384, 100)}, True),
+        ({"size": (16_385, 100)}, False),
+        ({"size": (60, 16_384)}, True),
+        ({"size": (60, 16_385)}, False),
+        ({"theta": 1e6}, True),
+        ({"theta": -1.001e6}, False),
+        ({"theta": math.nan}, False),
+        (
+            {
+                "width": 1e6,
+                "scale": math.exp(-LARGEST_LOG),
+                "size": (60, 16_000),
+                "x": 8000.0,
+                "height": 1000.0,
+            },
+            True,
+        ),
+        ({"width": 1e3, "height": 1e3, "scale": 0.99 * math.exp(-LARGEST_LOG)}, False),
+        ({"scale": 1.01 * math.exp(LARGEST_LOG), "x": 4e3, "y": 4e3, "size": (8000, 8000)}, False),
+        ({"scale": math.exp(LARGEST_LOG), "x": 4e3, "y": 4e3, "size": (8000, 8000)}, True),
+    ],
+)
 def test_regions(given, right):
     assert region_passes(**given) is right
 

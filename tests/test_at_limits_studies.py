@@ -42,38 +42,72 @@ def test_tables_in_tables(depth, right):
     assert passes(toml.check, nested, "here") is right
 
 
-@pytest.mark.parametrize(("value", "right"), [
-    ((1 << 63) - 1, True), (1 << 63, False), (-(1 << 63), True), (-(1 << 63) - 1, False),
-    (chr(0xD7FF), True), (chr(0xD800), False), (chr(0xDFFF), False), (chr(0xE000), True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "right"),
+    [
+        ((1 << 63) - 1, True),
+        (1 << 63, False),
+        (-(1 << 63), True),
+        (-(1 << 63) - 1, False),
+        (chr(0xD7FF), True),
+        (chr(0xD800), False),
+        (chr(0xDFFF), False),
+        (chr(0xE000), True),
+    ],
+)
 def test_values_of_toml(value, right):
     assert passes(toml.check, [value], "here") is right
 
 
-@pytest.mark.parametrize(("given", "right"), [
-    (list(range(MOST_VALUES)), True), (list(range(MOST_VALUES + 1)), False),
-    ({"linspace": [0, 1, MOST_VALUES]}, True), ({"linspace": [0, 1, MOST_VALUES + 1]}, False),
-    ({"linspace": [0, 1, 1]}, True), ({"linspace": [0, 1, 0]}, False),
-    ({"linspace": [0, 1, 2.0]}, False), ({"choice": [1]}, True),
-    ({"uniform": [1, 1]}, True), ({"uniform": [1.01, 1]}, False),
-    ({"uniform": [-LARGEST, LARGEST]}, True), ({"uniform": [0, 1.01 * LARGEST]}, False),
-    ({"log_uniform": [1e-9, 1]}, True), ({"log_uniform": [0, 1]}, False),
-    ({"geomspace": [1, 1e-9, 3]}, True), ({"geomspace": [1, 0, 3]}, False),
-    ({"normal": [1, 0]}, True), ({"normal": [1, -0.01]}, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "right"),
+    [
+        (list(range(MOST_VALUES)), True),
+        (list(range(MOST_VALUES + 1)), False),
+        ({"linspace": [0, 1, MOST_VALUES]}, True),
+        ({"linspace": [0, 1, MOST_VALUES + 1]}, False),
+        ({"linspace": [0, 1, 1]}, True),
+        ({"linspace": [0, 1, 0]}, False),
+        ({"linspace": [0, 1, 2.0]}, False),
+        ({"choice": [1]}, True),
+        ({"uniform": [1, 1]}, True),
+        ({"uniform": [1.01, 1]}, False),
+        ({"uniform": [-LARGEST, LARGEST]}, True),
+        ({"uniform": [0, 1.01 * LARGEST]}, False),
+        ({"log_uniform": [1e-9, 1]}, True),
+        ({"log_uniform": [0, 1]}, False),
+        ({"geomspace": [1, 1e-9, 3]}, True),
+        ({"geomspace": [1, 0, 3]}, False),
+        ({"normal": [1, 0]}, True),
+        ({"normal": [1, -0.01]}, False),
+    ],
+)
 def test_axes(given, right):
     assert passes(axes_of, {"start": {"x": given}}, "mine.toml") is right
 
 
-@pytest.mark.parametrize(("text", "right"), [
-    ("seeds = 1000000", True), ("seeds = 1000001", False), ("seeds = 0", False),
-    ("seeds = 1", True), ("seeds = [0]", True), ("seeds = [-1]", False), ("seeds = [2, 2]", False),
-    ("seeds = 100\naxes.start.x = { linspace = [0, 1, 10000] }", True),
-    ("seeds = [0, 1, 2]\naxes.start.x = { linspace = [0, 1, 10000] }\n"
-     "axes.start.y = { linspace = [0, 1, 34] }", False),
-    ("expect.success_rate = 0", True), ("expect.success_rate = 1", True),
-    ("expect.success_rate = -0.01", False), ("expect.success_rate = 1.01", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("seeds = 1000000", True),
+        ("seeds = 1000001", False),
+        ("seeds = 0", False),
+        ("seeds = 1", True),
+        ("seeds = [0]", True),
+        ("seeds = [-1]", False),
+        ("seeds = [2, 2]", False),
+        ("seeds = 100\naxes.start.x = { linspace = [0, 1, 10000] }", True),
+        (
+            "seeds = [0, 1, 2]\naxes.start.x = { linspace = [0, 1, 10000] }\n"
+            "axes.start.y = { linspace = [0, 1, 34] }",
+            False,
+        ),
+        ("expect.success_rate = 0", True),
+        ("expect.success_rate = 1", True),
+        ("expect.success_rate = -0.01", False),
+        ("expect.success_rate = 1.01", False),
+    ],
+)
 def test_studies(tmp_path, monkeypatch, text, right):
     monkeypatch.setattr(parse, "_check", lambda *_: None)  # it builds each cell
     (tmp_path / "mine.toml").write_text(f"scenario = 'still'\n{text}\n")
@@ -104,10 +138,21 @@ def test_numbers_of_runs_are_written_out_up_to_a_limit(tmp_path):
         assert str(refused.value) == f"mine.toml{end.format(runs)}"
 
 
-@pytest.mark.parametrize(("label", "right"), [
-    ("x", True), ("", False), ("x" * LONGEST_LABEL, True), ("x" * (LONGEST_LABEL + 1), False),
-    (".x", False), ("x.", True), ("a/b", False), ("a\\b", False), (" a", False), ("a\n", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("label", "right"),
+    [
+        ("x", True),
+        ("", False),
+        ("x" * LONGEST_LABEL, True),
+        ("x" * (LONGEST_LABEL + 1), False),
+        (".x", False),
+        ("x.", True),
+        ("a/b", False),
+        ("a\\b", False),
+        (" a", False),
+        ("a\n", False),
+    ],
+)
 def test_labels(label, right):
     assert passes(Contender, label, None) is right
 
@@ -123,9 +168,16 @@ def test_workers(monkeypatch):
     assert [passes(local_cluster.check_workers, n) for n in (1, 2)] == [True, False]
 
 
-@pytest.mark.parametrize(("soft", "hard", "outcome"), [
-    (64, 64, []), (63, 64, [(64, 64)]), (63, 63, Refused), (-1, -1, []), (63, -1, [(64, -1)]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("soft", "hard", "outcome"),
+    [
+        (64, 64, []),
+        (63, 64, [(64, 64)]),
+        (63, 63, Refused),
+        (-1, -1, []),
+        (63, -1, [(64, -1)]),
+    ],
+)
 def test_open_files(monkeypatch, soft, hard, outcome):
     set_to = []
     monkeypatch.setattr(local_cluster.resource, "getrlimit", lambda _: (soft, hard))

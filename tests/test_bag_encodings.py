@@ -23,12 +23,16 @@ def full(*values):
 
 
 ENCODINGS = {
-    "rgb8": (full(*COLOUR), COLOUR), "bgr8": (full(*COLOUR[::-1]), COLOUR),
-    "8UC3": (full(*COLOUR[::-1]), COLOUR), "rgba8": (full(*COLOUR, 9), COLOUR),
-    "bgra8": (full(*COLOUR[::-1], 9), COLOUR), "8UC4": (full(*COLOUR[::-1], 9), COLOUR),
-    "mono8": (full(77), GREY), "8UC1": (full(77), GREY),
+    "rgb8": (full(*COLOUR), COLOUR),
+    "bgr8": (full(*COLOUR[::-1]), COLOUR),
+    "8UC3": (full(*COLOUR[::-1]), COLOUR),
+    "rgba8": (full(*COLOUR, 9), COLOUR),
+    "bgra8": (full(*COLOUR[::-1], 9), COLOUR),
+    "8UC4": (full(*COLOUR[::-1], 9), COLOUR),
+    "mono8": (full(77), GREY),
+    "8UC1": (full(77), GREY),
     **{f"bayer_{p}8": (bayer(p), COLOUR) for p in ("rggb", "bggr", "gbrg", "grbg")},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)

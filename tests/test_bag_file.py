@@ -81,11 +81,16 @@ def test_one_file_of_a_folder_is_a_bag_too(two):
 def test_a_topic_must_be_clear(two, form):
     path = two(form)
     for topic, sentence in (
-        (None, "there are several topics with pictures; choose one with --topic: /left (5), "
-               "/right/compressed (5)"),
-        ("/words", "there is no topic '/words' with pictures; there is /left (5), "
-                   "/right/compressed (5)"),
-    ):  # fmt: skip
+        (
+            None,
+            "there are several topics with pictures; choose one with --topic: /left (5), "
+            "/right/compressed (5)",
+        ),
+        (
+            "/words",
+            "there is no topic '/words' with pictures; there is /left (5), /right/compressed (5)",
+        ),
+    ):
         with pytest.raises(ValueError) as refused:
             source_of(str(path), 30.0, topic)
         assert str(refused.value) == f"{path}: {sentence}"
@@ -122,9 +127,14 @@ def test_foxglove_messages_are_read(tmp_path):
     time = bags.protobuf((1, bags.START), (2, 250_000_000))
     pixels = np.ascontiguousarray(shade(1)[..., ::-1])
     raw = bags.protobuf(
-        (1, time), (7, b"eye"), (2, ("fixed", WIDTH)), (3, ("fixed", HEIGHT)), (4, b"rgb8"),
-        (5, ("fixed", 3 * WIDTH)), (6, pixels.tobytes()),
-    )  # fmt: skip
+        (1, time),
+        (7, b"eye"),
+        (2, ("fixed", WIDTH)),
+        (3, ("fixed", HEIGHT)),
+        (4, b"rgb8"),
+        (5, ("fixed", 3 * WIDTH)),
+        (6, pixels.tobytes()),
+    )
     packed = cv2.imencode(".png", shade(2))[1].tobytes()
     packed = bags.protobuf((1, time), (4, b"eye"), (2, packed), (3, b"png"))
     topics = {

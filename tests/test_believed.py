@@ -106,8 +106,12 @@ def test_a_wrong_hand_eye_pose_bends_the_way_and_not_its_end(features):
 
 def test_four_features_end_with_the_tilt_of_a_turn_about_the_wrong_axis():
     """The camera turns by psi about an axis that is off by eps: 2 asin(sin(eps) sin(psi / 2))."""
-    four = ("features.kind=moments", 'controller.dof=["vx", "vy", "vz", "wz"]', "target.kind=car",
-            "start.pose=[0.0, 0.0, 1.0, 0.0, 0.0, 60.0]")  # fmt: skip
+    four = (
+        "features.kind=moments",
+        'controller.dof=["vx", "vy", "vz", "wz"]',
+        "target.kind=car",
+        "start.pose=[0.0, 0.0, 1.0, 0.0, 0.0, 60.0]",
+    )
     steps, _ = run(*four, "believed.hand_eye_rotation_deg=[8.0, 0.0, 0.0]")
     turned = 2 * np.arcsin(np.sin(np.radians(8)) * np.sin(np.radians(30)))
     assert np.abs(steps[-1].error).max() < 1e-4
@@ -152,8 +156,12 @@ def test_a_target_taken_for_larger_ends_every_scheme_nearer(features, monkeypatc
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
 def test_a_wrong_depth_is_a_gain_that_is_wrong_by_as_much(factor):
     """The error shrinks by 1 - lambda T factor a frame."""
-    four = ("features.kind=moments", 'controller.dof=["vx", "vy", "vz"]', "target.kind=car",
-            "start.pose=[0.05, 0.03, 1.0, 0.0, 0.0, 0.0]")  # fmt: skip
+    four = (
+        "features.kind=moments",
+        'controller.dof=["vx", "vy", "vz"]',
+        "target.kind=car",
+        "start.pose=[0.05, 0.03, 1.0, 0.0, 0.0, 0.0]",
+    )
     steps, _ = run(*four, f"believed.depth_factor={factor}", "controller.gain=1.0")
     errors = [float(np.hypot(*s.error[:2])) for s in steps[2:42]]
     assert (errors[-1] / errors[0]) ** (1 / 39) == pytest.approx(1 - factor / 25, abs=1e-3)

@@ -56,8 +56,11 @@ def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, plac
     assert (code, err) == (0, "")
     rows = rows_of(place / "out" / "runs.csv")
     assert [(r["tracker"], r["seed"]) for r in rows] == [
-        ("sok", "0"), ("sok", "1"), ("nothing", "0"), ("nothing", "1"),
-    ]  # fmt: skip
+        ("sok", "0"),
+        ("sok", "1"),
+        ("nothing", "0"),
+        ("nothing", "1"),
+    ]
     auc = [float(r["auc"]) for r in rows]
     assert min(auc[:2]) > 0.8
     assert max(auc[2:]) < 0.4
@@ -94,8 +97,10 @@ def rows_of(path):
 
 def without_times(table):
     text = table if isinstance(table, str) else table.read_text()
-    return [{k: v for k, v in r.items() if k != "milliseconds"}
-            for r in csv.DictReader(text.splitlines())]  # fmt: skip
+    return [
+        {k: v for k, v in r.items() if k != "milliseconds"}
+        for r in csv.DictReader(text.splitlines())
+    ]
 
 
 def test_other_settings_are_another_run(monkeypatch, capfd, place):
@@ -141,9 +146,11 @@ def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place)
     assert call(monkeypatch, capfd, "all", *arguments)[0] == 0
     rows = rows_of(place / "runs" / "bench-all" / "runs.csv")
     assert [(r["tracker"], r["sequence"]) for r in rows] == [
-        ("mean_shift", "one"), ("mean_shift", "two"),
-        ("mean_shift-paper", "one"), ("mean_shift-paper", "two"),
-    ]  # fmt: skip
+        ("mean_shift", "one"),
+        ("mean_shift", "two"),
+        ("mean_shift-paper", "one"),
+        ("mean_shift-paper", "two"),
+    ]
     assert all(float(r["mean_error_px"]) < 3 for r in rows)
 
 
@@ -214,8 +221,10 @@ def test_seeds_on_a_recording_are_one_observation_and_every_pair_of_trackers_is_
     kinds = {"good": 0.6, "middle": 0.5, "poor": 0.4}
     results = [
         result(tracker, seed, 100 * auc, auc + 0.01 * k) | {"sequence": f"s{k}", "drawn": False}
-        for tracker, auc in kinds.items() for k in range(8) for seed in range(3)
-    ]  # fmt: skip
+        for tracker, auc in kinds.items()
+        for k in range(8)
+        for seed in range(3)
+    ]
     best, _, last = ranking.rows_of(results)
     assert (best.runs, best.units, best.means["auc"].units) == (24, 8, 8)
     test = last.against_best
@@ -230,8 +239,11 @@ def test_a_file_of_a_bench_on_one_recording_keeps_that_there_is_no_interval(tmp_
     (kept,) = ranking.SequenceBench.read(tmp_path / "bench.json").trackers
     assert (kept.means["auc"].value, kept.means["auc"].known, kept.units) == (0.4, False, 1)
     assert json.loads((tmp_path / "bench.json").read_text())["trackers"][0]["means"]["auc"] == {
-        "value": 0.4, "low": None, "high": None, "units": 1
-    }  # fmt: skip
+        "value": 0.4,
+        "low": None,
+        "high": None,
+        "units": 1,
+    }
 
 
 def test_trackers_are_ranked_and_tested_against_the_best():

@@ -69,12 +69,15 @@ def test_a_calibration_of_ros(here):
     check(camera_with("camera.width=320", "camera.height=240"), "plumb_bob", PLUMB_BOB, 0.5)
 
 
-@pytest.mark.parametrize(("name", "model", "values"), [
-    ("rational_polynomial", "rational", RATIONAL),
-    ("rational_polynomial", "rational", (*RATIONAL, 0.0, 0.0, 0.0, 0.0)),
-    ("equidistant", "fisheye", (0.1, -0.02, 0.003, 0.0)),
-    ("plumb_bob", "plumb_bob", PLUMB_BOB[:4]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "model", "values"),
+    [
+        ("rational_polynomial", "rational", RATIONAL),
+        ("rational_polynomial", "rational", (*RATIONAL, 0.0, 0.0, 0.0, 0.0)),
+        ("equidistant", "fisheye", (0.1, -0.02, 0.003, 0.0)),
+        ("plumb_bob", "plumb_bob", PLUMB_BOB[:4]),
+    ],
+)
 def test_the_models_of_ros(here, name, model, values):
     text = ROS.replace("plumb_bob", name)
     (here / "cam.yaml").write_text(text.replace(str(list(PLUMB_BOB)), str(list(values))))
@@ -82,14 +85,17 @@ def test_the_models_of_ros(here, name, model, values):
     check(camera_with(), model, wanted)
 
 
-@pytest.mark.parametrize(("values", "model", "wanted", "more"), [
-    (PLUMB_BOB[:4], "plumb_bob", PLUMB_BOB, {}),
-    (PLUMB_BOB, "plumb_bob", PLUMB_BOB, {}),
-    ((*PLUMB_BOB, *[0.0] * 9), "plumb_bob", PLUMB_BOB, {}),
-    (RATIONAL, "rational", RATIONAL, {}),
-    ((*RATIONAL, *[0.0] * 6), "rational", RATIONAL, {}),
-    ((0.1, 0.0, 0.0, 0.0), "fisheye", (0.1, 0.0, 0.0, 0.0), {"fisheye_model": 1}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "model", "wanted", "more"),
+    [
+        (PLUMB_BOB[:4], "plumb_bob", PLUMB_BOB, {}),
+        (PLUMB_BOB, "plumb_bob", PLUMB_BOB, {}),
+        ((*PLUMB_BOB, *[0.0] * 9), "plumb_bob", PLUMB_BOB, {}),
+        (RATIONAL, "rational", RATIONAL, {}),
+        ((*RATIONAL, *[0.0] * 6), "rational", RATIONAL, {}),
+        ((0.1, 0.0, 0.0, 0.0), "fisheye", (0.1, 0.0, 0.0, 0.0), {"fisheye_model": 1}),
+    ],
+)
 def test_a_calibration_of_opencv(here, values, model, wanted, more):
     opencv(here / "cam.yaml", values, **more)
     check(camera_with(), model, wanted)
@@ -110,9 +116,16 @@ def test_a_calibration_lies_beside_the_scenario_and_is_kept_with_the_run(here):
     check(scenario.camera, "plumb_bob", PLUMB_BOB)
     assert scenario.camera.noise == 1.0
     assert scenario.table["camera"] == {
-        "noise": 1.0, "width": 640, "height": 480, "fx": 520.0, "fy": 518.0, "cx": 331.0,
-        "cy": 236.5, "distortion": "plumb_bob", "coefficients": list(PLUMB_BOB),
-    }  # fmt: skip
+        "noise": 1.0,
+        "width": 640,
+        "height": 480,
+        "fx": 520.0,
+        "fy": 518.0,
+        "cx": 331.0,
+        "cy": 236.5,
+        "distortion": "plumb_bob",
+        "coefficients": list(PLUMB_BOB),
+    }
     assert scenario.settings()["camera"]["fx"] == 520.0
 
 
@@ -151,54 +164,64 @@ WRONG = {
     "skew": ("520.0, 0.0", "520.0, 0.1", SHAPE),
     "another last row": ("0.0, 0.0, 1.0]\ndist", "0.0, 0.0, 2.0]\ndist", SHAPE),
     "a negative focal length": (
-        "520.0", "-520.0",
+        "520.0",
+        "-520.0",
         "cam.yaml: camera_matrix has the focal lengths -520, 518; they are above zero",
     ),
     "no focal length": (
-        "518.0", "0", "cam.yaml: camera_matrix has the focal lengths 520, 0; they are above zero"
+        "518.0",
+        "0",
+        "cam.yaml: camera_matrix has the focal lengths 520, 0; they are above zero",
     ),
     "no coefficients": ("distortion_coefficients", "coefficients", VALUES),
     "an empty list": (str(list(PLUMB_BOB)), "[]", VALUES),
     "a coefficient that is none": ("-0.28", "k1", VALUES),
     "two coefficients": (
-        str(list(PLUMB_BOB)), "[0.1, 0.2]",
+        str(list(PLUMB_BOB)),
+        "[0.1, 0.2]",
         "cam.yaml: distortion_coefficients has 2 numbers; plumb_bob has 5",
     ),
     "six coefficients": (
-        str(list(PLUMB_BOB)), "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
+        str(list(PLUMB_BOB)),
+        "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
         "cam.yaml: distortion_coefficients has 6 numbers; plumb_bob has 5",
     ),
     "another model": (
-        "plumb_bob", "kannala",
+        "plumb_bob",
+        "kannala",
         "cam.yaml: distortion_model = 'kannala' is not known; there is plumb_bob, "
         "rational_polynomial, equidistant, fisheye",
     ),
     "a model that is no word": (
-        "plumb_bob", "[a]",
+        "plumb_bob",
+        "[a]",
         "cam.yaml: distortion_model = ['a'] is not known; there is plumb_bob, "
         "rational_polynomial, equidistant, fisheye",
     ),
     "no width": (
-        "image_width", "width", "cam.yaml: image_width = None should be a number of pixels"
+        "image_width",
+        "width",
+        "cam.yaml: image_width = None should be a number of pixels",
     ),
     "a width of zero": ("640", "0", "cam.yaml: image_width = 0 should be a number of pixels"),
     "half a pixel": ("480", "480.5", "cam.yaml: image_height = 480.5 should be a number of pixels"),
     "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: line 7 is wrong"),
     "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: line 3 is wrong"),
-    "tables merged without end": ("camera_name: head", "a: &a {x: 1}\nb: {<<: [*a, *a]}",
-                                  NO_YAML),
+    "tables merged without end": ("camera_name: head", "a: &a {x: 1}\nb: {<<: [*a, *a]}", NO_YAML),
     "a date that is none": ("head", "2024-13-45", NO_YAML),
     "a matrix too wide for this picture": (
-        "image_width: 640", "image_width: 3000",
+        "image_width: 640",
+        "image_width: 3000",
         "--set camera.calibration=cam.yaml: camera.width = 3000: "
         "input should be less than or equal to 2560",
     ),
     "a principal point far away": (
-        "330.5", "3305.0",
+        "330.5",
+        "3305.0",
         "--set camera.calibration=cam.yaml: camera: cx = 3305.5 px is far outside of a picture of "
         "640 px; it should be from -640 to 1280",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -211,15 +234,20 @@ def test_a_wrong_calibration_is_a_sentence(here, name):
     assert str(refused.value) == sentence
 
 
-@pytest.mark.parametrize(("content", "sentence"), [
-    (b"", "cam.yaml: this is no calibration: it should have camera_matrix"),
-    (b"[1, 2]", "cam.yaml: this is no calibration: it should have camera_matrix"),
-    (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
-    (b"a: " + b"[" * 3000, NO_YAML),
-    (b"#" * 20_001, "cam.yaml: cannot read this calibration: it is too large; the limit is "
-                    "20,000 bytes"),
-    (None, "cam.yaml: cannot read this calibration: No such file or directory"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "cam.yaml: this is no calibration: it should have camera_matrix"),
+        (b"[1, 2]", "cam.yaml: this is no calibration: it should have camera_matrix"),
+        (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
+        (b"a: " + b"[" * 3000, NO_YAML),
+        (
+            b"#" * 20_001,
+            "cam.yaml: cannot read this calibration: it is too large; the limit is 20,000 bytes",
+        ),
+        (None, "cam.yaml: cannot read this calibration: No such file or directory"),
+    ],
+)
 def test_a_file_that_is_no_calibration_is_a_sentence(here, content, sentence):
     if content is not None:
         (here / "cam.yaml").write_bytes(content)
@@ -228,14 +256,20 @@ def test_a_file_that_is_no_calibration_is_a_sentence(here, content, sentence):
     assert str(refused.value) == sentence
 
 
-@pytest.mark.parametrize(("change", "sentence"), [
-    ("camera.fx=300", "fx and calibration both give the lens; leave one out"),
-    ("camera.fovy_deg=45", "fovy_deg and calibration both give the lens; leave one out"),
-    ("camera.cy=45", "cy and calibration both give the lens; leave one out"),
-    ("camera.distortion=fisheye", "distortion and calibration both give the lens; leave one out"),
-    ("camera.width=320", "320 x 480 px has not the shape of the 640 x 480 px of cam.yaml"),
-    ("camera.height=640", "640 x 640 px has not the shape of the 640 x 480 px of cam.yaml"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ("camera.fx=300", "fx and calibration both give the lens; leave one out"),
+        ("camera.fovy_deg=45", "fovy_deg and calibration both give the lens; leave one out"),
+        ("camera.cy=45", "cy and calibration both give the lens; leave one out"),
+        (
+            "camera.distortion=fisheye",
+            "distortion and calibration both give the lens; leave one out",
+        ),
+        ("camera.width=320", "320 x 480 px has not the shape of the 640 x 480 px of cam.yaml"),
+        ("camera.height=640", "640 x 640 px has not the shape of the 640 x 480 px of cam.yaml"),
+    ],
+)
 def test_what_does_not_fit_a_calibration_is_a_sentence(here, change, sentence):
     (here / "cam.yaml").write_text(ROS)
     with pytest.raises(Mistake) as refused:

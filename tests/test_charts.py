@@ -58,8 +58,9 @@ def test_values_by_name_of_one_group(chart):
     chart("names", charts.by_name("t", "px", ["one"], {"all": [Interval(1.0, 0.5, 2.0)]}))
 
 
-@pytest.mark.parametrize("options", [{}, {"limits": (0.0, 1.0)}, {"log_from": 5.0}],
-                         ids=["plain", "limits", "log"])  # fmt: skip
+@pytest.mark.parametrize(
+    "options", [{}, {"limits": (0.0, 1.0)}, {"log_from": 5.0}], ids=["plain", "limits", "log"]
+)
 def test_a_heat_map_has_its_numbers(chart, options, request):
     values = np.array([[0.1, 0.5, np.nan], [0.9, 0.2, 8.0]])
     figure = charts.heat("t", "x", "y", ["p", "q", "r"], ["u", "v"], values, **options, note="n")

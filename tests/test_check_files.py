@@ -74,14 +74,19 @@ def test_no_scenario_is_overwritten(tmp_path):
 @pytest.mark.processes
 def test_scenario_files_are_tests_of_pytest(tmp_path):
     for name, text in {
-        "good": SHORT.format(bound=1000), "bad": SHORT.format(bound=0.001),
-        "wrong": SHORT.format(bound=1) + "[run.x]\n", "study": 'scenario = "line"\n',
-    }.items():  # fmt: skip
+        "good": SHORT.format(bound=1000),
+        "bad": SHORT.format(bound=0.001),
+        "wrong": SHORT.format(bound=1) + "[run.x]\n",
+        "study": 'scenario = "line"\n',
+    }.items():
         (tmp_path / f"{name}.toml").write_text(text)
     told = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "--servobench", "--servobench-seeds=2", "."],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert told.returncode == 1
     assert "4 failed, 2 passed" in told.stdout
     assert f"  again: servobench run {tmp_path / 'bad.toml'} --seed 1\n" in told.stdout
@@ -95,7 +100,10 @@ def test_scenario_files_are_tests_of_pytest(tmp_path):
 def test_a_number_of_seeds_is_from_1_on(tmp_path, count):
     told = subprocess.run(
         [sys.executable, "-m", "pytest", "--servobench", f"--servobench-seeds={count}"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert told.returncode == 4
     assert f"--servobench-seeds: expected a number from 1 on, got {count}\n" in told.stderr

@@ -84,10 +84,11 @@ def estimator(update=None, skip=None):
     def make(rng):
         zero = Prediction.unmeasured(np.zeros(4), np.zeros(4))
         return SimpleNamespace(
-            start=lambda features: None, rng=rng,
+            start=lambda features: None,
+            rng=rng,
             update=lambda error, own, dt: (update or (lambda r: zero))(rng),
             skip=lambda own, dt: (skip or (lambda r: zero))(rng),
-        )  # fmt: skip
+        )
 
     return config_for(make)
 

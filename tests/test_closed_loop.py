@@ -35,8 +35,11 @@ def test_what_a_tracker_follows_is_told(tmp_path):
         for kind in ("frozen", "kams", "annealed", "pf_ssd")
     }
     assert told == {
-        "frozen": "x, y", "kams": "x, y", "annealed": "x, y, s", "pf_ssd": "x, y, theta, s"
-    }  # fmt: skip
+        "frozen": "x, y",
+        "kams": "x, y",
+        "annealed": "x, y, s",
+        "pf_ssd": "x, y, theta, s",
+    }
 
 
 def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd, tmp_path):
@@ -64,8 +67,11 @@ def test_presets_are_the_papers_settings():
             assert name == "video" or getattr(config, "contrast", 0.0) == 0.0
             assert name == "video" or not getattr(config, "discriminate", False)
             assert (getattr(config, "views", 0) > 0) == (name == "video")
-    papers = {k: kinds.preset("tracking.trackers", k, "paper") for k in TRACKERS if "cv_" not in k
-              and k not in ("camshift", "homography")}  # fmt: skip
+    papers = {
+        k: kinds.preset("tracking.trackers", k, "paper")
+        for k in TRACKERS
+        if "cv_" not in k and k not in ("camshift", "homography")
+    }
     assert len(papers) == 12
     assert papers["kams"]["schedule"] == "fixed"
     assert papers["annealed"]["particles"] == papers["condensation"]["particles"] == 40

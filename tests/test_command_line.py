@@ -19,19 +19,43 @@ from servo.study.plan import Base, Run
 def test_a_command_line_repeats_what_was_typed():
     line = command_line("run", "my scenario.toml", set=["a=b c", "d=[1, 2]"], seed=0, out=None)
     assert shlex.split(line) == [
-        "servobench", "run", "my scenario.toml", "--set", "a=b c", "--set", "d=[1, 2]",
-        "--seed", "0",
-    ]  # fmt: skip
+        "servobench",
+        "run",
+        "my scenario.toml",
+        "--set",
+        "a=b c",
+        "--set",
+        "d=[1, 2]",
+        "--seed",
+        "0",
+    ]
     assert command_line("track", "-x.mp4", video=True, rerun=False, truth_format="otb") == (
         "servobench track --video --truth-format otb -- -x.mp4"
     )
 
 
 VALUES = [
-    1, 2.5, True, "kams", "true", "inf", "2026-01-01", " a ", "a b", "it's", 'a"b', "", "a\nb",
-    "[1]", [0.5, 1], [[1], ["x"]], {"kind": "a", "at": [1, 2], "deep": {"b": "c d"}},
-    [{"kind": "board", "start": 1e-7}], "x\u2028y", 1e300,
-]  # fmt: skip
+    1,
+    2.5,
+    True,
+    "kams",
+    "true",
+    "inf",
+    "2026-01-01",
+    " a ",
+    "a b",
+    "it's",
+    'a"b',
+    "",
+    "a\nb",
+    "[1]",
+    [0.5, 1],
+    [[1], ["x"]],
+    {"kind": "a", "at": [1, 2], "deep": {"b": "c d"}},
+    [{"kind": "board", "start": 1e-7}],
+    "x\u2028y",
+    1e300,
+]
 
 
 @pytest.mark.parametrize("value", VALUES, ids=repr)
@@ -50,13 +74,16 @@ def test_five_commands_to_begin_with_stand_below_the_help():
     assert CliRunner().invoke(app, []).output.endswith(TO_TRY)
 
 
-@pytest.mark.parametrize(("words", "begun", "found"), [
-    (["run"], "rev", [("plain", "reversal"), ("plain", "reversal_5hz")]),
-    (["check", "line"], "spi", [("plain", "spin")]),
-    (["sweep"], "enc", [("plain", "encoder")]),
-    (["run"], "mine/a", [("file", "mine/a")]),
-    ([], "doc", [("plain", "doctor")]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "begun", "found"),
+    [
+        (["run"], "rev", [("plain", "reversal"), ("plain", "reversal_5hz")]),
+        (["check", "line"], "spi", [("plain", "spin")]),
+        (["sweep"], "enc", [("plain", "encoder")]),
+        (["run"], "mine/a", [("file", "mine/a")]),
+        ([], "doc", [("plain", "doctor")]),
+    ],
+)
 def test_a_shell_completes_so(words, begun, found):
     shell = ShellComplete(app, {}, "servobench", "_SERVOBENCH_COMPLETE")
     assert [(c.type, c.value) for c in shell.get_completions(words, begun)] == found

@@ -20,9 +20,12 @@ print(normalised(np.zeros(4)).tolist(), numba.config.CACHE_DIR)
 
 def test_an_installation_that_cannot_be_written_keeps_loops_in_the_temporary_folder(tmp_path):
     ended = subprocess.run(
-        [sys.executable, "-c", READ_ONLY], capture_output=True, text=True, check=True,
+        [sys.executable, "-c", READ_ONLY],
+        capture_output=True,
+        text=True,
+        check=True,
         env={"TMPDIR": str(tmp_path), "HOME": "/nonexistent"},
-    )  # fmt: skip
+    )
     (folder,) = tmp_path.iterdir()
     assert ended.stdout == f"[0.25, 0.25, 0.25, 0.25] {folder}\n"
     assert list(folder.rglob("*.nbi"))

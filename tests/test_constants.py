@@ -96,8 +96,11 @@ def constants_of(tree):
     """Names that a module gives to its constants."""
     for statement in tree.body:
         if isinstance(statement, ast.Assign | ast.AnnAssign):
-            names = [node.id for node in ast.walk(statement) if isinstance(node, ast.Name)
-                     and isinstance(node.ctx, ast.Store)]  # fmt: skip
+            names = [
+                node.id
+                for node in ast.walk(statement)
+                if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+            ]
             yield from (name for name in names if name.isupper() and name not in OF_THE_SYSTEM)
 
 
@@ -118,8 +121,10 @@ def found(root: Path):
             value = getattr(module, one)
             walk = settings_of if isinstance(value, type) else defaults_of
             defaults[name] |= plain(walk(value, one))
-    return {kind: {name: values for name, values in table.items() if values}
-            for kind, table in (("constants", constants), ("defaults", defaults))}  # fmt: skip
+    return {
+        kind: {name: values for name, values in table.items() if values}
+        for kind, table in (("constants", constants), ("defaults", defaults))
+    }
 
 
 @pytest.mark.parametrize("kind", ["constants", "defaults"])

@@ -15,8 +15,16 @@ EVERY = [(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
 TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind not in ("tag", "trax")]
 """Those that follow any target by themselves; `test_trax.py` has a server, and
 `test_tag_tracker.py` a tag."""
-WITH_COVARIANCE = {"annealed", "condensation", "hybrid", "kams", "kernel_pf", "mk_pf", "pf_ssd",
-                   "texture_pf"}  # fmt: skip
+WITH_COVARIANCE = {
+    "annealed",
+    "condensation",
+    "hybrid",
+    "kams",
+    "kernel_pf",
+    "mk_pf",
+    "pf_ssd",
+    "texture_pf",
+}
 """Trackers with particles; the others have no covariance."""
 ESTIMATORS = kinds.names("servo.estimators")
 CONTROLLERS = kinds.names("servo.controllers")

@@ -19,13 +19,41 @@ from sim import kinds
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), suites.GENERATORS]
 NO_KINDS = (
-    "os", "json", "evil", "../../evil", "..", ".", "", "/etc/passwd", "__init__", "_opencv",
-    "sim.motions.line", "motions.line", "line.py", "line\n", "Line", "__class__", "a b", "x" * 999,
-)  # fmt: skip
+    "os",
+    "json",
+    "evil",
+    "../../evil",
+    "..",
+    ".",
+    "",
+    "/etc/passwd",
+    "__init__",
+    "_opencv",
+    "sim.motions.line",
+    "motions.line",
+    "line.py",
+    "line\n",
+    "Line",
+    "__class__",
+    "a b",
+    "x" * 999,
+)
 NO_LABELS = (
-    "../../evil", "..", ".", ".hidden", "", "/tmp/evil", "a/b", "a\\b", "c:\\evil", "a\nb", "a\0b",
-    " ", "a ", "x" * 61,
-)  # fmt: skip
+    "../../evil",
+    "..",
+    ".",
+    ".hidden",
+    "",
+    "/tmp/evil",
+    "a/b",
+    "a\\b",
+    "c:\\evil",
+    "a\nb",
+    "a\0b",
+    " ",
+    "a ",
+    "x" * 61,
+)
 QUICK = 'kind = "clutter"\nframes = 3\n'
 
 

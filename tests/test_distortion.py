@@ -82,12 +82,18 @@ def test_a_polynomial_folds_and_goes_on_in_proportion():
     assert far[1][0] > end[0]  # by its formula this ray would land in the middle of the image
 
 
-@pytest.mark.parametrize(("lens", "degrees"), [
-    (Distortion("plumb_bob", (0.3, 0.0, 0.0, 0.0, 0.0)), 85.0),
-    (Distortion("fisheye", (0.0,) * 4), 85.0),
-    (Distortion("rational", (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0)), 44.1),  # a pole at 45 deg
-    (Distortion("fisheye", (-0.2, 0.0, 0.0, 0.0)), 73.5),  # largest at 74.0 deg
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("lens", "degrees"),
+    [
+        (Distortion("plumb_bob", (0.3, 0.0, 0.0, 0.0, 0.0)), 85.0),
+        (Distortion("fisheye", (0.0,) * 4), 85.0),
+        (
+            Distortion("rational", (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0)),
+            44.1,
+        ),  # a pole at 45 deg
+        (Distortion("fisheye", (-0.2, 0.0, 0.0, 0.0)), 73.5),  # largest at 74.0 deg
+    ],
+)
 def test_where_a_model_ends(lens, degrees):
     assert np.degrees(np.arctan(lens.reach)) == pytest.approx(degrees, abs=0.3)
 
@@ -126,13 +132,16 @@ def test_any_coefficients_are_a_camera_or_a_sentence(model, size):
     assert all(any(reason in sentence for reason in REFUSED) for sentence in refusals), refusals
 
 
-@pytest.mark.parametrize(("given", "sentence"), [
-    (("plumb_bob", (0.1,) * 4), "the distortion plumb_bob has 5 coefficients, not 4"),
-    (("rational", (0.1,) * 5), "the distortion rational has 8 coefficients, not 5"),
-    (("fisheye", (0.1,) * 5), "the distortion fisheye has 4 coefficients, not 5"),
-    (("fisheye", (0.1, 0.1, 0.1, np.inf)), "the distortion fisheye needs finite coefficients"),
-    (("fish", ()), "there is no distortion 'fish'; there is plumb_bob, rational, fisheye"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (("plumb_bob", (0.1,) * 4), "the distortion plumb_bob has 5 coefficients, not 4"),
+        (("rational", (0.1,) * 5), "the distortion rational has 8 coefficients, not 5"),
+        (("fisheye", (0.1,) * 5), "the distortion fisheye has 4 coefficients, not 5"),
+        (("fisheye", (0.1, 0.1, 0.1, np.inf)), "the distortion fisheye needs finite coefficients"),
+        (("fish", ()), "there is no distortion 'fish'; there is plumb_bob, rational, fisheye"),
+    ],
+)
 def test_what_is_no_distortion_is_a_sentence(given, sentence):
     with pytest.raises(ValueError) as refused:
         Distortion(*given)

@@ -60,9 +60,10 @@ def test_innovations_are_white_and_as_large_as_expected_at_any_noise(kind, level
 
 
 def test_the_noise_of_differences_is_not_white():
-    rng, estimator = np.random.default_rng(1000), begun(
-        kalman_cv.Config(noise="difference").build(np.random.default_rng(0))
-    )  # fmt: skip
+    rng, estimator = (
+        np.random.default_rng(1000),
+        begun(kalman_cv.Config(noise="difference").build(np.random.default_rng(0))),
+    )
     errors = np.cumsum(np.full((1500, 4), 0.05 * DT), axis=0) + rng.normal(0, NOISE, (1500, 4))
     z = normalised([estimator.update(e, own(np.zeros(4)), DT) for e in errors][100:])
     assert np.all(lag_1(z) < -0.4)

@@ -35,24 +35,48 @@ disturbances = [{ kind = "brightness", factor = 0.0, start = 0.13, ramp = 0.001 
 """
 """Eight frames; from the fifth on the picture is black: the controller coasts, holds, searches."""
 EVERYTHING = {
-    "gain_far": 1.0, "smooth_start": 1.0, "secondary": ["level", "avoid_limits", "centre"],
-    "dof": ["vx", "vy", "vz", "wx", "wy", "wz"], "coast": 0.04, "search_after": 0.04,
-}  # fmt: skip
+    "gain_far": 1.0,
+    "smooth_start": 1.0,
+    "secondary": ["level", "avoid_limits", "centre"],
+    "dof": ["vx", "vy", "vz", "wx", "wy", "wz"],
+    "coast": 0.04,
+    "search_after": 0.04,
+}
 """Settings of the controller with which all others matter."""
 EARLY = {"start": 0.05, "duration": 0.1}
 """Settings of a disturbance with which it acts within a short run."""
-REFUSED = ("the robot cannot bring the camera", "most of it outside the image",
-           "both sides must be at least 4 px", "no part of the twist move",
-           "this OpenCV has no tracker", "has no model file", "has no score",
-           "a TraX server needs a command", "cannot be started",
-           "is more than 85 deg from the optical axis", "is far outside of a picture",
-           "fy needs fx", "coefficients, not 0", "coefficients need a distortion",
-           "there is no body or site 'xn'", "there is no camera 'xn'", "give either camera",
-           "cannot read this robot model", "a home has 6 values", "has 2 values; it should",
-           "cannot read this calibration", "this is not shipped", "a colour is",
-           "nothing is left of a picture", "pose says all of the first picture",
-           "the target would be below the table", "no AprilTag 36h11",
-           "only ratios count", "do not fit into a frame", "so their goal cannot move")  # fmt: skip
+REFUSED = (
+    "the robot cannot bring the camera",
+    "most of it outside the image",
+    "both sides must be at least 4 px",
+    "no part of the twist move",
+    "this OpenCV has no tracker",
+    "has no model file",
+    "has no score",
+    "a TraX server needs a command",
+    "cannot be started",
+    "is more than 85 deg from the optical axis",
+    "is far outside of a picture",
+    "fy needs fx",
+    "coefficients, not 0",
+    "coefficients need a distortion",
+    "there is no body or site 'xn'",
+    "there is no camera 'xn'",
+    "give either camera",
+    "cannot read this robot model",
+    "a home has 6 values",
+    "has 2 values; it should",
+    "cannot read this calibration",
+    "this is not shipped",
+    "a colour is",
+    "nothing is left of a picture",
+    "pose says all of the first picture",
+    "the target would be below the table",
+    "no AprilTag 36h11",
+    "only ratios count",
+    "do not fit into a frame",
+    "so their goal cannot move",
+)
 """What a scenario within all limits may be refused for."""
 
 
@@ -64,10 +88,16 @@ def ends(hint):
         if get_origin(kind) is tuple:
             (length,) = [v.min_length for v in limits]
             return [[value] * length for value in ends(get_args(kind)[0])]
-        low = [v.ge if isinstance(v, Ge) else math.nextafter(v.gt, math.inf)
-               for v in limits if isinstance(v, Ge | Gt)]  # fmt: skip
-        high = [v.le if isinstance(v, Le) else math.nextafter(v.lt, -math.inf)
-                for v in limits if isinstance(v, Le | Lt)]  # fmt: skip
+        low = [
+            v.ge if isinstance(v, Ge) else math.nextafter(v.gt, math.inf)
+            for v in limits
+            if isinstance(v, Ge | Gt)
+        ]
+        high = [
+            v.le if isinstance(v, Le) else math.nextafter(v.lt, -math.inf)
+            for v in limits
+            if isinstance(v, Le | Lt)
+        ]
         return [kind(low[0]), kind(high[0])]
     if origin is Literal:
         return list(parts)
@@ -153,9 +183,16 @@ def run_short(place, kind, changes):
     for step in steps:
         predicted, state = step.prediction, dataclasses.astuple(step.estimate.state)
         numbers = (step.error, predicted.error, predicted.motion) if step.command.trace else ()
-        for values in (step.command.twist, *numbers,
-                       step.bodies, step.joints, step.rates, step.twist_measured, state,
-                       step.estimate.distance):  # fmt: skip
+        for values in (
+            step.command.twist,
+            *numbers,
+            step.bodies,
+            step.joints,
+            step.rates,
+            step.twist_measured,
+            state,
+            step.estimate.distance,
+        ):
             assert np.isfinite(values).all()
         pixels = step.goal_sight.picture is not None
         assert np.isfinite(step.target_motion_true).all() != pixels
@@ -170,14 +207,31 @@ def test_a_short_run_ends_normally_at_the_limits_of_every_setting(place, kind, c
 
 def anything(config, at):
     """Any few settings of a kind, each at one of its ends or choices."""
-    every = [(f"{at}.{name}", values) for _, name, values in settings_of(config)
-             if name not in ("particles", "density", "layers", "climb", "steps", "duration",
-                             "width", "height", "supersample", "subframes", "physics_rate",
-                             "rate")]  # fmt: skip
+    every = [
+        (f"{at}.{name}", values)
+        for _, name, values in settings_of(config)
+        if name
+        not in (
+            "particles",
+            "density",
+            "layers",
+            "climb",
+            "steps",
+            "duration",
+            "width",
+            "height",
+            "supersample",
+            "subframes",
+            "physics_rate",
+            "rate",
+        )
+    ]
     few = st.lists(st.sampled_from(every), max_size=6, unique_by=lambda one: one[0])
-    return few.flatmap(lambda chosen: st.fixed_dictionaries(
-        dict(starmap(lambda key, values: (key, st.sampled_from(values)), chosen))
-    ))  # fmt: skip
+    return few.flatmap(
+        lambda chosen: st.fixed_dictionaries(
+            dict(starmap(lambda key, values: (key, st.sampled_from(values)), chosen))
+        )
+    )
 
 
 PLACES = ("controller", "estimator", "motion", "robot", "goal", "tracker")

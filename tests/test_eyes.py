@@ -20,9 +20,13 @@ TARGET = Pose.planar(0.03, -0.02, 0.4)
 def posture(T_world_camera, twist=None):
     nothing = np.zeros(0)
     return Posture(
-        T_world_camera, np.zeros(6) if twist is None else twist, nothing, nothing, nothing,
+        T_world_camera,
+        np.zeros(6) if twist is None else twist,
+        nothing,
+        nothing,
+        nothing,
         np.zeros((6, 0)),
-    )  # fmt: skip
+    )
 
 
 def camera_at(tilt=0.0, x=0.0, y=0.0, height=1.0):
@@ -68,8 +72,11 @@ def test_a_tilted_camera_knows_the_normal_or_not():
 
 def test_depth_from_size_is_exact_for_a_small_target_on_any_plane():
     normal, root_area = np.array([0.3, -0.2, 1.0]), 0.002
-    m0 = shape_moments.of_corners(CAMERA.to_pixels(np.array([[0.1, 0.05]])).repeat(4, 0) + [
-        [0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]], CAMERA)  # fmt: skip
+    m0 = shape_moments.of_corners(
+        CAMERA.to_pixels(np.array([[0.1, 0.05]])).repeat(4, 0)
+        + [[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]],
+        CAMERA,
+    )
     found = plane_of_size(m0, root_area, normal).vector
     np.testing.assert_allclose(found / np.linalg.norm(found), normal / np.linalg.norm(normal))
     corners = np.array([[0.1, 0.05, 1], [0.1 + 0.1 / 290, 0.05, 1], [0.1, 0.05 + 0.1 / 290, 1]])

@@ -126,10 +126,14 @@ def test_numbers_that_are_not_finite_are_their_parts(part, monkeypatch):
     with Episode(load("still", SHORT)) as episode:
         if part == "features":
             found = episode.loop.features.values
-            monkeypatch.setattr(type(episode.loop.features), "values",
-                                lambda self, sight: found(sight) * np.nan)  # fmt: skip
+            monkeypatch.setattr(
+                type(episode.loop.features), "values", lambda self, sight: found(sight) * np.nan
+            )
         else:
-            monkeypatch.setattr(type(episode.loop._estimator), "update", lambda self, e, own, dt: (
-                dataclasses.replace(self.skip(own, dt), error=e * np.nan)))  # fmt: skip
+            monkeypatch.setattr(
+                type(episode.loop._estimator),
+                "update",
+                lambda self, e, own, dt: dataclasses.replace(self.skip(own, dt), error=e * np.nan),
+            )
         with pytest.raises(PartFailed, match=rf"^{part} '(moments|none)': gave the values \[nan"):
             list(episode)

@@ -54,8 +54,13 @@ class Centroid:
     def scales(self, goal):
         return np.ones(3)
 '''
-CHANGES = ("features.kind=centroid", "run.duration=1.5", "expect={}", "start.x=30",
-           'controller.dof=["vx", "vy", "vz"]')  # fmt: skip
+CHANGES = (
+    "features.kind=centroid",
+    "run.duration=1.5",
+    "expect={}",
+    "start.x=30",
+    'controller.dof=["vx", "vy", "vz"]',
+)
 
 
 @pytest.fixture
@@ -87,17 +92,25 @@ def test_table_plots_recording_and_report_have_its_three_features(centroid, tmp_
     run_command.run_scenario("line", CHANGES, 0, folder, quiet=True, rerun=True)
     names = pq.read_table(folder / "steps.parquet").column_names
     assert [n for n in names if n.startswith(("feature_", "motion_true_", "nis_"))] == [
-        "feature_u", "feature_v", "feature_grown_px", "motion_true_u_per_s", "motion_true_v_per_s",
-        "motion_true_grown_px_s", "nis_u", "nis_v", "nis_grown",
-    ]  # fmt: skip
+        "feature_u",
+        "feature_v",
+        "feature_grown_px",
+        "motion_true_u_per_s",
+        "motion_true_v_per_s",
+        "motion_true_grown_px_s",
+        "nis_u",
+        "nis_v",
+        "nis_grown",
+    ]
     assert (folder / "target_motion.png").stat().st_size > 10_000
     assert {f"plots/motion/{n}" for n in ("u", "v", "grown")} <= entities(folder / "run.rrd")
     assert "plots/motion/xn" not in entities(folder / "run.rrd")
     section = run_section.section(folder)
     figures = next(block for block in section.blocks if block.figures).figures
     assert [f.title for f in figures][2:] == [
-        "The target's own motion: u", "The target's own motion: v",
-    ]  # fmt: skip
+        "The target's own motion: u",
+        "The target's own motion: v",
+    ]
     assert [key.label for key in figures[1].keys] == ["u [1]", "v [1]", "grown [px]"]
 
 
@@ -114,23 +127,38 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
-        ("still", ["features.kind=points", "tracker.kind=kams"],
-         "features 'points': the tracker follows no angle nor size, without which none of them is "
-         "known"),
-        ("photometric", ["estimator.kind=true"],
-         "photometric: estimator: the true motion of features made of pixels is not known; choose "
-         "another one, such as none"),
-        ("photometric", ["goal.depth_to=0.7"],
-         "photometric: goal.depth_to: features made of pixels are compared with one picture, taken "
-         "at goal.depth, so their goal cannot move"),
-        ("photometric", ["camera.width=32", "camera.height=20"],
-         "photometric: a picture of 32 x 20 px is too small for features made of pixels, which "
-         "leave out 10 px at each side"),
-        ("photometric", ["controller.preset=paper"],
-         'photometric: controller.feed_forward: xn, yn, an, theta (as in preset = "paper") are '
-         "features of 'moments'; there is x, y, z, rx, ry, rz"),
+        (
+            "still",
+            ["features.kind=points", "tracker.kind=kams"],
+            "features 'points': the tracker follows no angle nor size, without which none of them is "
+            "known",
+        ),
+        (
+            "photometric",
+            ["estimator.kind=true"],
+            "photometric: estimator: the true motion of features made of pixels is not known; choose "
+            "another one, such as none",
+        ),
+        (
+            "photometric",
+            ["goal.depth_to=0.7"],
+            "photometric: goal.depth_to: features made of pixels are compared with one picture, taken "
+            "at goal.depth, so their goal cannot move",
+        ),
+        (
+            "photometric",
+            ["camera.width=32", "camera.height=20"],
+            "photometric: a picture of 32 x 20 px is too small for features made of pixels, which "
+            "leave out 10 px at each side",
+        ),
+        (
+            "photometric",
+            ["controller.preset=paper"],
+            'photometric: controller.feed_forward: xn, yn, an, theta (as in preset = "paper") are '
+            "features of 'moments'; there is x, y, z, rx, ry, rz",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_a_feature_set_cannot_do_is_a_sentence(name, changes, message):
     from servo.loop.measured_run import measured_run
 
@@ -164,8 +192,14 @@ def test_every_scheme_follows_a_moving_tag_with_every_kind_of_filter(kind, estim
     """
     from servo.loop.measured_run import measured_run
 
-    changes = [f"features.kind={kind}", f"estimator.kind={estimator}", "tracker.kind=tag",
-               "run.duration=2.0", "expect={}", "goal.y=20"]  # fmt: skip
+    changes = [
+        f"features.kind={kind}",
+        f"estimator.kind={estimator}",
+        "tracker.kind=tag",
+        "run.duration=2.0",
+        "expect={}",
+        "goal.y=20",
+    ]
     steps, _ = measured_run(load("tag_line", changes))
     assert steps[-1].prediction.nis.shape == (len(steps[-1].error),)
     assert max(s.servo_error for s in steps[-15:]) < 4.0

@@ -132,8 +132,16 @@ def test_the_back_of_a_target_is_not_seen():
 def test_a_camera_that_dives_through_the_target_has_not_converged(speed, outcome, monkeypatch):
     dive = Command(np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0]))
     monkeypatch.setattr(hold.Hold, "command", lambda *_: dive)
-    scenario = load("line", ["robot.kind=free", "motion.kind=still", "tracker.kind=frozen",
-                             "controller.kind=hold", "run.duration=2.0"])  # fmt: skip
+    scenario = load(
+        "line",
+        [
+            "robot.kind=free",
+            "motion.kind=still",
+            "tracker.kind=frozen",
+            "controller.kind=hold",
+            "run.duration=2.0",
+        ],
+    )
     with Episode(scenario, Dark) as episode:
         steps = list(episode)
     assert summarise(steps, scenario.measure, 30.0).outcome.name == outcome

@@ -26,9 +26,12 @@ QUICK = "--set run.duration=2 --set tracker.kind=frozen --set estimator.kind=non
 def limited(blocks, command, place):
     """Exit code and stderr of a command whose files may not be larger than so many KiB."""
     ended = subprocess.run(
-        ["bash", "-c", f"ulimit -f {blocks}; '{BIN}' {command}"], cwd=place, capture_output=True,
-        text=True, check=False,
-    )  # fmt: skip
+        ["bash", "-c", f"ulimit -f {blocks}; '{BIN}' {command}"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     return ended.returncode, ended.stderr
 
 
@@ -55,9 +58,7 @@ def here(tmp_path, monkeypatch, capfd):
 def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
     # The recording of two seconds has 1.4 MiB; the room that is reserved for the rows is smaller.
     code, err = limited(1260, f"run still --out out {QUICK} --set camera.noise=40", tmp_path)
-    assert (code, err) == (
-        1, "servobench: out/run.rrd: it ends too early: the disk refuses more\n"
-    )  # fmt: skip
+    assert (code, err) == (1, "servobench: out/run.rrd: it ends too early: the disk refuses more\n")
     assert pq.read_table(tmp_path / "out" / "steps.parquet").num_rows == 60
     assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "TIMED_OUT"
 
@@ -65,8 +66,9 @@ def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
 def test_without_room_for_the_rows_a_run_does_not_begin(tmp_path):
     code, err = limited(300, f"run still --out out {QUICK}", tmp_path)
     assert (code, err) == (
-        1, "servobench: out/steps.arrows: there is no room for the rows: File too large\n"
-    )  # fmt: skip
+        1,
+        "servobench: out/steps.arrows: there is no room for the rows: File too large\n",
+    )
     assert list((tmp_path / "out").iterdir()) == []
 
 

@@ -132,15 +132,17 @@ def test_each_thread_has_a_context_of_its_own():
 
 QUIET = {
     "no driver": (
-        ["run", "still"], {"LIBGL_DRIVERS_PATH": "/nonexistent"},
+        ["run", "still"],
+        {"LIBGL_DRIVERS_PATH": "/nonexistent"},
         "servobench: No OpenGL driver answers on this machine (libEGL finds no device): run "
         f"{INSTALL}.\n",
     ),
     "no home": (
-        ["report", "gone"], {"HOME": "/dev/null", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": ""},
+        ["report", "gone"],
+        {"HOME": "/dev/null", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": ""},
         "servobench: gone: there is no such folder\n",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", QUIET)

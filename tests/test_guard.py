@@ -68,9 +68,13 @@ def printed(words, where, place, **environment):
     """Exit code and stderr of a command whose output goes somewhere."""
     line = " ".join(f"'{w}'" for w in (BIN, *words))
     ended = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {line} {where}"], cwd=place, capture_output=True,
-        text=True, check=False, env=os.environ | environment,
-    )  # fmt: skip
+        ["bash", "-c", f"set -o pipefail; {line} {where}"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
     return ended.returncode, ended.stderr
 
 
@@ -111,9 +115,13 @@ def test_an_odd_environment_is_a_sentence(tmp_path):
 
 def test_no_columns_are_the_usual_ones(tmp_path):
     ended = subprocess.run(
-        [BIN, "list", "kalman_cv"], cwd=tmp_path, capture_output=True, text=True, check=True,
+        [BIN, "list", "kalman_cv"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
         env=os.environ | {"COLUMNS": "0"},
-    )  # fmt: skip
+    )
     assert "estimator.rho" in ended.stdout
 
 
@@ -129,9 +137,13 @@ def test_a_folder_that_is_gone_is_named(tmp_path):
 def test_settings_of_dask_that_are_broken_are_named(tmp_path):
     (tmp_path / "tls.yaml").write_text("distributed: [\n")
     ended = subprocess.run(
-        [BIN, "sweep", "particles"], cwd=tmp_path, capture_output=True, text=True, check=False,
+        [BIN, "sweep", "particles"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
         env=os.environ | {"DASK_CONFIG": str(tmp_path)},
-    )  # fmt: skip
+    )
     begin = (
         f"servobench: Dask's settings cannot be read: A dask config file at '{tmp_path}/tls.yaml'"
     )

@@ -93,9 +93,19 @@ def test_an_action_moves_the_camera_after_the_delay():
 
 
 def test_the_reward_is_half_at_ten_pixels():
-    env = made(scenario="still", vary={},
-               overrides=["start.x=10", "start.y=0", "start.angle_deg=0", "start.scale=1",
-                          "run.duration=0.3", "tracker.kind=frozen"], action="twist")  # fmt: skip
+    env = made(
+        scenario="still",
+        vary={},
+        overrides=[
+            "start.x=10",
+            "start.y=0",
+            "start.angle_deg=0",
+            "start.scale=1",
+            "run.duration=0.3",
+            "tracker.kind=frozen",
+        ],
+        action="twist",
+    )
     env.reset(seed=0)
     _, reward, lost, over, told = env.step(np.zeros(4, np.float32))
     assert told["servo_error_px"] == pytest.approx(10, abs=0.2)
@@ -104,8 +114,12 @@ def test_the_reward_is_half_at_ten_pixels():
 
 
 def test_it_ends_when_the_target_has_left_the_picture_and_when_the_time_is_over():
-    away = made(scenario="still", action="twist", reach=(2.0, 0.5),
-                overrides=["run.duration=4", "tracker.kind=frozen"])  # fmt: skip
+    away = made(
+        scenario="still",
+        action="twist",
+        reach=(2.0, 0.5),
+        overrides=["run.duration=4", "tracker.kind=frozen"],
+    )
     away.reset(seed=0)
     for _ in range(119):
         _, _, lost, over, told = away.step(np.array([1, 0, 0, 0], np.float32))
@@ -139,8 +153,13 @@ def test_seeds_repeat_bit_for_bit_and_differ():
 def test_options_change_one_run():
     env = made()
     _, told = env.reset(seed=3, options={"vary": {"start.x": {"uniform": [40, 41]}}})
-    assert told["drawn"].keys() == {"start.x", "start.y", "start.angle_deg", "motion.x",
-                                    "motion.length"}  # fmt: skip
+    assert told["drawn"].keys() == {
+        "start.x",
+        "start.y",
+        "start.angle_deg",
+        "motion.x",
+        "motion.length",
+    }
     assert 40 <= told["drawn"]["start.x"] <= 41
     assert env.reset(seed=3, options={"scenario": "line", "vary": {}})[1]["drawn"] == {}
     assert abs(env.reset(seed=3)[1]["drawn"]["start.x"]) <= 8
@@ -164,8 +183,9 @@ def test_a_window_shows_each_picture(monkeypatch):
 
 def test_without_gymnasium_the_extra_is_named(tmp_path):
     code = "import sys; sys.modules['gymnasium'] = None\nimport servo.gym"
-    told = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True,
-                          text=True, check=False)  # fmt: skip
+    told = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert told.stderr.splitlines()[-1] == (
         "ModuleNotFoundError: servo.gym needs the extra 'gym': pip install 'servobench[gym]'"
     )
@@ -190,9 +210,13 @@ def test_environments_in_processes_give_what_one_gives(context):
     actions = np.random.default_rng(1).uniform(-1, 1, (5, 2, 4)).astype(np.float32)
     expected = [steps_of(alone, actions[:, i], seed=10 + i) for i in range(2)]  # it has rendered
     many = gymnasium.make_vec(
-        f"servo.gym:{servo.gym.ID}", num_envs=2, vectorization_mode="async",
-        vector_kwargs={"context": context}, overrides=SHORT, observation="both",
-    )  # fmt: skip
+        f"servo.gym:{servo.gym.ID}",
+        num_envs=2,
+        vectorization_mode="async",
+        vector_kwargs={"context": context},
+        overrides=SHORT,
+        observation="both",
+    )
     seen, _ = many.reset(seed=10)
     for k in range(6):
         for i in range(2):

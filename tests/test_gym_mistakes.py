@@ -21,12 +21,14 @@ def made(**settings):
     [
         ({"reach": 0.2}, "reach: expected 2 finite numbers, got 0.2"),
         ({"reach": (-1, 1)}, "reach: expected speeds from 0 on, got (-1, 1)"),
-        ({"dof": ["vx", "vx"]}, "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, "
-         "wy, wz, each once"),
+        (
+            {"dof": ["vx", "vx"]},
+            "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, wy, wz, each once",
+        ),
         ({"scenario": None}, "a scenario is given by its name or its file, not by NoneType"),
         ({"overrides": None}, "None: expected a list of changes, such as ['run.duration=5']"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_choice_is_a_sentence(wrong, sentence):
     with pytest.raises(Mistake) as found:
         made(**wrong)
@@ -39,10 +41,12 @@ def test_a_wrong_choice_is_a_sentence(wrong, sentence):
         ([1], "options: expected settings by name, got [1]"),
         ({"seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
         ({"run.seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
-        ({"features": "points"}, "options: observations would have another shape; make an "
-         "environment"),
+        (
+            {"features": "points"},
+            "options: observations would have another shape; make an environment",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_option_is_a_sentence(options, sentence):
     env = made()
     with pytest.raises(Mistake) as found:
@@ -53,15 +57,19 @@ def test_a_wrong_option_is_a_sentence(options, sentence):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"observation": "image"}, "there is no observation 'image'; there is features, picture, "
-                                   "both"),
+        (
+            {"observation": "image"},
+            "there is no observation 'image'; there is features, picture, both",
+        ),
         ({"action": "twists"}, "there is no action 'twists'; did you mean 'twist'?"),
         ({"dof": ["vz", "vw"]}, "there is no dof 'vw'; there is vx, vy, vz, wx, wy, wz"),
         ({"gian": 1.0}, "there is no setting 'gian'; did you mean 'gain'?"),
-        ({"render_mode": "human"},
-         "render_mode='human': there is no display here; use 'rgb_array'"),
+        (
+            {"render_mode": "human"},
+            "render_mode='human': there is no display here; use 'rgb_array'",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_one_sentence(given, message, monkeypatch):
     for name in display.DISPLAYS:
         monkeypatch.delenv(name, raising=False)

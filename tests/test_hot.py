@@ -132,8 +132,12 @@ def loops(request, monkeypatch):
 
 
 GRID = np.array([(u, v) for u in range(-3, 4) for v in range(-3, 4)], float)
-BORDERS = [(x, y, turn, 0.0) for x in (4.0, 7.0, 57.0, 60.0) for y in (2.0, 5.0, 45.0, 48.0)
-           for turn in (0.0, 0.3)] + [(-50.0, 20.0, 0.0, 0.0), (20.0, 500.0, 0.0, 0.0)]  # fmt: skip
+BORDERS = [
+    (x, y, turn, 0.0)
+    for x in (4.0, 7.0, 57.0, 60.0)
+    for y in (2.0, 5.0, 45.0, 48.0)
+    for turn in (0.0, 0.3)
+] + [(-50.0, 20.0, 0.0, 0.0), (20.0, 500.0, 0.0, 0.0)]
 """Around and on the edges of a window of 50 x 40 px at (7, 5), and far outside."""
 
 
@@ -192,8 +196,10 @@ def test_mean_shift_agrees_with_python(most, tolerance):
     found = point_histograms.mean_shift(
         (labels, 7, 5), states, GRID, weights, pulls, root[None], most, tolerance
     )
-    twins = [mean_shift_twin((labels, 7, 5), state, GRID, weights, pulls, root, most, tolerance)
-             for state in states]  # fmt: skip
+    twins = [
+        mean_shift_twin((labels, 7, 5), state, GRID, weights, pulls, root, most, tolerance)
+        for state in states
+    ]
     np.testing.assert_allclose(found[0], [twin[0] for twin in twins], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found[1], [twin[1] for twin in twins], rtol=0, atol=1e-12)
     assert found[2] == sum(twin[2] for twin in twins)

@@ -18,11 +18,24 @@ class Mine:
 
 
 def test_keywords_are_the_changes_of_the_command_line():
-    given = servo.load("reversal", ["run.latency=2"], seed=3, gain=1.5, tracker="kams",
-                       camera={"noise": np.float64(4)}, dof=("vx", "vy"),
-                       **{"start.x": np.int64(5)})  # fmt: skip
-    texts = ["run.latency=2", "controller.gain=1.5", "tracker.kind=kams", "camera.noise=4.0",
-             'controller.dof=["vx", "vy"]', "start.x=5"]  # fmt: skip
+    given = servo.load(
+        "reversal",
+        ["run.latency=2"],
+        seed=3,
+        gain=1.5,
+        tracker="kams",
+        camera={"noise": np.float64(4)},
+        dof=("vx", "vy"),
+        **{"start.x": np.int64(5)},
+    )
+    texts = [
+        "run.latency=2",
+        "controller.gain=1.5",
+        "tracker.kind=kams",
+        "camera.noise=4.0",
+        'controller.dof=["vx", "vy"]',
+        "start.x=5",
+    ]
     assert given.settings() == servo.load("reversal", texts, seed=3).settings()
 
 
@@ -51,16 +64,22 @@ def test_a_part_of_ones_own_goes_with_settings():
     [
         ({"gian": 1.0}, "there is no setting 'gian'; did you mean 'gain'?"),
         ({"qqqqqq": 1.0}, "there is no setting 'qqqqqq'"),
-        ({"angle_deg": 3.0},
-         "angle_deg: this is goal.angle_deg, start.angle_deg, region.angle_deg; say which, as in "
-         "goal={'angle_deg': ...}"),
-        ({"gain": -1.0},
-         "gain=-1.0: controller.gain = -1.0: input should be greater than or equal to 0.000001"),
-        ({"estimator": "jumb"},
-         "estimator='jumb': estimator.kind: there is no kind 'jumb'; there is difference, "
-         "error_kalman, imm, jump, kalman_ca, kalman_cv, none, true"),
+        (
+            {"angle_deg": 3.0},
+            "angle_deg: this is goal.angle_deg, start.angle_deg, region.angle_deg; say which, as in "
+            "goal={'angle_deg': ...}",
+        ),
+        (
+            {"gain": -1.0},
+            "gain=-1.0: controller.gain = -1.0: input should be greater than or equal to 0.000001",
+        ),
+        (
+            {"estimator": "jumb"},
+            "estimator='jumb': estimator.kind: there is no kind 'jumb'; there is difference, "
+            "error_kalman, imm, jump, kalman_ca, kalman_cv, none, true",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_keyword_is_one_sentence(given, message):
     with pytest.raises(Mistake) as found:
         servo.load("still", **given)

@@ -48,6 +48,7 @@ def test_settings_name_what_replaced_a_part():
 
 def test_contenders_say_so_too():
     assert Contender("a", MyConfig()).describe() == {
-        "kind": "elsewhere:MyConfig", "settings": {"gain": 1.0},
-    }  # fmt: skip
+        "kind": "elsewhere:MyConfig",
+        "settings": {"gain": 1.0},
+    }
     assert Contender("a", kams.Config()).describe()["kind"] == "kams"

@@ -21,10 +21,17 @@ SIDEWAYS = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
 def world_of(kind=gantry, believed=None, **settings):
     rng = np.random.default_rng(0)
     made = World(
-        WorldConfig(), kind.Config(**settings).build(rng), car.Config().build(rng), CameraConfig(),
-        still.Config().build(rng), (), rng, Dark, believed or BelievedConfig(),
+        WorldConfig(),
+        kind.Config(**settings).build(rng),
+        car.Config().build(rng),
+        CameraConfig(),
+        still.Config().build(rng),
+        (),
+        rng,
+        Dark,
+        believed or BelievedConfig(),
         np.random.default_rng(7),
-    )  # fmt: skip
+    )
     assert made.start(np.array([160.0, 120.0]), 0.0, 1.0)
     return made
 
@@ -108,12 +115,18 @@ def test_a_lag_is_of_first_order():
 @pytest.mark.parametrize(
     ("settings", "believed", "sentence"),
     [
-        ({"encoder_noise": (0.1, 0.2)}, {},
-         "robot.encoder_noise has 2 values; it should have one, or 6 for "),
-        ({}, {"joint_offsets": (0.1,) * 7},
-         "believed.joint_offsets has 7 values; it should have one, or 6 for "),
+        (
+            {"encoder_noise": (0.1, 0.2)},
+            {},
+            "robot.encoder_noise has 2 values; it should have one, or 6 for ",
+        ),
+        (
+            {},
+            {"joint_offsets": (0.1,) * 7},
+            "believed.joint_offsets has 7 values; it should have one, or 6 for ",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_number_of_values_is_named(settings, believed, sentence):
     with pytest.raises(ValueError) as found:
         world_of(believed=BelievedConfig(**believed), **settings)

@@ -27,8 +27,11 @@ PLAIN = Camera(260.0, 260.0, 160.0, 120.0, 320, 240)
 
 def changes_for(name):
     focal, lens = LENSES[name]
-    return [f"camera.fx={focal}", f"camera.distortion={lens.model}",
-            f"camera.coefficients={list(lens.coefficients)}"]  # fmt: skip
+    return [
+        f"camera.fx={focal}",
+        f"camera.distortion={lens.model}",
+        f"camera.coefficients={list(lens.coefficients)}",
+    ]
 
 
 class Painter:
@@ -179,8 +182,7 @@ def test_a_car_in_sight_is_wholly_visible_through_a_lens():
 
 
 def test_another_renderer_can_be_put_in():
-    more = ["world.visibility=true", "tracker.kind=frozen", "start.x=0",
-            *changes_for("plumb_bob")]  # fmt: skip
+    more = ["world.visibility=true", "tracker.kind=frozen", "start.x=0", *changes_for("plumb_bob")]
     Painter.closed = 0
     with Episode(load("still", more), renderer=Painter) as episode:
         step = next(iter(episode))

@@ -30,8 +30,17 @@ def folder(place):
     return place / "out"
 
 
-LINKS = ["runs", "failures", "study.json", ".lock", "results.parquet", "cells.csv",
-         "runs/000000.parquet", "runs/.000000.parquet.part", ".cells.csv.part"]  # fmt: skip
+LINKS = [
+    "runs",
+    "failures",
+    "study.json",
+    ".lock",
+    "results.parquet",
+    "cells.csv",
+    "runs/000000.parquet",
+    "runs/.000000.parquet.part",
+    ".cells.csv.part",
+]
 
 
 @pytest.mark.parametrize("link", LINKS)

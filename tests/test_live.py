@@ -78,9 +78,14 @@ def free_ports():
 def started(words, folder):
     """A command, and the address that it prints."""
     process = subprocess.Popen(
-        [BIN / "servobench", *words.split()], cwd=folder, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True, env=without_display(),
-    )  # fmt: skip
+        [BIN / "servobench", *words.split()],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=without_display(),
+    )
     line = process.stdout.readline()
     assert line.startswith("watch it at http://127.0.0.1:"), line
     return process, line.split()[-1]
@@ -136,9 +141,13 @@ def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser):
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize(("number", "code", "said"), [
-    (signal.SIGINT, 130, f"{STOPPED}\n"), (signal.SIGKILL, -9, ""),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [
+        (signal.SIGINT, 130, f"{STOPPED}\n"),
+        (signal.SIGKILL, -9, ""),
+    ],
+)
 def test_a_live_track_that_is_stopped_takes_its_server_along(tmp_path, number, code, said):
     pictures(tmp_path)
     port = free_ports()

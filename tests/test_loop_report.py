@@ -21,9 +21,12 @@ def results():
         for scenario in loop_jobs.SCENARIOS:
             for seed in range(3):
                 rms, lost = float(rng.uniform(1, 3) * (1 + i)), i == 1 and seed == 2
-                values = {"servo_rms_px": rms, "servo_peak_px": 3 * rms,
-                          "tracking_rms_px": None if lost else rms / 2,
-                          "track_ms": 0.5 + i}  # fmt: skip
+                values = {
+                    "servo_rms_px": rms,
+                    "servo_peak_px": 3 * rms,
+                    "tracking_rms_px": None if lost else rms / 2,
+                    "track_ms": 0.5 + i,
+                }
                 outcome = "TARGET_LOST" if lost else "CONVERGED"
                 follows = "x, y" + ", s" * i
                 found.append(LoopRun(contender.label, follows, scenario, seed, outcome, values))

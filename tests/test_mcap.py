@@ -19,9 +19,14 @@ from servo.output.mcap_file import RunMcap, _Kept
 from sim.quaternion import matrix_of
 from sim.types import Pose
 
-CHANGES = ["run.duration=0.2", "tracker.kind=condensation", "estimator.kind=none", "start.x=-40",
-           "camera.distortion=plumb_bob",
-           "camera.coefficients=[-0.1, 0.02, 0.0, 0.0, 0.0]"]  # fmt: skip
+CHANGES = [
+    "run.duration=0.2",
+    "tracker.kind=condensation",
+    "estimator.kind=none",
+    "start.x=-40",
+    "camera.distortion=plumb_bob",
+    "camera.coefficients=[-0.1, 0.02, 0.0, 0.0, 0.0]",
+]
 
 
 def read(path):
@@ -51,21 +56,28 @@ def test_the_log_of_a_run_has_its_pictures_numbers_and_frames(tmp_path):
         log.close()
     found, times = read(path), [step.frame.time for step in steps]
     assert {topic: len(messages) for topic, messages in found.items()} == {
-        "/camera/image": 6, "/camera/annotations": 6, "/tf": 6, "/step": 6, "/camera/calibration": 1
-    }  # fmt: skip
+        "/camera/image": 6,
+        "/camera/annotations": 6,
+        "/tf": 6,
+        "/step": 6,
+        "/camera/calibration": 1,
+    }
     assert [time for time, _ in found["/camera/image"]] == pytest.approx(times)
     jpeg = found["/camera/image"][0][1].data
     assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1).shape == (240, 320, 3)
     camera, last = steps[0].scene.camera, steps[-1]
     ((_, calibration),) = found["/camera/calibration"]
     assert (calibration.distortion_model, list(calibration.D)) == (
-        "plumb_bob", [-0.1, 0.02, 0.0, 0.0, 0.0],
-    )  # fmt: skip
+        "plumb_bob",
+        [-0.1, 0.02, 0.0, 0.0, 0.0],
+    )
     assert list(calibration.K) == [camera.fx, 0, 159.5, 0, camera.fy, 119.5, 0, 0, 1]
     tree = {t.child_frame_id: (t.parent_frame_id, pose(t)) for t in found["/tf"][-1][1].transforms}
     assert {child: parent for child, (parent, _) in tree.items()} == {
-        "base": "world", "camera": "base", "target": "world"
-    }  # fmt: skip
+        "base": "world",
+        "camera": "base",
+        "target": "world",
+    }
     eye = tree["base"][1] @ tree["camera"][1]
     np.testing.assert_allclose(eye.translation, last.truth.T_world_camera.translation, atol=1e-9)
     np.testing.assert_allclose(eye.rotation, last.truth.T_world_camera.rotation, atol=1e-9)
@@ -87,8 +99,10 @@ def test_the_log_of_a_track(monkeypatch, capfd, tmp_path):
     assert call(monkeypatch, capfd, *arguments)[0] == 0
     found = read(tmp_path / "a.mcap")
     assert {topic: len(messages) for topic, messages in found.items()} == {
-        "/camera/image": 8, "/camera/annotations": 8, "/shot": 8
-    }  # fmt: skip
+        "/camera/image": 8,
+        "/camera/annotations": 8,
+        "/shot": 8,
+    }
     time, row = found["/shot"][3]
     assert time == pytest.approx(0.1)
     assert (row["frame"], row["status"], row["x"], row["y"]) == (3, "UNSURE", 55.0, 40.0)

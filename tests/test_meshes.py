@@ -19,15 +19,18 @@ from sim.files import mesh_file
 from sim.targets import mesh
 
 
-@pytest.mark.parametrize(("settings", "expected"), [
-    ({}, (0.2, 0.2 / 3, 0.1 / 3)),
-    ({"size": 0.3}, (0.3, 0.1, 0.05)),
-    ({"size": (0.1, 0.2, 0.3)}, (0.1, 0.2, 0.3)),
-    ({"up": "y"}, (0.2, 0.1 / 3, 0.2 / 3)),
-    ({"up": "x"}, (0.2, 0.1, 0.6)),
-    ({"turn_deg": 90.0}, (0.2 / 3, 0.2, 0.1 / 3)),
-    ({"outline": (0.12, 0.08, 0.03)}, (0.12, 0.08, 0.03)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, (0.2, 0.2 / 3, 0.1 / 3)),
+        ({"size": 0.3}, (0.3, 0.1, 0.05)),
+        ({"size": (0.1, 0.2, 0.3)}, (0.1, 0.2, 0.3)),
+        ({"up": "y"}, (0.2, 0.1 / 3, 0.2 / 3)),
+        ({"up": "x"}, (0.2, 0.1, 0.6)),
+        ({"turn_deg": 90.0}, (0.2 / 3, 0.2, 0.1 / 3)),
+        ({"outline": (0.12, 0.08, 0.03)}, (0.12, 0.08, 0.03)),
+    ],
+)
 def test_the_rectangle_of_a_mesh_is_found(model_folder, settings, expected):
     target = build(mesh.Config(file=mesh_file_of(model_folder), **settings))
     np.testing.assert_allclose(rectangle_of(target), [*expected, 0.0, 0.0], atol=1e-3)

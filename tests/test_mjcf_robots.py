@@ -31,8 +31,14 @@ def seven(tmp_path):
 @pytest.mark.parametrize("name", ["urdf", "seven"])
 def test_an_arm_that_nobody_tuned_follows_the_line(request, name):
     model = request.getfixturevalue(name)
-    changes = ["robot.kind=mjcf", f"robot.model={model}", "motion.x=-0.35", "run.duration=6.0",
-               "measure.after=2.0", "estimator.kind=kalman_cv"]  # fmt: skip
+    changes = [
+        "robot.kind=mjcf",
+        f"robot.model={model}",
+        "motion.x=-0.35",
+        "run.duration=6.0",
+        "measure.after=2.0",
+        "estimator.kind=kalman_cv",
+    ]
     scenario = load("line", changes)
     steps, report = measured_run(scenario)
     assert report.outcome.name == "CONVERGED"

@@ -42,8 +42,9 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     ]
     parsed = [r.parsed() for r in runs]
     assert [type(s.features).__module__ for s in parsed[1:3]] == [
-        "servo.features.points", "servo.features.pose",
-    ]  # fmt: skip
+        "servo.features.points",
+        "servo.features.pose",
+    ]
     assert [s.start.pose[2] for s in parsed] == [1.1, 1.5, 1.1, 1.5]
     assert parsed[0].controller.matrix == "desired"
     assert "--set 'features.kind=points'" in runs[0].command({}) or (

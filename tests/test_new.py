@@ -55,9 +55,13 @@ def test_it_installs_and_runs_as_it_is(package, pip, tmp_path):
     path = os.pathsep.join([str(place), *sys.path])
     line = "bench clutter --trackers red_dot,frozen --seeds 1 --workers 1 --out out"
     ended = subprocess.run(
-        [sys.executable, "-c", BOTH, line, str(package)], cwd=tmp_path, capture_output=True,
-        text=True, check=False, env=os.environ | {"PYTHONPATH": path},
-    )  # fmt: skip
+        [sys.executable, "-c", BOTH, line, str(package)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": path},
+    )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "1 passed" in ended.stdout
     assert '"red_dot"' in (tmp_path / "out" / "bench.json").read_text()

@@ -22,8 +22,7 @@ GENERATORS = "tracking.evaluation.sequences.generators"
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 TRACKERS = "tracking.trackers"
 KINDS = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]
-PRESETS = [(kind, name) for kind in KINDS
-           for name in ("", *kinds.presets(TRACKERS, kind))]  # fmt: skip
+PRESETS = [(kind, name) for kind in KINDS for name in ("", *kinds.presets(TRACKERS, kind))]
 ROUNDING = 1e-4
 """Other processors round otherwise: a track may differ by this share."""
 
@@ -50,9 +49,10 @@ def test_every_motion_goes_this_way(approved):
 def test_every_disturbance_has_these_effects(approved):
     times = (0.3, 1.2, 2.1, 2.9, 3.1, 3.4, 4.6, 5.2, 6.3, 9.0)
     every = kinds.names("sim.disturbances")
-    approved("disturbances", {
-        kind: [build("sim.disturbances", kind).at(t) for t in times] for kind in every
-    })  # fmt: skip
+    approved(
+        "disturbances",
+        {kind: [build("sim.disturbances", kind).at(t) for t in times] for kind in every},
+    )
 
 
 def test_every_estimator_gives_these_estimates(approved):
@@ -69,9 +69,10 @@ def test_every_estimator_gives_these_estimates(approved):
                 seen = error + rng.normal(0, 2e-3, 4)
                 hidden = 20 <= k < 24
                 rows.append(
-                    estimator.skip(own, 1 / rate) if hidden
+                    estimator.skip(own, 1 / rate)
+                    if hidden
                     else estimator.update(seen, own, 1 / rate)
-                )  # fmt: skip
+                )
             found[f"{kind} at {rate} Hz"] = rows[1::4] + rows[22:23]
     approved("estimates", found)
 
@@ -83,10 +84,11 @@ def test_every_generator_paints_these_sequences(approved):
         pictures = [sequence.source.paint(k) for k in (0, 17, 80)]
         found[kind] = {
             "states": None if sequence.states is None else sequence.states[::12],
-            "truth": sequence.truth[::25], "size": pictures[0].shape,
+            "truth": sequence.truth[::25],
+            "size": pictures[0].shape,
             "colours": [p.reshape(-1, 3).mean(axis=0) for p in pictures],
             "pixels": [p[::40, ::40].reshape(-1, 3) for p in pictures],
-        }  # fmt: skip
+        }
     approved("sequences", found, ROUNDING)
 
 
@@ -98,9 +100,11 @@ def film(count=9):
         image, (x, y), turn = ground.copy(), (60 + 2.5 * k, 62 - k), 0.3 + 0.03 * k
         c, s = np.cos(turn), np.sin(turn)
         for left, top, colour in (
-            (-20, -10, (30, 60, 220)), (0, -10, (200, 40, 60)), (-20, 0, (240, 240, 60)),
+            (-20, -10, (30, 60, 220)),
+            (0, -10, (200, 40, 60)),
+            (-20, 0, (240, 240, 60)),
             (0, 0, (20, 160, 90)),
-        ):  # fmt: skip
+        ):
             box = (1 + 0.012 * k) * (np.array([[0, 0], [20, 0], [20, 10], [0, 10]]) + (left, top))
             points = box @ np.array([[c, s], [-s, c]]) + (x, y)
             cv2.fillConvexPoly(image, np.round(points).astype(int), colour)
@@ -118,8 +122,17 @@ def track(kind, settings):
     rows = []
     for frame in frames:
         e = tracker.update(frame, ego if frame.index % 3 == 0 else None)
-        rows.append([*e.state.vector, *np.diag(e.covariance), e.distance, e.ess, e.evaluations,
-                     e.status, e.follows])  # fmt: skip
+        rows.append(
+            [
+                *e.state.vector,
+                *np.diag(e.covariance),
+                e.distance,
+                e.ess,
+                e.evaluations,
+                e.status,
+                e.follows,
+            ]
+        )
     return rows
 
 

@@ -109,12 +109,14 @@ def test_a_model_of_another_tracker_is_named(vit, tmp_path):
     ("settings", "message"),
     [
         ({"name": "Vit"}, "OpenCV's Vit needs its model files net; the number given is 0"),
-        ({"name": "Nano", "model": "a.onnx"},
-         "OpenCV's Nano needs its model files backbone, neckhead; the number given is 1"),
+        (
+            {"name": "Nano", "model": "a.onnx"},
+            "OpenCV's Nano needs its model files backbone, neckhead; the number given is 1",
+        ),
         ({"model": "a.onnx"}, "OpenCV's MIL has no model file; the number given is 1"),
         ({"judge": "score"}, 'OpenCV\'s MIL has no score: judge = "histogram" needs none'),
     ],
-)  # fmt: skip
+)
 def test_settings_that_do_not_fit_are_refused(settings, message):
     assert refused(Config(**settings)) == message
 

@@ -36,8 +36,11 @@ def test_an_example_runs_as_it_stands(block, tmp_path, monkeypatch):
     shutil.copy(DUCK, "my_part.obj")
     Path("my_camera.yaml").write_text(CALIBRATION)
     Path("mine.toml").write_text(block)
-    assert run_command.run_scenario(
-        "mine.toml", ["run.duration=2.4"], None, Path("out"), quiet=True, rerun=False
-    ) == 0  # fmt: skip
+    assert (
+        run_command.run_scenario(
+            "mine.toml", ["run.duration=2.4"], None, Path("out"), quiet=True, rerun=False
+        )
+        == 0
+    )
     report = (tmp_path / "out" / "report.json").read_text()
     assert f'"outcome": "{Outcome.CONVERGED.name}"' in report

@@ -16,10 +16,33 @@ from tracking.evaluation.statistics import Interval
 from tracking.evaluation.verdicts import Finding
 
 NAMES = [
-    "P0-1a", "P0-1b", "P0-2", "P0-3", "P0-4", "P0-5", "P0-6", "P0-7", "P0-8", "P1-1", "P1-2",
-    "P1-3", "P1-4a", "P1-4b", "P1-5a", "P1-5b", "P1-6a", "P1-6b", "P1-7", "P1-8", "P1-9", "P2-1",
-    "P2-2", "P2-3", "P2-3b", "estimators",
-]  # fmt: skip
+    "P0-1a",
+    "P0-1b",
+    "P0-2",
+    "P0-3",
+    "P0-4",
+    "P0-5",
+    "P0-6",
+    "P0-7",
+    "P0-8",
+    "P1-1",
+    "P1-2",
+    "P1-3",
+    "P1-4a",
+    "P1-4b",
+    "P1-5a",
+    "P1-5b",
+    "P1-6a",
+    "P1-6b",
+    "P1-7",
+    "P1-8",
+    "P1-9",
+    "P2-1",
+    "P2-2",
+    "P2-3",
+    "P2-3b",
+    "estimators",
+]
 FULL = Effort(quick=False, sequences=None)
 
 
@@ -97,12 +120,15 @@ def test_the_first_claim_has_all_six_trackers_on_64_sequences_as_the_paper_has_t
         for k in ("kams", "condensation", "mean_shift", "annealed", "hybrid", "sok")
     }
     configs = {job.contender.label: job.contender.config for job in jobs}
-    filters = {k: (c.particles, c.velocity_memory) for k, c in configs.items()
-               if hasattr(c, "particles")}  # fmt: skip
+    filters = {
+        k: (c.particles, c.velocity_memory) for k, c in configs.items() if hasattr(c, "particles")
+    }
     assert filters == {
-        "kams-published": (50, 1.0), "condensation-published": (200, 1.0),
-        "annealed-published": (200, 1.0), "hybrid-published": (200, 0.5),
-    }  # fmt: skip
+        "kams-published": (50, 1.0),
+        "condensation-published": (200, 1.0),
+        "annealed-published": (200, 1.0),
+        "hybrid-published": (200, 0.5),
+    }
 
 
 def test_each_tracker_was_tuned_with_as_many_settings_and_has_the_best_of_them():
@@ -110,10 +136,14 @@ def test_each_tracker_was_tuned_with_as_many_settings_and_has_the_best_of_them()
     scores = tuning.stored().scores
     for name, one in tuning.TUNED.items():
         assert [settings for settings, _ in scores[name]] == list(one.grid)
-    file = tuning.TuningFile(scores={
-        "kams": [(dict(s), k % 3) for k, s in enumerate(tuning.TUNED["kams"].grid)],
-        "texture_pf": [(dict(s), k % 3 + 1) for k, s in enumerate(tuning.TUNED["texture_pf"].grid)],
-    })  # fmt: skip
+    file = tuning.TuningFile(
+        scores={
+            "kams": [(dict(s), k % 3) for k, s in enumerate(tuning.TUNED["kams"].grid)],
+            "texture_pf": [
+                (dict(s), k % 3 + 1) for k, s in enumerate(tuning.TUNED["texture_pf"].grid)
+            ],
+        }
+    )
     assert file.best("kams") == {"noise": 0.8}  # the first of the best
     assert file.best("texture_pf") == {"noise": 0.1, "rest": "discard"}  # an error: the least
     assert tuning.TUNED["mean_shift"].grid[0] == {"levels": 4, "velocity_memory": 1.0}
@@ -179,14 +209,21 @@ def test_the_time_away_from_the_goal_is_the_longest_after_the_start():
 def loops(scale):
     """Results of every estimator in every case, `scale` times its bound for kalman_cv."""
     return [
-        {"scenario": job.scenario, "estimator": job.estimator, "seed": job.seed,
-         "label": job.label,
-         "measures": {c.measure: scale * (0.9 if job.estimator == "kalman_cv" else 0.5)
-                      * max(c.bounds.values())}}
+        {
+            "scenario": job.scenario,
+            "estimator": job.estimator,
+            "seed": job.seed,
+            "label": job.label,
+            "measures": {
+                c.measure: scale
+                * (0.9 if job.estimator == "kalman_cv" else 0.5)
+                * max(c.bounds.values())
+            },
+        }
         for job in estimator_study.CLAIMS[0].jobs(Effort(quick=True, sequences=None))
         for c in estimator_study.CASES
         if (c.scenario, c.rate.replace(" ", "")) == (job.scenario, job.label)
-    ]  # fmt: skip
+    ]
 
 
 def test_estimators_are_judged_by_their_bounds_rate_by_rate(tmp_path):

@@ -77,8 +77,10 @@ def results(claim, worse):
             elif isinstance(job, Experiment):
                 of = {"surface": surfaces, "neighbours": neighbours}[job.name](rng, worse)
             elif isinstance(job, texture_paper.Likeness):
-                of = {p: (rng.uniform(0.6, 0.62, 40) / worse.get(p, 1.0)).tolist()
-                      for p in ("filter", "0", "5", "10", "20")}  # fmt: skip
+                of = {
+                    p: (rng.uniform(0.6, 0.62, 40) / worse.get(p, 1.0)).tolist()
+                    for p in ("filter", "0", "5", "10", "20")
+                }
             else:
                 inner = getattr(job, "job", job)
                 label, entry = inner.contender.label, inner.entry
@@ -94,10 +96,11 @@ def series(rng, worse):
     true = np.where(time < 2, 0.1, -0.1)
     late = worse * np.exp(-3 * np.abs(time - 2.2)) * 8
     return {
-        "time": time.tolist(), "servo_error": (late + rng.uniform(0, 1, len(time))).tolist(),
+        "time": time.tolist(),
+        "servo_error": (late + rng.uniform(0, 1, len(time))).tolist(),
         "estimated": (0.9 * np.roll(true, round(10 * (worse - 1)))).tolist(),
         "true": [None, *true[1:].tolist()],
-    }  # fmt: skip
+    }
 
 
 def surfaces(rng, worse):
@@ -111,8 +114,10 @@ def surfaces(rng, worse):
 
 def neighbours(rng, worse):
     before, by = np.array([9, 7, 5, 4, 3]), worse.get("after", 1.0) * rng.uniform(0.7, 0.8)
-    return {"with": [before.tolist(), (by * before).tolist()],
-            "without": [before.tolist(), before.tolist()]}  # fmt: skip
+    return {
+        "with": [before.tolist(), (by * before).tolist()],
+        "without": [before.tolist(), before.tolist()],
+    }
 
 
 POORLY = {
@@ -121,8 +126,11 @@ POORLY = {
 TUNED_POORLY = {f"{k}-tuned": 5.0 for k in tuning.TUNED if k not in ("kams", "hybrid")}
 KERNELS = {"mk_pf-published": 2.2, "mk_pf-75-published": 3.0, "mk_ssd-published": 6.0}
 FEW = {f"kams-{n}-particles": 9.0 for n in (12, 25)}
-MANY = {f"{k}-{n}-particles": 9.0 for k in ("annealed", "hybrid", "condensation")
-        for n in (12, 25, 50, 100, 200)}  # fmt: skip
+MANY = {
+    f"{k}-{n}-particles": 9.0
+    for k in ("annealed", "hybrid", "condensation")
+    for n in (12, 25, 50, 100, 200)
+}
 SHIFTED = {f"texture_ms-{of}": 9.0 for of in ("published", "tuned")}
 VARIED = {
     "P0-1a": (POORLY, {"kams-published": 9.0}),
@@ -167,10 +175,15 @@ def test_a_claim_is_judged_from_its_results(name, approved, figures, tmp_path):
 def test_every_claim_is_registered_and_tested_by_these_runs(name, approved):
     claim = BY_NAME[name]
     jobs = claim.jobs(Effort(quick=False, sequences=None))
-    approved(f"papers/rule-{name}", {
-        "claim": claim.says, "rule": claim.rule, "jobs": len(jobs),
-        "last": [jobs[-1].key, jobs[-1].describe()],
-    })  # fmt: skip
+    approved(
+        f"papers/rule-{name}",
+        {
+            "claim": claim.says,
+            "rule": claim.rule,
+            "jobs": len(jobs),
+            "last": [jobs[-1].key, jobs[-1].describe()],
+        },
+    )
 
 
 def test_undecided_is_what_the_interval_leaves_open(figures, tmp_path):

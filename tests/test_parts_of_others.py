@@ -96,7 +96,11 @@ def test_names_that_two_packages_use_are_written_with_the_package(package):
     package("pkg-b", calm="Config")
     names = kinds.names(TRACKERS)
     assert [n for n in names if "calm" in n or "kams" in n] == [
-        "kams", "pkg-a:calm", "pkg-a:kams", "pkg-b:calm"]  # fmt: skip
+        "kams",
+        "pkg-a:calm",
+        "pkg-a:kams",
+        "pkg-b:calm",
+    ]
     assert kinds.kind_of(load("still", ["tracker.kind=kams"]).tracker) == "kams"
     assert kinds.kind_of(load("still", ["tracker.kind=pkg-a:kams"]).tracker) == "pkg-a:kams"
     with pytest.raises(Mistake) as refused:
@@ -106,13 +110,19 @@ def test_names_that_two_packages_use_are_written_with_the_package(package):
     )
 
 
-@pytest.mark.parametrize(("of", "sentence"), [
-    ("Bare", "'x': its settings size have no defaults"),
-    ("Plain", "'x' has a method build(rng), but is no dataclass of settings"),
-    ("VALUE", "'x' is no Config: that is a dataclass with a method build(rng)"),
-    ("Nope", "the kind 'x' of pkg-a 1.5: 'pkg_a:Nope' cannot be imported: module 'pkg_a' has no "
-             "attribute 'Nope'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("of", "sentence"),
+    [
+        ("Bare", "'x': its settings size have no defaults"),
+        ("Plain", "'x' has a method build(rng), but is no dataclass of settings"),
+        ("VALUE", "'x' is no Config: that is a dataclass with a method build(rng)"),
+        (
+            "Nope",
+            "the kind 'x' of pkg-a 1.5: 'pkg_a:Nope' cannot be imported: module 'pkg_a' has no "
+            "attribute 'Nope'",
+        ),
+    ],
+)
 def test_a_broken_kind_of_a_package_is_a_sentence(package, of, sentence):
     package("pkg-a", x=of)
     with pytest.raises(Mistake) as refused:

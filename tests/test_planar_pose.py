@@ -92,9 +92,13 @@ def flips(px, tilt, noise, memory, sequences=20, pictures=20):
 
 @pytest.mark.parametrize(
     ("px", "tilt", "noise", "without", "kept", "degrees"),
-    [(100, 5, 0.3, (1, 3), 2, 2.6), (100, 20, 0.5, (0, 0), 0, 1.8), (40, 10, 0.3, (22, 30), 9, 8),
-     (40, 20, 0.5, (18, 25), 5, 9.5)],
-)  # fmt: skip
+    [
+        (100, 5, 0.3, (1, 3), 2, 2.6),
+        (100, 20, 0.5, (0, 0), 0, 1.8),
+        (40, 10, 0.3, (22, 30), 9, 8),
+        (40, 20, 0.5, (18, 25), 5, 9.5),
+    ],
+)
 def test_the_poses_before_say_to_which_side_it_is_tilted(px, tilt, noise, without, kept, degrees):
     least, most = without
     assert least <= flips(px, tilt, noise, memory=False)[0] <= most

@@ -66,9 +66,9 @@ LINES = {
     "check": "check mine.toml --workers 1",
     "slow": "check mine.toml --set controller.gain=0.1 --workers 1",
     "bench": "bench clutter --trackers red,servobench-pilot:init_update,frozen --seeds 1 "
-             "--workers 1 --quiet --out bench",
+    "--workers 1 --quiet --out bench",
     "sweep": "sweep gains.toml --workers 1 --out sweep --quiet",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -97,10 +97,18 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
     run_command.print_missed(
         console, missed, command_line("run", "reversal", set=["a=b c"], seed=4)
     )
-    terminal.print_table(console, check_command._table([
-        (check_command.Check(n, scenario, ""), check_command.Checked(report(), misses, seconds))
-        for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
-    ]))  # fmt: skip
+    terminal.print_table(
+        console,
+        check_command._table(
+            [
+                (
+                    check_command.Check(n, scenario, ""),
+                    check_command.Checked(report(), misses, seconds),
+                )
+                for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
+            ]
+        ),
+    )
     approved("prints/run", lines(console))
 
 
@@ -154,8 +162,10 @@ def test_a_progress_bar_is_gone_when_the_work_is_done():
 
 
 def test_the_stages_of_a_step_are_told_as_medians():
-    steps = [SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t)))) for t in
-             ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])]  # fmt: skip
+    steps = [
+        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))))
+        for t in ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])
+    ]
     assert run_command._stage_line(steps, [0.002, 0.001, 0.5]) == (
         "A step took 20.0 ms: render 2.00  track 4.00  control 6.00  physics 8.00; writing it took "
         "2.0 ms (medians)"
@@ -206,11 +216,13 @@ def test_the_viewer_is_laid_out_so(name, blueprint, approved):
     [
         (["opencv-python-headless"], ""),
         (["opencv-contrib-python"], ""),
-        (["opencv-contrib-python-headless", "opencv-python-headless"],
-         "opencv-python-headless and opencv-contrib-python-headless write into the same folder "
-         "cv2: uninstall all, then install one; the contrib ones hold all that the others do"),
+        (
+            ["opencv-contrib-python-headless", "opencv-python-headless"],
+            "opencv-python-headless and opencv-contrib-python-headless write into the same folder "
+            "cv2: uninstall all, then install one; the contrib ones hold all that the others do",
+        ),
     ],
-)  # fmt: skip
+)
 def test_several_opencvs_are_a_clash(there, sentence, monkeypatch):
     monkeypatch.setattr(found_versions, "is_installed", lambda name: name in there)
     assert found_versions.clash() == sentence
@@ -224,9 +236,13 @@ def test_any_opencv_has_its_version_in_every_result(monkeypatch):
             raise found_versions.metadata.PackageNotFoundError(name)
         return f"{name} 1"
 
-    monkeypatch.setattr(found_versions, "metadata", SimpleNamespace(
-        version=version, PackageNotFoundError=found_versions.metadata.PackageNotFoundError
-    ))  # fmt: skip
+    monkeypatch.setattr(
+        found_versions,
+        "metadata",
+        SimpleNamespace(
+            version=version, PackageNotFoundError=found_versions.metadata.PackageNotFoundError
+        ),
+    )
     named = found_versions.versions()
     assert "opencv-python-headless" not in named
     assert named["opencv-contrib-python"] == "opencv-contrib-python 1"

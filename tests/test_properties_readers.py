@@ -65,11 +65,25 @@ def mutated(draw, *originals):
 WORDS = st.sampled_from(["nan", "1e999", "-1e308", "1e308", "1e7", "", "x", "-3.5", "0", "20"])
 ROWS = st.lists(WORDS, min_size=4, max_size=4) | st.lists(WORDS, min_size=8, max_size=8)
 TABLES = st.lists(ROWS.map(",".join), max_size=3).map(lambda rows: "\n".join(rows).encode())
-ITEMS = st.sampled_from([
-    "3", "'ab'", "[3]", "[{}]", "[{kind = 3}]", "[{kind = 'clutter'}]", "[{kind = 'kams'}]",
-    "[{path = 3}]", "[{path = '..'}]", "{a = 1}", "[]", "[{kind = 'sok', label = 3}]",
-    "[{kind = 'sok', label = '../a'}]", "[{path = 'a\u0000'}]", "1979-05-27",
-])  # fmt: skip
+ITEMS = st.sampled_from(
+    [
+        "3",
+        "'ab'",
+        "[3]",
+        "[{}]",
+        "[{kind = 3}]",
+        "[{kind = 'clutter'}]",
+        "[{kind = 'kams'}]",
+        "[{path = 3}]",
+        "[{path = '..'}]",
+        "{a = 1}",
+        "[]",
+        "[{kind = 'sok', label = 3}]",
+        "[{kind = 'sok', label = '../a'}]",
+        "[{path = 'a\u0000'}]",
+        "1979-05-27",
+    ]
+)
 SUITES = st.tuples(ITEMS, ITEMS).map(lambda two: "sequences={}\ntrackers={}".format(*two).encode())
 
 

@@ -22,18 +22,30 @@ BASE = tomllib.loads((resources.files("scenes") / "occlusion.toml").read_text(en
 KINDS = {key: kinds.names(folder) for key, (folder, _) in PLUGINS.items()}
 KINDS |= {key: kinds.names(folder) for key, folder in LISTS.items()}
 SCALARS = st.one_of(
-    st.booleans(), st.integers(), st.integers(-3, 40), st.integers(1, 9000).map(lambda n: 10**n),
-    st.floats(), st.floats(0.1, 2.0), st.text(), st.dates(), st.times(), st.datetimes(),
+    st.booleans(),
+    st.integers(),
+    st.integers(-3, 40),
+    st.integers(1, 9000).map(lambda n: 10**n),
+    st.floats(),
+    st.floats(0.1, 2.0),
+    st.text(),
+    st.dates(),
+    st.times(),
+    st.datetimes(),
     st.sampled_from(["", "nan", "\n", "\x1b[31m", "\ud800", "mean", "ibvs", "__class__"]),
-)  # fmt: skip
+)
 NUMBERS = st.floats(0.0, 1.0) | st.integers(0, 9) | st.floats() | st.integers()
 VALUES = st.recursive(
     SCALARS,
     lambda v: st.lists(v, max_size=3) | st.dictionaries(st.text(), v, max_size=2),
     max_leaves=5,
 )
-MOVES = {Ge: lambda v, m: v >= m.ge, Gt: lambda v, m: v > m.gt, Le: lambda v, m: v <= m.le,
-         Lt: lambda v, m: v < m.lt}  # fmt: skip
+MOVES = {
+    Ge: lambda v, m: v >= m.ge,
+    Gt: lambda v, m: v > m.gt,
+    Le: lambda v, m: v <= m.le,
+    Lt: lambda v, m: v < m.lt,
+}
 
 
 def settings_of(key):

@@ -18,34 +18,65 @@ NUMBERS = st.one_of(
     st.sampled_from([5e-324, 1e308, -1e308, 0, -0.0, 10**9]),
 )  # fmt: skip
 SCALARS = st.one_of(
-    NUMBERS, st.booleans(), st.text(max_size=8), st.dates(), st.times(), st.datetimes(),
+    NUMBERS,
+    st.booleans(),
+    st.text(max_size=8),
+    st.dates(),
+    st.times(),
+    st.datetimes(),
     st.sampled_from(["*", "kams", "frozen", "still", "run.latency", "", "é"]),
-)  # fmt: skip
+)
 VALUES = st.recursive(
     SCALARS,
     lambda v: st.lists(v, max_size=3) | st.dictionaries(st.text(max_size=5), v, max_size=2),
     max_leaves=5,
 )
 LAW = st.dictionaries(
-    st.sampled_from([*SPANS, *LAWS, "foo"]), st.lists(NUMBERS | SCALARS, max_size=3) | VALUES,
-    min_size=1, max_size=2,
-)  # fmt: skip
-KEYS = st.sampled_from([
-    "run.latency", " run.latency ", "run", "run.seed", "start.x", "start.scale", "tracker",
-    "tracker.kind", "tracker.particles", "controller.gain", "controller.dof", "expect",
-    "expect.settle_s", "sweep", "scenario", "disturbances.0.start", "disturbances.00.start",
-    "believed.depth_factor", "world.visibility", "a..b", "", "no.such.key",
-])  # fmt: skip
+    st.sampled_from([*SPANS, *LAWS, "foo"]),
+    st.lists(NUMBERS | SCALARS, max_size=3) | VALUES,
+    min_size=1,
+    max_size=2,
+)
+KEYS = st.sampled_from(
+    [
+        "run.latency",
+        " run.latency ",
+        "run",
+        "run.seed",
+        "start.x",
+        "start.scale",
+        "tracker",
+        "tracker.kind",
+        "tracker.particles",
+        "controller.gain",
+        "controller.dof",
+        "expect",
+        "expect.settle_s",
+        "sweep",
+        "scenario",
+        "disturbances.0.start",
+        "disturbances.00.start",
+        "believed.depth_factor",
+        "world.visibility",
+        "a..b",
+        "",
+        "no.such.key",
+    ]
+)
 USUAL = st.lists(st.integers(0, 5) | st.sampled_from(["kams", "frozen"]), min_size=1, max_size=3)
 AXES = st.dictionaries(KEYS, USUAL | LAW | VALUES, max_size=3)
 SCENARIOS = st.sampled_from(["still", "*", ["still"], ["still", "line"], ["still", "still"]])
 TABLES = {
-    "scenario": SCENARIOS | VALUES, "set": st.dictionaries(KEYS, SCALARS, max_size=2) | VALUES,
-    "axes": AXES | VALUES, "seeds": st.integers(1, 5) | VALUES | st.lists(st.integers(0, 5)),
-    "compare": KEYS | VALUES, "expect": st.dictionaries(
+    "scenario": SCENARIOS | VALUES,
+    "set": st.dictionaries(KEYS, SCALARS, max_size=2) | VALUES,
+    "axes": AXES | VALUES,
+    "seeds": st.integers(1, 5) | VALUES | st.lists(st.integers(0, 5)),
+    "compare": KEYS | VALUES,
+    "expect": st.dictionaries(
         st.sampled_from(["success_rate", "servo_rms_px", "settle_s", "rms"]), NUMBERS | VALUES
-    ) | VALUES,
-}  # fmt: skip
+    )
+    | VALUES,
+}
 STUDIES = st.fixed_dictionaries(
     {"scenario": SCENARIOS}, optional={k: v for k, v in TABLES.items() if k != "scenario"}
 )

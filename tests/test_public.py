@@ -12,14 +12,25 @@ from commands import BIN
 import servo
 
 HEAVY = ("numpy", "mujoco", "cv2", "numba", "pydantic", "rerun", "click", "importlib.metadata")
-HIDDEN = {"sim.py": "file", "tracking.py": "file", "scenes.py": "file", "sim": "folder",
-          "tracking/__init__.py": "folder"}  # fmt: skip
+HIDDEN = {
+    "sim.py": "file",
+    "tracking.py": "file",
+    "scenes.py": "file",
+    "sim": "folder",
+    "tracking/__init__.py": "folder",
+}
 
 
 def ended(*words, place=None, **environment):
     """Exit code, stdout and stderr of a process."""
-    told = subprocess.run([*words], cwd=place, capture_output=True, text=True, check=False,
-                          env=os.environ | environment)  # fmt: skip
+    told = subprocess.run(
+        [*words],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
     return told.returncode, told.stdout, told.stderr
 
 
@@ -32,8 +43,11 @@ def test_a_public_name_is_what_its_module_has(name):
 def test_names_types_and_homes_agree(root):
     tree = ast.parse((root / "servo" / "__init__.py").read_text())
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
-    typed = {n.module: tuple(a.name for a in n.names) for n in block.body
-             if isinstance(n, ast.ImportFrom)}  # fmt: skip
+    typed = {
+        n.module: tuple(a.name for a in n.names)
+        for n in block.body
+        if isinstance(n, ast.ImportFrom)
+    }
     assert typed == servo.HOMES
     assert sorted([*sum(servo.HOMES.values(), ()), "__version__"]) == sorted(servo.__all__)
     assert dir(servo) == sorted(servo.__all__)

@@ -74,10 +74,14 @@ def closed_loop(controller, start, steps=200, delay=0):
 
 
 @pytest.mark.parametrize("scheme", ["pose_cdMc", "pose_cMo", "points", "hybrid", "segment_n"])
-@pytest.mark.parametrize("settings", [
-    {}, {"dof": ("vx", "vy", "vz", "wz"), "secondary": ("level",)},
-    {"fastest": 0.05, "smooth_start": 2.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"dof": ("vx", "vy", "vz", "wz"), "secondary": ("level",)},
+        {"fastest": 0.05, "smooth_start": 2.0},
+    ],
+)
 def test_without_an_active_limit_it_is_the_law_of_ibvs(scheme, settings):
     one, other = (law(kind, scheme, **settings) for kind in (ibvs, qp))
     for start in (([0.08, -0.05, 1.15], [0.09, -0.14, 0.21]), ([0.0, 0.1, 0.9], [0.3, 0.2, 1.0])):

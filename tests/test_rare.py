@@ -53,9 +53,13 @@ def test_a_pose_out_of_reach_is_not_reached():
     assert Robot(model, design).solve(mujoco.MjData(model), far).there is False
 
 
-@pytest.mark.parametrize(("platform", "asked", "found"), [
-    ("darwin", "", "glfw"), ("linux", " OSMesa ", "osmesa"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("platform", "asked", "found"),
+    [
+        ("darwin", "", "glfw"),
+        ("linux", " OSMesa ", "osmesa"),
+    ],
+)
 def test_other_systems_and_libraries_render_too(monkeypatch, platform, asked, found):
     monkeypatch.setattr(gl.sys, "platform", platform)
     monkeypatch.setenv(gl.CHOSEN_BY, asked)
@@ -93,9 +97,13 @@ def broken(monkeypatch, tmp_path):
             pass
 
     monkeypatch.setattr(sweep_command, "local", lambda workers: Cluster())
-    monkeypatch.setattr(work, "carry_out", lambda client, runs, perform: [
-        (task, Ended(None, "Trace\n  oh\nValueError: no\n")) for task in runs
-    ])  # fmt: skip
+    monkeypatch.setattr(
+        work,
+        "carry_out",
+        lambda client, runs, perform: [
+            (task, Ended(None, "Trace\n  oh\nValueError: no\n")) for task in runs
+        ],
+    )
     return SweepRequest("mine.toml", (), None, 1, None, tmp_path / "out", True)
 
 
@@ -109,10 +117,16 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     assert "servobench run still" in kept["command"]
 
 
-@pytest.mark.parametrize(("values", "kind"), [
-    ([True, False], pa.bool_()), ([1, 2], pa.int64()), ([1, 2.5], pa.float64()),
-    (["a", 1], pa.string()), ([True, 1], pa.string()),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([True, False], pa.bool_()),
+        ([1, 2], pa.int64()),
+        ([1, 2.5], pa.float64()),
+        (["a", 1], pa.string()),
+        ([True, 1], pa.string()),
+    ],
+)
 def test_a_column_has_the_type_of_its_values(values, kind):
     assert perform._type(values) == kind
 
@@ -162,11 +176,15 @@ def test_too_many_runs_of_one_command_are_refused():
     assert str(refused.value) == "these are 100,001 runs; the limit is 100,000"
 
 
-@pytest.mark.parametrize(("suite", "asked", "labels"), [
-    ("listed", None, ["nothing"]), ("listed", "kams,sok", ["kams", "sok"]),
-    ("plain", "sok", ["sok"]),
-    ("plain", None, [k for k in kinds.names("tracking.trackers") if k not in OF_THE_USER]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("suite", "asked", "labels"),
+    [
+        ("listed", None, ["nothing"]),
+        ("listed", "kams,sok", ["kams", "sok"]),
+        ("plain", "sok", ["sok"]),
+        ("plain", None, [k for k in kinds.names("tracking.trackers") if k not in OF_THE_USER]),
+    ],
+)
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     suite, asked, labels, monkeypatch, tmp_path
 ):

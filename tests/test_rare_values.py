@@ -28,20 +28,34 @@ def test_an_empty_window_has_no_labels():
     assert found.shape == (4, 0)
 
 
-@pytest.mark.parametrize(("values", "kind"), [
-    ([True, False], pa.bool_()), ([1, 2], pa.int64()), ([1, 2.5], pa.float64()),
-    ([2.5], pa.float64()), ([True, 1], pa.string()), (["a", 1], pa.string()),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([True, False], pa.bool_()),
+        ([1, 2], pa.int64()),
+        ([1, 2.5], pa.float64()),
+        ([2.5], pa.float64()),
+        ([True, 1], pa.string()),
+        (["a", 1], pa.string()),
+    ],
+)
 def test_an_axis_is_a_column_of_its_kind(values, kind):
     assert _type(values) == kind
     cells = [_cell(value, kind) for value in (*values, None)]
     assert cells == [*(map(str, values) if kind == pa.string() else values), None]
 
 
-@pytest.mark.parametrize(("values", "twice"), [
-    ([1, 1.0], True), ([True, 1], False), ([0.0, -0.0], True), (["1", 1], False),
-    ([[1, 2], [1.0, 2]], True), ([{"a": 1, "b": 2}, {"b": 2.0, "a": 1}], True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "twice"),
+    [
+        ([1, 1.0], True),
+        ([True, 1], False),
+        ([0.0, -0.0], True),
+        (["1", 1], False),
+        ([[1, 2], [1.0, 2]], True),
+        ([{"a": 1, "b": 2}, {"b": 2.0, "a": 1}], True),
+    ],
+)
 def test_values_that_are_equal_count_as_the_same(values, twice):
     table = {"controller": {"gain": values}}
     if twice:
@@ -51,10 +65,14 @@ def test_values_that_are_equal_count_as_the_same(values, twice):
         assert axes_of(table, "mine.toml")[0][0].values == tuple(values)
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ('x,y,w,h\n"1"2,3,4,5\n', "this is not CSV: "), ("x,y,w,h\n", ": this truth is empty"),
-    ("frame,x,y,w,h\nfirst,1,2,3,4\n", "the column frame does not count 0, 1, 2 ..."),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('x,y,w,h\n"1"2,3,4,5\n', "this is not CSV: "),
+        ("x,y,w,h\n", ": this truth is empty"),
+        ("frame,x,y,w,h\nfirst,1,2,3,4\n", "the column frame does not count 0, 1, 2 ..."),
+    ],
+)
 def test_tables_of_truth_that_are_none(tmp_path, text, said):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ValueError) as refused:

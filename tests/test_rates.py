@@ -14,15 +14,18 @@ from sim.timing import Rates
 ASKED = 480.0, 120.0
 
 
-@pytest.mark.parametrize(("rate", "fitted", "changed"), [
-    (30.0, Rates(480.0, 16, 4), {}),
-    (5.0, Rates(480.0, 96, 4), {}),
-    (25.0, Rates(500.0, 20, 4), {"world.physics_rate": 500.0, "world.drive_rate": 125.0}),
-    (29.97, Rates(599.4, 20, 5), {"world.physics_rate": 599.4, "world.drive_rate": 119.88}),
-    (50.0, Rates(500.0, 10, 5), {"world.physics_rate": 500.0, "world.drive_rate": 100.0}),
-    (480.0, Rates(480.0, 1, 4), {}),  # the drives once a frame
-    (1000.0, Rates(1000.0, 1, 1), {"world.physics_rate": 1000.0}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rate", "fitted", "changed"),
+    [
+        (30.0, Rates(480.0, 16, 4), {}),
+        (5.0, Rates(480.0, 96, 4), {}),
+        (25.0, Rates(500.0, 20, 4), {"world.physics_rate": 500.0, "world.drive_rate": 125.0}),
+        (29.97, Rates(599.4, 20, 5), {"world.physics_rate": 599.4, "world.drive_rate": 119.88}),
+        (50.0, Rates(500.0, 10, 5), {"world.physics_rate": 500.0, "world.drive_rate": 100.0}),
+        (480.0, Rates(480.0, 1, 4), {}),  # the drives once a frame
+        (1000.0, Rates(1000.0, 1, 1), {"world.physics_rate": 1000.0}),
+    ],
+)
 def test_physics_is_fitted_to_the_cameras_rate(rate, fitted, changed):
     found = Rates.of(*ASKED, rate)
     assert found == fitted
@@ -57,8 +60,13 @@ def test_a_camera_of_any_rate_stays_in_step_with_the_world(rate):
 
 @pytest.mark.parametrize("rate", [25.0, 29.97, 50.0])
 def test_the_loop_converges_at_any_rate(rate):
-    changes = ["tracker.kind=mean_shift", "run.duration=3.0", "measure.after=2.5", "start.x=30",
-               f"camera.rate={rate}"]  # fmt: skip
+    changes = [
+        "tracker.kind=mean_shift",
+        "run.duration=3.0",
+        "measure.after=2.5",
+        "start.x=30",
+        f"camera.rate={rate}",
+    ]
     steps, report = measured_run(load("still", changes))
     assert len(steps) == round(3 * rate)
     assert report.value("servo_rms_px") < 2.0

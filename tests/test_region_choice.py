@@ -61,10 +61,13 @@ def test_only_the_right_address_and_a_region_are_an_answer(monkeypatch, capfd, f
     def act(address):
         bad = ['"', "[1,2,3,4]", "[1,2,3,4,NaN]", "{}", "7", "[1,2,3,4,5,6]", "[" * 5000]
         return [
-            sent(address, path="/"), sent(address, path="/x", body="[40,30,30,20,0]"),
-            sent(address, host="evil.example"), *(sent(address, body) for body in bad),
-            sent(address), sent(address, "[40, 30, 30, 20, 0]"),
-        ]  # fmt: skip
+            sent(address, path="/"),
+            sent(address, path="/x", body="[40,30,30,20,0]"),
+            sent(address, host="evil.example"),
+            *(sent(address, body) for body in bad),
+            sent(address),
+            sent(address, "[40, 30, 30, 20, 0]"),
+        ]
 
     finished = during(monkeypatch, act)
     code, _, err = call(monkeypatch, capfd, "in", "--select", "--tracker", "frozen", "--out", "out")
@@ -178,8 +181,16 @@ def drag(browser, *points):
 
 def shape(browser):
     text = browser.execute_script("return document.getElementById('text').textContent")
-    return [float(word) for word in text.replace(",", "").replace(";", " ").replace("°", "")
-            .replace("x", "").replace("px", "").replace("p", "").split()]  # fmt: skip
+    return [
+        float(word)
+        for word in text.replace(",", "")
+        .replace(";", " ")
+        .replace("°", "")
+        .replace("x", "")
+        .replace("px", "")
+        .replace("p", "")
+        .split()
+    ]
 
 
 def four_shapes(browser):

@@ -30,34 +30,52 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
     """Runs 0..7: kams is lost at 5 Hz from 2 s on; servo_rms_px is the run's number."""
     (folder / "runs").mkdir(parents=True)
     manifest = {
-        "name": "rates", "title": "How slow may it be?", "command": "servobench sweep rates",
-        "versions": {"servobench": "0.1.0"}, "axes": AXES, "seeds": list(range(seeds)),
-        "draws": {"start.x": {"uniform": [-80, 80]}}, "compare": "tracker.kind",
-        "expect": {"success_rate": 0.9, "servo_rms_px": 6.6}, "runs": 4 * seeds, "table": {},
+        "name": "rates",
+        "title": "How slow may it be?",
+        "command": "servobench sweep rates",
+        "versions": {"servobench": "0.1.0"},
+        "axes": AXES,
+        "seeds": list(range(seeds)),
+        "draws": {"start.x": {"uniform": [-80, 80]}},
+        "compare": "tracker.kind",
+        "expect": {"success_rate": 0.9, "servo_rms_px": 6.6},
+        "runs": 4 * seeds,
+        "table": {},
         "scenarios": {},
-    } | changes  # fmt: skip
+    } | changes
     StudyFile(**manifest).write(folder)
     rows = []
     for kind in AXES["tracker.kind"]:
         for rate in AXES["camera.rate"]:
             for seed in range(seeds):
                 held = kind == "pf_ssd" or rate == 30.0
-                rows.append({
-                    "run": len(rows), "scenario": "line", "seed": seed, "tracker.kind": kind,
-                    "camera.rate": rate, "start.x": 1.5, "success": held,
-                    "missed": [] if held else [{"name": "settle_s", "found": None, "bound": "3"}],
-                    "outcome": "CONVERGED" if held else "TARGET_LOST",
-                    "servo_rms_px": float(len(rows)), "settle_s": None,
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "run": len(rows),
+                        "scenario": "line",
+                        "seed": seed,
+                        "tracker.kind": kind,
+                        "camera.rate": rate,
+                        "start.x": 1.5,
+                        "success": held,
+                        "missed": []
+                        if held
+                        else [{"name": "settle_s", "found": None, "bound": "3"}],
+                        "outcome": "CONVERGED" if held else "TARGET_LOST",
+                        "servo_rms_px": float(len(rows)),
+                        "settle_s": None,
+                    }
+                )
     for row in rows:
         time = np.arange(0, 4, 0.2)
         error = np.full(len(time), 3.0 + row["run"])
         table = pa.Table.from_pylist([row])
         for name, values, kind in (
-            ("time_s", time.tolist(), FLOATS), ("servo_error_px", error.tolist(), FLOATS),
+            ("time_s", time.tolist(), FLOATS),
+            ("servo_error_px", error.tolist(), FLOATS),
             ("on_target", (time < (9 if row["success"] else 2)).tolist(), pa.list_(pa.bool_())),
             ("sheet", encoded(".jpg"), pa.binary()),
-        ):  # fmt: skip
+        ):
             table = table.append_column(name, pa.array([values], kind))
         pq.write_table(table, folder / "runs" / f"{row['run']:06}.parquet")
     if finished:
@@ -78,9 +96,17 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     assert facts["success rate"] == ("0.75", "mean of 2 draws, 95 %: 0.198 to 0.973")
     assert facts["true centre against the goal, rms, median"] == ("3.5 px", "servo_rms_px")
     blocks = {block.title: block for block in section.blocks}
-    assert list(blocks) == ["What was varied, and what held", "Compared", "Over time",
-                            "Against the axes", "Over two axes", "Contact sheets", "Cells", "Runs",
-                            "Again"]  # fmt: skip
+    assert list(blocks) == [
+        "What was varied, and what held",
+        "Compared",
+        "Over time",
+        "Against the axes",
+        "Over two axes",
+        "Contact sheets",
+        "Cells",
+        "Runs",
+        "Again",
+    ]
     assert blocks["What was varied, and what held"].points == [
         "tracker.kind = kams, camera.rate = 5.0: success_rate is 0, expected at least 0.9",
     ]
@@ -96,8 +122,9 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
         "run 4, tracker.kind = kams, camera.rate = 5, seed = 0: TARGET_LOST"
     )
     assert [f.title for f in blocks["Over two axes"].figures] == [
-        "Success rate", "Median error, servo_rms_px",
-    ]  # fmt: skip
+        "Success rate",
+        "Median error, servo_rms_px",
+    ]
 
 
 def test_a_difference_that_is_sure_is_a_sentence(tmp_path):

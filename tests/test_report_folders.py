@@ -39,8 +39,11 @@ def make_bench(folder):
     runs = [SequenceRun(t.tracker, "a", "a", 0, 9, {"auc": 0.5}, [], []) for t in trackers]
     SequenceBench(
         command=f"servobench bench mine.toml --trackers kams,{EVIL} --seeds 1",
-        versions={"servobench": "0.1.0"}, measures={}, trackers=trackers, runs=runs,
-    ).write(folder)  # fmt: skip
+        versions={"servobench": "0.1.0"},
+        measures={},
+        trackers=trackers,
+        runs=runs,
+    ).write(folder)
     for name in ("success.png", "precision.png", "sheets/a.png"):
         (folder / name).write_bytes(encoded(".png"))
     return folder
@@ -61,10 +64,22 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
     assert page.count('<img src="data:image/jpeg;base64,') == 1
     command = html.unescape(re.findall("<code>(.*)</code>", page)[-1])
     assert shlex.split(command) == [
-        "servobench", "run", "still", "--set", "run.duration=0.5", "--set", "expect={}",
-        "--set", "expect.tilt_peak_deg=1.0", "--set", "expect.servo_rms_px=0.5",
-        "--set", "tracker.kind=mean_shift", "--seed", "3",
-    ]  # fmt: skip
+        "servobench",
+        "run",
+        "still",
+        "--set",
+        "run.duration=0.5",
+        "--set",
+        "expect={}",
+        "--set",
+        "expect.tilt_peak_deg=1.0",
+        "--set",
+        "expect.servo_rms_px=0.5",
+        "--set",
+        "tracker.kind=mean_shift",
+        "--seed",
+        "3",
+    ]
 
 
 def test_the_pictures_of_a_recording_come_with_the_rectangles_of_the_table(ran):
@@ -150,9 +165,21 @@ def test_papers_tell_which_claims_hold(make_papers, tmp_path):
 
 
 HEAD = {"format": 1, "kind": "sweep", "command": "", "versions": {}}
-STUDY = json.dumps(HEAD | {"name": "s", "title": "", "axes": {}, "draws": {}, "seeds": [0],
-                           "compare": None, "expect": {}, "runs": 1, "table": {},
-                           "scenarios": {}}).encode()  # fmt: skip
+STUDY = json.dumps(
+    HEAD
+    | {
+        "name": "s",
+        "title": "",
+        "axes": {},
+        "draws": {},
+        "seeds": [0],
+        "compare": None,
+        "expect": {},
+        "runs": 1,
+        "table": {},
+        "scenarios": {},
+    }
+).encode()
 BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (

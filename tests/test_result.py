@@ -60,8 +60,9 @@ def test_a_picture_shows_where_the_target_shall_be(result):
     assert picture.shape == (480, 640, 3)
     corners = 2 * result[6].goal_corners
     across = (corners + np.roll(corners, -1, axis=0)) / 2  # the middle of each side
-    near = [picture[int(y) - 3 : int(y) + 3, int(x) - 3 : int(x) + 3].astype(int)
-            for x, y in across]  # fmt: skip
+    near = [
+        picture[int(y) - 3 : int(y) + 3, int(x) - 3 : int(x) + 3].astype(int) for x, y in across
+    ]
     red = [bool((p[..., 0] > np.maximum(90, 2 * p[..., 1])).any()) for p in near]
     assert sum(red) >= 2  # truth and estimate are drawn over the others
     with pytest.raises(Mistake, match=r"^frame\(9\): the run goes from 0 to 0.47 s$"):
@@ -74,8 +75,12 @@ def test_a_notebook_shows_summary_and_plots(result):
     assert "(missed: outcome is TIMED_OUT, expected CONVERGED; " in page
     assert page.count("<img") == 1
     figure = result.figure()
-    assert [ax.get_ylabel()[:8] for ax in figure.axes] == ["feature ", "distance", "dxn/dt o",
-                                                           "dyn/dt o"]  # fmt: skip
+    assert [ax.get_ylabel()[:8] for ax in figure.axes] == [
+        "feature ",
+        "distance",
+        "dxn/dt o",
+        "dyn/dt o",
+    ]
     drawn = cv2.imdecode(np.frombuffer(figure._repr_png_(), np.uint8), cv2.IMREAD_COLOR)
     assert drawn.shape[1] == 640
 
@@ -165,19 +170,29 @@ def test_a_film_has_a_picture_for_each_step(result, tmp_path):
     ("call", "sentence"),
     [
         (lambda: servo.simulate(3), "a scenario is given by its name or its file, not by int"),
-        (lambda: servo.simulate("still", [3]),
-         "[3]: expected a list of changes, such as ['run.duration=5']"),
-        (lambda: servo.simulate("still", {"run.duration": 1}),
-         "{'run.duration': 1}: expected a list of changes, such as ['run.duration=5']"),
+        (
+            lambda: servo.simulate("still", [3]),
+            "[3]: expected a list of changes, such as ['run.duration=5']",
+        ),
+        (
+            lambda: servo.simulate("still", {"run.duration": 1}),
+            "{'run.duration': 1}: expected a list of changes, such as ['run.duration=5']",
+        ),
         (lambda: servo.sweep(None), "a study is given by its name or its file, not by NoneType"),
-        (lambda: servo.sweep("particles", seeds="x"),
-         "seeds = 'x': expected a whole number from 1 on"),
-        (lambda: servo.sweep("particles", workers=0),
-         "workers = 0: expected a whole number from 1 on"),
-        (lambda: servo.sweep("particles", out=3),
-         "a folder is given by its name or its file, not by int"),
+        (
+            lambda: servo.sweep("particles", seeds="x"),
+            "seeds = 'x': expected a whole number from 1 on",
+        ),
+        (
+            lambda: servo.sweep("particles", workers=0),
+            "workers = 0: expected a whole number from 1 on",
+        ),
+        (
+            lambda: servo.sweep("particles", out=3),
+            "a folder is given by its name or its file, not by int",
+        ),
     ],
-)  # fmt: skip
+)
 def test_an_argument_of_a_wrong_type_is_a_sentence(call, sentence):
     with pytest.raises(Mistake) as found:
         call()

@@ -84,9 +84,10 @@ def test_a_damaged_result_is_named_and_computed_again(monkeypatch, capfd, place,
     path = place / "out" / "results" / "frozen" / "clutter-a-1.json"
     path.write_text(DAMAGE[damage](path.read_text()))
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        0, "servobench: out/results/frozen/clutter-a-1.json: this result is damaged; it is "
+        0,
+        "servobench: out/results/frozen/clutter-a-1.json: this result is damaged; it is "
         "computed again\n",
-    )  # fmt: skip
+    )
     assert errors(place) == before
     assert call(monkeypatch, capfd, *BENCH, "-q") == (0, "")
 
@@ -101,43 +102,48 @@ def test_results_of_other_code_are_refused(monkeypatch, capfd, place):
     assert versions[SOURCE] == source_digest()
     begun(place, versions=versions | {SOURCE: "abc"})
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        2, "servobench: out: this was begun with servobench source abc, but "
+        2,
+        "servobench: out: this was begun with servobench source abc, but "
         f"{source_digest()} is installed: the numbers could not be compared; choose another folder "
         "with --out\n",
-    )  # fmt: skip
+    )
 
 
 def test_results_of_another_command_are_refused(monkeypatch, capfd, place):
     for words in (("papers", "P1-3", "--quick"), ("bench", "closed_loop", "--trackers", "frozen")):
         assert call(monkeypatch, capfd, *words, "--workers", "1", "--out", "out", "-q") == (
-            2, "servobench: out: this folder holds results of another command; choose another "
+            2,
+            "servobench: out: this folder holds results of another command; choose another "
             "folder with --out\n",
-        )  # fmt: skip
+        )
 
 
 def test_a_folder_of_something_else_is_refused(monkeypatch, capfd, place):
     (place / "out" / Begun.FILE).unlink()
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        2, "servobench: out: there is something in this folder, but no begun.json of `servobench "
+        2,
+        "servobench: out: there is something in this folder, but no begun.json of `servobench "
         "bench`; choose another folder with --out\n",
-    )  # fmt: skip
+    )
 
 
 def test_a_result_of_another_format_is_named_and_computed_again(monkeypatch, capfd, place):
     path = place / "out" / "results" / "frozen" / "clutter-a-1.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 2}))
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        0, "servobench: out/results/frozen/clutter-a-1.json: this file has format 2, and this "
+        0,
+        "servobench: out/results/frozen/clutter-a-1.json: this file has format 2, and this "
         "version of servobench reads format 1; it is computed again\n",
-    )  # fmt: skip
+    )
 
 
 def test_a_beginning_of_another_format_is_refused(monkeypatch, capfd, place):
     begun(place, format=2)
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
-        2, "servobench: out/begun.json: this file has format 2, and this version of servobench "
+        2,
+        "servobench: out/begun.json: this file has format 2, and this version of servobench "
         "reads format 1; choose another folder with --out\n",
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("text", ["", "[]", "null", "3", "{"])
@@ -151,8 +157,9 @@ def test_a_damaged_beginning_is_refused(monkeypatch, capfd, place, text):
 def test_one_command_writes_into_a_folder_at_a_time(monkeypatch, capfd, place):
     with only_writer(place / "out", Begun, "bench"):
         assert call(monkeypatch, capfd, *BENCH, "-q") == (
-            2, "servobench: out: another command is writing into this folder\n"
-        )  # fmt: skip
+            2,
+            "servobench: out: another command is writing into this folder\n",
+        )
     assert call(monkeypatch, capfd, *BENCH, "-q") == (0, "")
 
 

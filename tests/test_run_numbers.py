@@ -25,10 +25,17 @@ from tracking.types import Estimate, State, Status
 ROUNDING = 1e-4
 """Other processors round otherwise: a closed loop may differ by this share."""
 CHANGES = (
-    "run.duration=1.4", "run.latency=1", "run.ego=true", "camera.rate=24.0", "goal.angle_deg=20.0",
-    "estimator.kind=kalman_cv", "controller.acceleration=0.6", "start.x=-25.0",
-    "motion.kind=reversal", "motion.speed=0.2",
-)  # fmt: skip
+    "run.duration=1.4",
+    "run.latency=1",
+    "run.ego=true",
+    "camera.rate=24.0",
+    "goal.angle_deg=20.0",
+    "estimator.kind=kalman_cv",
+    "controller.acceleration=0.6",
+    "start.x=-25.0",
+    "motion.kind=reversal",
+    "motion.speed=0.2",
+)
 DROPPED = {"kind": "dropped_frames", "share": 0.3, "length": 0.08, "start": 0.5}
 MACHINE = ("/__properties", "/plots/ms", "EncodedImage:blob", "Mesh3D:albedo_texture_buffer")
 """What of a recording depends on the machine."""
@@ -61,9 +68,14 @@ class Scripted:
             [self.state.vector + self.rng.normal(0, 1, (3, 4)), [1 / 3] * 3]
         )
         return Estimate(
-            self.state, np.diag([0.3, 0.2, 1e-4, 1e-5]) * self.count, 0.01 * self.count, status,
-            ess=30.0 - self.count, evaluations=3, particles=particles,
-        )  # fmt: skip
+            self.state,
+            np.diag([0.3, 0.2, 1e-4, 1e-5]) * self.count,
+            0.01 * self.count,
+            status,
+            ess=30.0 - self.count,
+            evaluations=3,
+            particles=particles,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +111,10 @@ def test_the_table_has_these_values(scripted, approved):
 
 def test_the_measures_are_these(scripted, approved):
     report = report_of(scripted)
-    missed = violations(report, {"servo_rms_px": 1.0, "servo_peak_px": 500.0, "unseen_pct": 1.0,
-                                 "outcome": "LIMIT_HIT"})  # fmt: skip
+    missed = violations(
+        report,
+        {"servo_rms_px": 1.0, "servo_peak_px": 500.0, "unseen_pct": 1.0, "outcome": "LIMIT_HIT"},
+    )
     measures = {
         m.name: [m.value, m.unit, m.meaning] for m in report.measures if m.name != "step_ms"
     }
@@ -163,19 +177,38 @@ ALL_DOF = 'controller.dof=["vx", "vy", "vz", "wx", "wy", "wz"]'
 VARIANTS = {
     "arm": ("robot.kind=arm", ALL_DOF, "run.latency=2"),
     "level": (ALL_DOF, 'controller.secondary=["level", "centre"]', "sight.plane=known"),
-    "limits": (ALL_DOF, 'controller.secondary=["avoid_limits"]', "robot.kind=arm",
-               "controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]"),
+    "limits": (
+        ALL_DOF,
+        'controller.secondary=["avoid_limits"]',
+        "robot.kind=arm",
+        "controller.weights=[1.0, 1.0, 1.0, 0.1, 0.1, 1.0]",
+    ),
     "desired": ("controller.matrix=desired", "sight.depth=known", "controller.gain_far=0.8"),
     "mean": ("controller.matrix=mean", "believed.depth_factor=1.3", "features.scaling=paper"),
-    "slow start": ("controller.smooth_start=3.0", "controller.fastest=0.1",
-                   "controller.fastest_turn=0.1", "sight.plane=estimated"),
-    "nearer": ("goal.depth_to=0.8", "goal.change_start=0.1", "goal.change_duration=0.5",
-               "estimator.kind=error_kalman", "run.latency=3"),
+    "slow start": (
+        "controller.smooth_start=3.0",
+        "controller.fastest=0.1",
+        "controller.fastest_turn=0.1",
+        "sight.plane=estimated",
+    ),
+    "nearer": (
+        "goal.depth_to=0.8",
+        "goal.change_start=0.1",
+        "goal.change_duration=0.5",
+        "estimator.kind=error_kalman",
+        "run.latency=3",
+    ),
     "lost": ("controller.coast=0.05", "controller.search_after=0.05", "goal.x=20.0"),
-    "fed forward": ('controller.feed_forward=["xn", "yn", "an", "theta"]', "run.ego=true",
-                    "region.x=3.0", "region.angle_deg=4.0", "region.width=1.1", "run.latency=0"),
+    "fed forward": (
+        'controller.feed_forward=["xn", "yn", "an", "theta"]',
+        "run.ego=true",
+        "region.x=3.0",
+        "region.angle_deg=4.0",
+        "region.width=1.1",
+        "run.latency=0",
+    ),
     "noisy": ("camera.width=200", "camera.height=160", "camera.rate=15.0", "goal.angle_deg=170.0"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", VARIANTS)
@@ -184,10 +217,17 @@ def test_a_loop_with_other_settings_moves_like_this(name, approved):
     scenario = replace(load("still", [*changes, "vary={}"], seed=5), tracker=Script())
     with Episode(scenario) as episode:
         rows = [
-            {"joints": s.joints, "twist": s.command.twist, "features": s.features,
-             "error": s.error, "motion": s.prediction.motion, "mode": s.command.mode,
-             "true": [*s.truth.centre, s.truth.theta, s.truth.size], "tilt": s.tilt,
-             "saturated": [s.command.saturated, s.limited]}
+            {
+                "joints": s.joints,
+                "twist": s.command.twist,
+                "features": s.features,
+                "error": s.error,
+                "motion": s.prediction.motion,
+                "mode": s.command.mode,
+                "true": [*s.truth.centre, s.truth.theta, s.truth.size],
+                "tilt": s.tilt,
+                "saturated": [s.command.saturated, s.limited],
+            }
             for s in episode
-        ]  # fmt: skip
+        ]
     approved(f"loops/{name.replace(' ', '-')}", rows[::3], ROUNDING)

@@ -136,10 +136,17 @@ def test_summed_parts_are_the_mean_with_so_many_times_gamma(smooth_image):
     states = TRUE.vector + np.array([(0, 0, 0, 0), (4, 2, 0.1, 0)])
     mean, total = (
         model_of(
-            smooth_image, REGION, TRUE, ColourBins(10), Learning(contrast=0.5),
-            per_side=3, density=5, combine=combine,
-        ) for combine in ("mean", "sum")
-    )  # fmt: skip
+            smooth_image,
+            REGION,
+            TRUE,
+            ColourBins(10),
+            Learning(contrast=0.5),
+            per_side=3,
+            density=5,
+            combine=combine,
+        )
+        for combine in ("mean", "sum")
+    )
     image = mean.label(smooth_image)
     np.testing.assert_allclose(total.energy(image, states), 9 * mean.energy(image, states))
     np.testing.assert_array_equal(total.distances(image, states), mean.distances(image, states))

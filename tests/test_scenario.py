@@ -120,8 +120,14 @@ def test_defaults_are_those_of_the_kinds():
     assert plain.tracker == pf_ssd.Config()
     assert plain.settings()["tracker"]["kind"] == "pf_ssd"
     assert plain.settings()["tracker"]["lock"]["patience"] == 1.0
-    assert plain.settings()["run"] == {"duration": 6.0, "seed": 0, "latency": 1, "tracker_ms": 0.0,
-                                        "jitter_ms": 0.0, "ego": False}  # fmt: skip
+    assert plain.settings()["run"] == {
+        "duration": 6.0,
+        "seed": 0,
+        "latency": 1,
+        "tracker_ms": 0.0,
+        "jitter_ms": 0.0,
+        "ego": False,
+    }
 
 
 @pytest.mark.parametrize("name", catalogue.shipped())
@@ -145,9 +151,15 @@ def test_bounds_on_what_is_not_measured_are_refused():
         "still: expect.settle_s = 'soon': a bound is a finite number"
     )
     for bound, shown in {
-        "[1]": "[1]", "{}": "{}", "true": "True", "nan": "nan", "inf": "inf", "[[]]": "[[]]",
-        "2020-01-01": "datetime.date(2020, 1, 1)", "10:00:00": "datetime.time(10, 0)",
-    }.items():  # fmt: skip
+        "[1]": "[1]",
+        "{}": "{}",
+        "true": "True",
+        "nan": "nan",
+        "inf": "inf",
+        "[[]]": "[[]]",
+        "2020-01-01": "datetime.date(2020, 1, 1)",
+        "10:00:00": "datetime.time(10, 0)",
+    }.items():
         assert mistake(check_expect, s.load("still", [f"expect.settle_s={bound}"])) == (
             f"still: expect.settle_s = {shown}: a bound is a finite number"
         )
@@ -205,7 +217,7 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
     assert set_here.expect == {"servo_rms_px": 1.5}
     assert judged("expect.tracker.pf_ssd.settle_s=1", "tracker.kind=pf_ssd").expect == {
         "settle_s": 1
-    }  # fmt: skip
+    }
     assert other.bounds.success == "TIMED_OUT"
     any_other = "expect.tracker.*.settle_s=2"
     assert judged(any_other, "tracker.kind=pf_ssd").expect == {"settle_s": 2}
@@ -216,19 +228,30 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ("expect.tracker=3",
-         "--set expect.tracker=3: expect.tracker should be a table of bounds by kind of tracker"),
-        ("expect.tracker.kams.settle_s=3", "--set expect.tracker.kams.settle_s=3: "
-         "expect.tracker.kams: this is the scenario's own tracker; its bounds stand in [expect] "
-         "itself"),
-        ("expect.tracker.kam.settle_s=3",
-         "mine: expect.tracker: there is no tracker 'kam'; did you mean 'kams'?"),
-        ("expect.tracker.*.settle=3", "mine: expect.tracker.*: there is no key 'settle'; did you "
-         "mean 'settle_s'?"),
-        ("expect.tracker.frozen.settle=3", "mine: expect.tracker.frozen: there is no key 'settle'; "
-         "did you mean 'settle_s'?"),
+        (
+            "expect.tracker=3",
+            "--set expect.tracker=3: expect.tracker should be a table of bounds by kind of tracker",
+        ),
+        (
+            "expect.tracker.kams.settle_s=3",
+            "--set expect.tracker.kams.settle_s=3: "
+            "expect.tracker.kams: this is the scenario's own tracker; its bounds stand in [expect] "
+            "itself",
+        ),
+        (
+            "expect.tracker.kam.settle_s=3",
+            "mine: expect.tracker: there is no tracker 'kam'; did you mean 'kams'?",
+        ),
+        (
+            "expect.tracker.*.settle=3",
+            "mine: expect.tracker.*: there is no key 'settle'; did you mean 'settle_s'?",
+        ),
+        (
+            "expect.tracker.frozen.settle=3",
+            "mine: expect.tracker.frozen: there is no key 'settle'; did you mean 'settle_s'?",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_mistake_in_the_bounds_of_other_trackers_is_one_sentence(mine, change, sentence):
     with pytest.raises(Mistake) as told:
         check_expect(judged(change))
@@ -242,7 +265,9 @@ def test_a_study_judges_each_tracker_by_its_own_bounds(mine):
     )
     runs = [perform(run) for run in load_study("study.toml").runs()]
     assert [[b["name"] for b in run["missed"]] for run in runs] == [
-        ["servo_rms_px"], ["servo_rms_px"], []
-    ]  # fmt: skip
+        ["servo_rms_px"],
+        ["servo_rms_px"],
+        [],
+    ]
     assert [b["bound"] for run in runs for b in run["missed"]] == ["2.0", "9.0"]
     assert [run["success"] for run in runs] == [run["outcome"] == "TIMED_OUT" for run in runs]

@@ -31,8 +31,13 @@ def levels(steps, report):
 def searches_and_finds(steps, report):
     told = [event.name for a, b in itertools.pairwise([None, *steps]) for event in events(a, b)]
     assert told == [
-        "OCCLUDED", "COASTING", "LOST", "HOLDING", "SEARCHING", "FOUND",
-    ]  # fmt: skip
+        "OCCLUDED",
+        "COASTING",
+        "LOST",
+        "HOLDING",
+        "SEARCHING",
+        "FOUND",
+    ]
 
 
 MORE = {"six_dof": tilts, "six_dof_levelled": levels, "found_again": searches_and_finds}

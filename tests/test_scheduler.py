@@ -59,9 +59,25 @@ def sweep(monkeypatch, capfd, address):
 
 @pytest.mark.parametrize(
     "address",
-    ["", "garbage", "tcp://", "tcp://h:0", "tcp://h:99999", "tcp://h:x", "tcp://[::1:80", "h",
-     "ws://h:1", "wss://h:1", "ucx://h:1", "inproc://a", "tcp://a@h:1", "tcp://h:1/x", "://", ":1"],
-)  # fmt: skip
+    [
+        "",
+        "garbage",
+        "tcp://",
+        "tcp://h:0",
+        "tcp://h:99999",
+        "tcp://h:x",
+        "tcp://[::1:80",
+        "h",
+        "ws://h:1",
+        "wss://h:1",
+        "ucx://h:1",
+        "inproc://a",
+        "tcp://a@h:1",
+        "tcp://h:1/x",
+        "://",
+        ":1",
+    ],
+)
 def test_what_is_no_address_is_refused_before_anything_is_written(
     monkeypatch, capfd, place, address
 ):
@@ -129,11 +145,27 @@ def test_a_cluster_over_tls_with_dasks_own_configuration(monkeypatch, capfd, pla
     assert shutil.which("openssl"), "this test makes its certificates with openssl"
     for name in ("mine", "other"):
         subprocess.run(
-            ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt",
-             "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2", "-subj", "/CN=localhost",
-             "-keyout", f"{name}.key", "-out", f"{name}.pem"],
-            check=True, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            [
+                "openssl",
+                "req",
+                "-x509",
+                "-newkey",
+                "ec",
+                "-pkeyopt",
+                "ec_paramgen_curve:prime256v1",
+                "-nodes",
+                "-days",
+                "2",
+                "-subj",
+                "/CN=localhost",
+                "-keyout",
+                f"{name}.key",
+                "-out",
+                f"{name}.pem",
+            ],
+            check=True,
+            stderr=subprocess.DEVNULL,
+        )
     files = {"CA_FILE": "mine.pem"}
     for role in ("SCHEDULER", "WORKER", "CLIENT"):
         files |= {f"{role}__CERT": "mine.pem", f"{role}__KEY": "mine.key"}

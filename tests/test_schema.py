@@ -103,8 +103,9 @@ def test_schema_and_parser_refuse_the_same_values(schema, refused, name):
     assert not refused(at({})) | refused_by_parser(at({}))
     for put, item in leaves(settings_of(schema, name)):
         choices = item.get("anyOf", [item])
-        any_text = any(one.get("type") == "string" and not {"enum", "const"} & one.keys()
-                       for one in choices)  # fmt: skip
+        any_text = any(
+            one.get("type") == "string" and not {"enum", "const"} & one.keys() for one in choices
+        )
         other = 1 if any_text or item.get("type") == "array" else "no such value"
         wrong = [{}, [[]], other, True]
         if item.get("type") == "boolean":
@@ -121,42 +122,64 @@ def test_schema_and_parser_refuse_the_same_values(schema, refused, name):
             assert refused_by_parser(table), (name, item, value)
 
 
-@pytest.mark.parametrize("table", [
-    {"no_such_table": {}},
-    {"camera": {"no_such_key": 1}},
-    {"tracker": {"kind": "kams", "no_such_key": 1}},
-    {"tracker": {"kind": "kams", "lock": {"no_such_key": 1}}},
-    {"tracker": {"kind": "magic"}},
-    {"tracker": {"kind": "kams", "preset": "magic"}},
-    {"tracker": {"kind": "frozen", "preset": "paper"}},
-    {"motion": {"kind": "still", "speed": 0.1}},  # of another kind
-    {"motion": {"speed": 0.1}},  # a line's; the default kind is another
-    {"disturbances": [{"start": 1.0}]},
-    {"disturbances": {"kind": "board"}},
-    {"camera": []},
-    {"expect": 1.0},
-    {"sweep": []},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "table",
+    [
+        {"no_such_table": {}},
+        {"camera": {"no_such_key": 1}},
+        {"tracker": {"kind": "kams", "no_such_key": 1}},
+        {"tracker": {"kind": "kams", "lock": {"no_such_key": 1}}},
+        {"tracker": {"kind": "magic"}},
+        {"tracker": {"kind": "kams", "preset": "magic"}},
+        {"tracker": {"kind": "frozen", "preset": "paper"}},
+        {"motion": {"kind": "still", "speed": 0.1}},  # of another kind
+        {"motion": {"speed": 0.1}},  # a line's; the default kind is another
+        {"disturbances": [{"start": 1.0}]},
+        {"disturbances": {"kind": "board"}},
+        {"camera": []},
+        {"expect": 1.0},
+        {"sweep": []},
+    ],
+)
 def test_a_wrong_table_is_refused_by_both(refused, table):
     assert refused(table)
     assert refused_by_parser(table)
 
 
-@pytest.mark.parametrize("expect", [
-    {"servo_rms": 1.0}, {"servo_rms_px": "low"}, {"outcome": "WON"}, {"outcome": 1.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "expect",
+    [
+        {"servo_rms": 1.0},
+        {"servo_rms_px": "low"},
+        {"outcome": "WON"},
+        {"outcome": 1.0},
+    ],
+)
 def test_bounds_on_what_is_not_measured_are_refused(refused, expect):
     assert refused({"expect": expect})
     assert not refused({"expect": {"servo_rms_px": 1, "outcome": "CONVERGED"}})
 
 
-@pytest.mark.parametrize("sweep", [
-    {"axis": {}}, {"axes": {"run": {"latency": []}}}, {"axes": {"run": {"latency": 3}}},
-    {"axes": {"start": {"x": {"uniform": [1.0]}}}}, {"axes": {"start": {"x": {"uniform": []}}}},
-    {"axes": {"start": {"x": {"uniform": ["a", "b"]}}}}, {"axes": {"uniform": [1]}},
-    {"seeds": -1}, {"seeds": []}, {"seeds": [1, 1]}, {"seeds": 1.5}, {"compare": 3},
-    {"expect": {"success_rate": 2}}, {"expect": {"outcome": "CONVERGED"}}, {"scenario": []},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "sweep",
+    [
+        {"axis": {}},
+        {"axes": {"run": {"latency": []}}},
+        {"axes": {"run": {"latency": 3}}},
+        {"axes": {"start": {"x": {"uniform": [1.0]}}}},
+        {"axes": {"start": {"x": {"uniform": []}}}},
+        {"axes": {"start": {"x": {"uniform": ["a", "b"]}}}},
+        {"axes": {"uniform": [1]}},
+        {"seeds": -1},
+        {"seeds": []},
+        {"seeds": [1, 1]},
+        {"seeds": 1.5},
+        {"compare": 3},
+        {"expect": {"success_rate": 2}},
+        {"expect": {"outcome": "CONVERGED"}},
+        {"scenario": []},
+    ],
+)
 def test_a_wrong_study_is_refused(refused, sweep):
     assert refused({"sweep": sweep})
 

@@ -88,8 +88,10 @@ def test_the_depth_of_the_centre_for_all_corners(monkeypatch):
 
 def test_the_mean_of_inverses_in_place_of_the_inverse_of_the_mean(monkeypatch):
     def inverse(law):
-        of = (Inverse.of(L, np.full(8, True), np.full(6, True), np.ones(6))
-              for L in (law._matrix_seen, law._goal_matrix))  # fmt: skip
+        of = (
+            Inverse.of(L, np.full(8, True), np.full(6, True), np.ones(6))
+            for L in (law._matrix_seen, law._goal_matrix)
+        )
         pseudo = sum(each.pseudo for each in of) / 2
         return Inverse(pseudo, law._matrix_seen, np.full(6, True))
 

@@ -67,8 +67,9 @@ def test_values_matrices_and_a_step(scheme_case, scheme):
 @pytest.mark.reference
 def test_photometric_matrix_and_step(luminance_case):
     case = luminance_case
-    camera = Camera(case["px"], case["py"], case["u0"] + 0.5, case["v0"] + 0.5,
-                    case["cols"], case["rows"])  # fmt: skip
+    camera = Camera(
+        case["px"], case["py"], case["u0"] + 0.5, case["v0"] + 0.5, case["cols"], case["rows"]
+    )
     now, goal = (
         CameraImage(np.repeat(np.array(case[name], np.uint8)[..., None], 3, axis=2), camera)
         for name in ("I", "I_star")

@@ -38,10 +38,17 @@ def test_what_is_not_drawn_is_no_shape(shapes):
     assert [shapes[""].body, shapes["box"].body] == [1, 0]
 
 
-@pytest.mark.parametrize(("name", "rgba"), [
-    ("box", (1, 1, 1, 1)), ("can", (0.5, 0, 0.5, 1)), ("ball", (0, 0.5, 0, 0.4)),
-    ("bar", (0.1, 0.2, 0.3, 1)), ("own", (1, 0, 0, 1)), ("", (0.5, 0.5, 0.5, 1)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "rgba"),
+    [
+        ("box", (1, 1, 1, 1)),
+        ("can", (0.5, 0, 0.5, 1)),
+        ("ball", (0, 0.5, 0, 0.4)),
+        ("bar", (0.1, 0.2, 0.3, 1)),
+        ("own", (1, 0, 0, 1)),
+        ("", (0.5, 0.5, 0.5, 1)),
+    ],
+)
 def test_a_colour_is_that_of_the_geom_the_material_or_the_pictures_mean(shapes, name, rgba):
     np.testing.assert_allclose(shapes[name].rgba, rgba, atol=0.01)
 
@@ -82,14 +89,23 @@ def test_a_large_picture_is_thinned_out(monkeypatch):
 def test_meshes_are_entities_of_their_own_and_what_is_clear_is_none(shapes):
     paths = [path for path, _ in solids(list(shapes.values()), ["world/fixed", "world/a"])]
     assert sorted(paths) == [
-        "world/a/ellipsoid", "world/fixed/box", "world/fixed/capsule", "world/fixed/cylinder",
-        "world/fixed/ellipsoid", "world/fixed/mesh/box",
-    ]  # fmt: skip
+        "world/a/ellipsoid",
+        "world/fixed/box",
+        "world/fixed/capsule",
+        "world/fixed/cylinder",
+        "world/fixed/ellipsoid",
+        "world/fixed/mesh/box",
+    ]
 
 
 def test_no_body_lies_below_another_in_a_recording():
     names = ["board", "target", "target/door", "robot/a", "robot/a/b", "", "sp ace"]
     assert entities(names) == [
-        "/world/board", "/world/target", r"/world/target\/door", "/world/robot/a",
-        r"/world/robot/a\/b", "/world/body_5", r"/world/sp\ ace",
-    ]  # fmt: skip
+        "/world/board",
+        "/world/target",
+        r"/world/target\/door",
+        "/world/robot/a",
+        r"/world/robot/a\/b",
+        "/world/body_5",
+        r"/world/sp\ ace",
+    ]

@@ -115,13 +115,14 @@ TWO = {"groundtruth_rect.txt": ["11,11,20,10"] * 2}
         (2, {}, "{}: there are pictures in this folder, but no truth file"),
         (0, TWO, "{}: there is a truth file in this folder, but no picture"),
         (
-            3, TWO,
+            3,
+            TWO,
             "{}/groundtruth_rect.txt: this truth has 2 lines for 3 pictures; it needs one for "
             "each, with nan where the target is absent",
         ),
         (1, TWO, "{}/groundtruth_rect.txt: this truth has 2 lines for 1 pictures; it needs one"),
     ],
-)  # fmt: skip
+)
 def test_half_a_sequence_among_others_is_named(tmp_path, pictures, truths, message):
     layout(tmp_path / "good", "img", 2, TWO)
     layout(tmp_path / "half", "img", pictures, truths)

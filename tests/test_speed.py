@@ -29,8 +29,15 @@ def test_the_doctors_table_has_loop_law_recording_and_trackers(monkeypatch, capf
     monkeypatch.setattr(doctor_command, "TIMED", ("camshift", "mean_shift"))
     assert doctor_command.examine(bench=True) == 0
     out = capfd.readouterr().out
-    for row in ("OpenGL back end", "render ", "step of the loop", "step with a recording",
-                "features, control law", "camshift, car of 60 x 30 px", "kB a frame"):  # fmt: skip
+    for row in (
+        "OpenGL back end",
+        "render ",
+        "step of the loop",
+        "step with a recording",
+        "features, control law",
+        "camshift, car of 60 x 30 px",
+        "kB a frame",
+    ):
         assert row in out
     assert [line.split()[-1] for line in out.splitlines() if line.startswith("camshift")] == ["1.0"]
 

@@ -118,10 +118,15 @@ def test_no_interval_reaches_beyond_what_a_score_can_be():
 
 @pytest.mark.parametrize(
     ("scores", "low", "high"),
-    [([2.5], np.nan, np.nan), ([1.0, np.nan], np.nan, np.nan), ([3.0, 3.0], 3.0, 3.0),
-     ([0.1, 0.1, 0.1], 0.1, 0.1),
-     ([1.0] * 10, 10 / (10 + 1.959964**2), 1.0), ([0.0, 0.0], 0.0, 1 - 2 / (2 + 1.959964**2))],
-)  # fmt: skip
+    [
+        ([2.5], np.nan, np.nan),
+        ([1.0, np.nan], np.nan, np.nan),
+        ([3.0, 3.0], 3.0, 3.0),
+        ([0.1, 0.1, 0.1], 0.1, 0.1),
+        ([1.0] * 10, 10 / (10 + 1.959964**2), 1.0),
+        ([0.0, 0.0], 0.0, 1 - 2 / (2 + 1.959964**2)),
+    ],
+)
 def test_what_has_no_spread_has_this_interval(scores, low, high):
     found = mean_of(np.array(scores))
     assert found.units == len(scores)

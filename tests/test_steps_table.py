@@ -63,5 +63,7 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path):
 def test_runs_that_begin_at_once_get_folders_of_their_own(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert [str(prepare(None, "still-0")) for _ in range(3)] == [
-        "runs/still-0", "runs/still-0-2", "runs/still-0-3"
-    ]  # fmt: skip
+        "runs/still-0",
+        "runs/still-0-2",
+        "runs/still-0-3",
+    ]

@@ -42,8 +42,9 @@ def test_the_newest_picture_wins_and_the_dropped_are_counted():
     assert source.rate == 10.0
     assert source.end == End(
         "eye: 6 pictures, then it ended; 4 of them were dropped, because the tracker was slower",
-        lost=False, dropped=4,
-    )  # fmt: skip
+        lost=False,
+        dropped=4,
+    )
 
 
 def test_a_recording_on_a_server_waits_and_a_reader_that_stops_ends_the_thread():
@@ -125,8 +126,18 @@ def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, par
     monkeypatch.setattr(frozen.Frozen, "update", slow)
     monkeypatch.chdir(tmp_path)
     with served(parts, gap=0.04, rtsp=rtsp) as address:
-        code, _, err = call(monkeypatch, capfd, address, "--region", REGION, "--tracker", "frozen",
-                            "-q", "--out", "out")  # fmt: skip
+        code, _, err = call(
+            monkeypatch,
+            capfd,
+            address,
+            "--region",
+            REGION,
+            "--tracker",
+            "frozen",
+            "-q",
+            "--out",
+            "out",
+        )
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     rows = rows_of(tmp_path / "out" / "track.csv")
     assert code == 0

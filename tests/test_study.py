@@ -66,9 +66,12 @@ def test_what_is_drawn_depends_on_the_seed_alone(small):
 
 @pytest.mark.parametrize(
     ("law", "numbers", "low", "high"),
-    [("uniform", (-2.0, 3.0), -2, 3), ("log_uniform", (0.1, 10.0), 0.1, 10),
-     ("choice", (1.0, 2.0), 1, 2)],
-)  # fmt: skip
+    [
+        ("uniform", (-2.0, 3.0), -2, 3),
+        ("log_uniform", (0.1, 10.0), 0.1, 10),
+        ("choice", (1.0, 2.0), 1, 2),
+    ],
+)
 def test_draws_lie_within_their_law(law, numbers, low, high):
     values = [Draw("start.x", law, numbers).value(seed) for seed in range(300)]
     assert low <= min(values) < low + 0.1 * (high - low)
@@ -104,8 +107,10 @@ def test_every_shipped_study_parses_and_the_one_of_trackers_has_all_that_follow_
 
 def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
     path = tmp_path / "own.toml"
-    path.write_text('# own\n# Mine.\n[motion]\nkind = "still"\n[sweep]\nseeds = [3, 5]\n'
-                    'axes.run.latency = [1, 2, 3]\n')  # fmt: skip
+    path.write_text(
+        '# own\n# Mine.\n[motion]\nkind = "still"\n[sweep]\nseeds = [3, 5]\n'
+        "axes.run.latency = [1, 2, 3]\n"
+    )
     study = load(str(path))
     latency = scenarios.load(str(path)).run.latency
     assert (study.size, study.seeds, latency) == (6, (3, 5), 1)

@@ -47,8 +47,9 @@ def test_a_file_that_cannot_be_read_to_its_end(monkeypatch, tmp_path):
 
 
 def test_a_table_that_cannot_be_closed_names_its_rows(tmp_path):
-    folder = SimpleNamespace(_sinks=Sinks({}), folder=tmp_path,
-                             _table=SimpleNamespace(close=refusing()))  # fmt: skip
+    folder = SimpleNamespace(
+        _sinks=Sinks({}), folder=tmp_path, _table=SimpleNamespace(close=refusing())
+    )
     with pytest.raises(Refused) as refused:
         RunFolder.close(folder)
     assert str(refused.value) == (
@@ -85,11 +86,14 @@ def test_a_folder_of_results_that_cannot_be_begun_or_gone_on_with(monkeypatch, t
     )
 
 
-@pytest.mark.parametrize(("error", "said"), [
-    (OSError(errno.ENOSPC, "No space left on device", "a/b"), "a/b: No space left on device"),
-    (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
-    (OSError("odd"), "odd"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device", "a/b"), "a/b: No space left on device"),
+        (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
+        (OSError("odd"), "odd"),
+    ],
+)
 def test_an_error_is_a_sentence(error, said):
     assert refusal(error) == said
 
@@ -161,8 +165,9 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(monkeypatch):
     )
 
 
-@pytest.mark.parametrize(("asked", "missing"), [("osmesa", "libOSMesa.so.8"),
-                                                ("egl", "libEGL.so.1")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("asked", "missing"), [("osmesa", "libOSMesa.so.8"), ("egl", "libEGL.so.1")]
+)
 def test_a_back_end_that_is_asked_for_must_be_there(monkeypatch, asked, missing):
     monkeypatch.setattr(gl.sys, "platform", "linux")
     monkeypatch.setenv("MUJOCO_GL", asked)
@@ -173,10 +178,14 @@ def test_a_back_end_that_is_asked_for_must_be_there(monkeypatch, asked, missing)
     gl.check_environment()
 
 
-@pytest.mark.parametrize(("opened", "expected"), [
-    (lambda: 1, True), (lambda: 0, False),
-    (refusing(AttributeError("eglQueryDevicesEXT")), False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("opened", "expected"),
+    [
+        (lambda: 1, True),
+        (lambda: 0, False),
+        (refusing(AttributeError("eglQueryDevicesEXT")), False),
+    ],
+)
 def test_a_device_is_one_that_mujoco_can_open(monkeypatch, opened, expected):
     egl = SimpleNamespace(create_initialized_egl_device_display=opened)
     monkeypatch.setitem(gl.sys.modules, "mujoco.egl", egl)

@@ -52,12 +52,19 @@ def results(families, seeds=8):
                 measures |= {"auc": float(skill), "frames_until_loss": round(100 * skill)}
                 if tracker == "poor":
                     measures[MEASURES[-1].name] = None
-                found.append({
-                    "tracker": tracker, "sequence": f"{family}-1", "family": family, "seed": seed,
-                    "drawn": True, "frames": 100 + seed, "measures": measures,
-                    "success": (skill * (1 - OVERLAPS)).tolist(),
-                    "precision": np.minimum(1, skill * PIXELS / 30).tolist(),
-                })  # fmt: skip
+                found.append(
+                    {
+                        "tracker": tracker,
+                        "sequence": f"{family}-1",
+                        "family": family,
+                        "seed": seed,
+                        "drawn": True,
+                        "frames": 100 + seed,
+                        "measures": measures,
+                        "success": (skill * (1 - OVERLAPS)).tolist(),
+                        "precision": np.minimum(1, skill * PIXELS / 30).tolist(),
+                    }
+                )
     return found
 
 
@@ -97,7 +104,7 @@ class Kept:
                 | {"run": run.number, "seed": run.seed, "success": not poor or run.seed % 3 == 0}
                 | {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
                 | {"track_ms": 0.5 * rms, "settle_s": None if poor else rms}
-            )  # fmt: skip
+            )
 
     def done(self):
         return [row["run"] for row in self.rows]
@@ -144,14 +151,18 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
     study, told = load(str(tmp_path / "mine.toml")), []
     kept = SimpleNamespace(done=lambda: {0, 1}, add=lambda _: None, fail=lambda *_: tmp_path)
     clock = itertools.count(100.0, 30.0)
-    bar = SimpleNamespace(add_task=lambda name, **more: told.append([name, more]),
-                          update=lambda _, **more: told.append(more))  # fmt: skip
+    bar = SimpleNamespace(
+        add_task=lambda name, **more: told.append([name, more]),
+        update=lambda _, **more: told.append(more),
+    )
     monkeypatch.setattr(sweep_command, "progress_bar", lambda _: nullcontext(bar))
     monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
     monkeypatch.setattr(sweep_command.time, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(work, "carry_out", lambda _, runs, __: (
-        (run, Ended(None, "" if run.number < 5 else "no")) for run in runs
-    ))  # fmt: skip
+    monkeypatch.setattr(
+        work,
+        "carry_out",
+        lambda _, runs, __: ((run, Ended(None, "" if run.number < 5 else "no")) for run in runs),
+    )
     asked = SweepRequest("mine.toml", (), None, 1, None, None, True)
     failed = sweep_command._work(study, kept, asked, Console())
     assert [(f.path, f.reason) for f in failed] == [(tmp_path, "no")]
@@ -164,8 +175,11 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
 def test_the_list_has_every_scenario_study_and_kind(printed):
     list_command.show_all()
     listed = [tuple(line.split()[:2]) for line in lines(printed) if not line.startswith(" ")]
-    every = [(section, kind) for section, folder in list_command.FOLDERS.items()
-             for kind in kinds.names(folder)]  # fmt: skip
+    every = [
+        (section, kind)
+        for section, folder in list_command.FOLDERS.items()
+        for kind in kinds.names(folder)
+    ]
     assert (
         listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + every
     )
@@ -219,13 +233,24 @@ def test_the_settings_of_a_kind_are_listed_so(kind, printed, approved):
 
 def test_the_options_of_every_command_begin_so(approved):
     found = {
-        name: {p.name: [p.opts, p.default, getattr(p, "is_flag", False), p.multiple, p.nargs,
-                        p.required, *(getattr(p.type, bound, None) for bound in ("min", "max")),
-                        getattr(p, "show_default", None), p.metavar]
-               for p in command.params}
+        name: {
+            p.name: [
+                p.opts,
+                p.default,
+                getattr(p, "is_flag", False),
+                p.multiple,
+                p.nargs,
+                p.required,
+                *(getattr(p.type, bound, None) for bound in ("min", "max")),
+                getattr(p, "show_default", None),
+                p.metavar,
+            ]
+            for p in command.params
+        }
         for name, command in app.commands.items()
-    }  # fmt: skip
+    }
     approved("tables/options", found)
     assert (app.no_args_is_help, app.context_settings) == (
-        True, {"help_option_names": ["-h", "--help"]},
-    )  # fmt: skip
+        True,
+        {"help_option_names": ["-h", "--help"]},
+    )

@@ -37,9 +37,15 @@ def begun(scene, depth, **settings):
     return tracker
 
 
-@pytest.mark.parametrize(("px", "size", "camera"), [
-    (30, 0.04, {}), (60, 0.06, {"noise": 4.0}), (100, 0.1, {}), (200, 0.12, {"supersample": 2}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("px", "size", "camera"),
+    [
+        (30, 0.04, {}),
+        (60, 0.06, {"noise": 4.0}),
+        (100, 0.1, {}),
+        (200, 0.12, {"supersample": 2}),
+    ],
+)
 def test_corners_are_found_from_any_side(scene, px, size, camera):
     shown, rng, depth = scene(size, **camera), np.random.default_rng(0), 600 * size / px
     tracker, errors = begun(shown, depth), []

@@ -44,9 +44,10 @@ def test_a_picture_has_its_right_at_the_nose_and_is_not_mirrored(
     sheet = SHEET.replace("-2", "-.5").replace("2 0", ".5 0") + PLACED + "f 1/1 2/2 3/3 4/4\n"
     (model_folder / "sheet.obj").write_text(sheet)
     config = {
-        "plate": plate.Config(picture="four.png"), "box": box.Config(picture="four.png"),
+        "plate": plate.Config(picture="four.png"),
+        "box": box.Config(picture="four.png"),
         "mesh": mesh.Config(file="sheet.obj", texture="four.png"),
-    }[kind]  # fmt: skip
+    }[kind]
     image, truth, _ = show_target(config, theta)
     assert quarters(image, truth) == [RED, GREEN, YELLOW, BLUE]
 

@@ -15,9 +15,17 @@ from servo.study.perform import TIMED
 pytestmark = pytest.mark.processes
 
 QUICK = (
-    "--set", "tracker.kind=frozen", "--set", "estimator.kind=none", "--set", "run.duration=0.3",
-    "--set", "expect={servo_rms_px=0.5}", "--seeds", "2",
-)  # fmt: skip
+    "--set",
+    "tracker.kind=frozen",
+    "--set",
+    "estimator.kind=none",
+    "--set",
+    "run.duration=0.3",
+    "--set",
+    "expect={servo_rms_px=0.5}",
+    "--seeds",
+    "2",
+)
 
 
 def call(monkeypatch, capfd, *arguments):
@@ -53,8 +61,9 @@ def test_table_measures_and_missed_bounds_are_the_same_on_one_worker_and_on_two(
     ]
     assert one[2] == two[2]
     assert one[2].count("missed: servo_rms_px is") == one[2].count("  again: servobench run") == 6
-    here, there = ([[m.value for m in run[n] if m.name not in TIMED] for n in range(6)]
-                   for run in kept)  # fmt: skip
+    here, there = (
+        [[m.value for m in run[n] if m.name not in TIMED] for n in range(6)] for run in kept
+    )
     np.testing.assert_array_equal(here, there)  # to the last bit
 
 
@@ -79,8 +88,7 @@ def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
 
 
 def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd):
-    words = ("check", "still", *QUICK, "--set", "start.x=200", "--set", "vary={}",
-             "--workers", "1")  # fmt: skip
+    words = ("check", "still", *QUICK, "--set", "start.x=200", "--set", "vary={}", "--workers", "1")
     code, out, err = call(monkeypatch, capfd, *words)
     assert (code, out.strip()) == (2, "")
     assert err.startswith("servobench: still: first frame: the region spans ")

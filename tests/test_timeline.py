@@ -163,8 +163,9 @@ def test_a_wrong_clock_is_taken_for_motion_of_the_target():
     def rms(offset):
         changes = f"believed.clock_offset_ms={offset}", "run.duration=6.0"
         steps = stepped("sine", *changes)[30:]
-        return np.sqrt(np.mean([(s.motion_measured[0] - s.target_motion_true[0]) ** 2
-                                for s in steps]))  # fmt: skip
+        return np.sqrt(
+            np.mean([(s.motion_measured[0] - s.target_motion_true[0]) ** 2 for s in steps])
+        )
 
     assert rms(-100.0) > 1.5 * rms(0.0)
 

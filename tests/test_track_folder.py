@@ -47,15 +47,22 @@ def tracked(folder, extras, count=3, rate=30.0):
     return files
 
 
-@pytest.mark.parametrize(("error", "reason"), [
-    (OSError(28, "No space left on device"), "No space left on device"),
-    (OSError("odd"), "odd"),
-    (Refused("here: the recording ends: the disk refuses more"), "the disk refuses more"),
-])  # fmt: skip
-@pytest.mark.parametrize(("act", "done"), [
-    ("begin", ["begin", "abandon"]), ("add", ["begin", "add", "abandon"]),
-    ("close", ["begin", "add", "add", "close", "abandon"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (OSError("odd"), "odd"),
+        (Refused("here: the recording ends: the disk refuses more"), "the disk refuses more"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("act", "done"),
+    [
+        ("begin", ["begin", "abandon"]),
+        ("add", ["begin", "add", "abandon"]),
+        ("close", ["begin", "add", "add", "close", "abandon"]),
+    ],
+)
 def test_what_the_disk_refuses_is_left_and_named(tmp_path, act, done, error, reason):
     bad, good = Extra(act, error), Extra()
     files = tracked(tmp_path, {"track.mp4": bad, "track.rrd": good})

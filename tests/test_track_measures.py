@@ -105,8 +105,10 @@ def test_a_tracker_that_reports_corners_is_measured_by_them(tmp_path):
     state, half = State(100.0, 50.0), np.array([[80.0, 40], [120, 40], [120, 60], [80, 40.001]])
     plain = Estimate(state, unknown_covariance(), 0.1, Status.LOCKED)
     cornered = Estimate(state, unknown_covariance(), 0.1, Status.LOCKED, corners=half)
-    shots = [Shot(Picture(str(k), k / 30, None), k, estimate, 0.0, (200, 100))
-             for k, estimate in enumerate([plain, cornered])]  # fmt: skip
+    shots = [
+        Shot(Picture(str(k), k / 30, None), k, estimate, 0.0, (200, 100))
+        for k, estimate in enumerate([plain, cornered])
+    ]
     truth = np.stack([half, half])
     comparison = Comparison.of(Track.of(shots, REGION), truth)
     np.testing.assert_allclose(comparison.turned_overlaps, [0.5, 1.0], atol=1e-3)

@@ -77,8 +77,18 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
         (folder / "in" / f"{k:04}.png").hardlink_to(folder / "in" / "007.png")
     out = folder / "out"
     code = "import sys; from servo.cli.main import main; sys.exit(main())"
-    arguments = ["track", "in", "--region", REGION, "--out", str(out), "-q", "--video", "a.mp4",
-                 "--rerun"]  # fmt: skip
+    arguments = [
+        "track",
+        "in",
+        "--region",
+        REGION,
+        "--out",
+        str(out),
+        "-q",
+        "--video",
+        "a.mp4",
+        "--rerun",
+    ]
     process = subprocess.Popen([sys.executable, "-c", code, *arguments])
     deadline = time.monotonic() + 120
     while not ((out / "track.csv").exists() and len(rows_of(out / "track.csv")) > 100):
@@ -93,9 +103,10 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
     assert count - 30 < film.count <= count
     assert [picture.image is None for picture in film] == [False] * film.count
     images = sum(
-        chunk.num_rows for chunk in RrdReader(str(out / "track.rrd")).stream()
+        chunk.num_rows
+        for chunk in RrdReader(str(out / "track.rrd")).stream()
         if chunk.entity_path == "/image"
-    )  # fmt: skip
+    )
     assert count - 40 < images <= count
 
 

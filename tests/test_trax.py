@@ -95,12 +95,15 @@ def test_a_target_that_the_server_does_not_see_is_unseen():
         ("nonsense", 'answered @@TRAX:state "here, or there", which is no region'),
         ("three", 'answered @@TRAX:state "1,2,3", which is no region'),
         ("none", "answered @@TRAX:state, which is no region"),
-        ("mask", 'answered @@TRAX:state "m0,0,2,2,1,2", which is a mask; rectangles and polygons '
-                 "are known"),
+        (
+            "mask",
+            'answered @@TRAX:state "m0,0,2,2,1,2", which is a mask; rectangles and polygons '
+            "are known",
+        ),
         ("good 4 mask path", "takes mask as region; we have rectangle, polygon"),
         ("good 4 rectangle url", "takes url as picture; we have buffer, data, memory, path"),
     ],
-)  # fmt: skip
+)
 def test_a_server_that_fails_is_a_sentence(words, message):
     settings = config(*words.split())
     with pytest.raises(ValueError) as refused:
@@ -111,11 +114,14 @@ def test_a_server_that_fails_is_a_sentence(words, message):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("nan", "update returned array([nan, 1., 2., 3.]); (ok, box) or a box of x, y, width, "
-                "height is expected"),
+        (
+            "nan",
+            "update returned array([nan, 1., 2., 3.]); (ok, box) or a box of x, y, width, "
+            "height is expected",
+        ),
         ("negative", "update returned array([ 1., 2., -3., 4.]), a box without an area"),
     ],
-)  # fmt: skip
+)
 def test_a_box_that_is_none_is_a_sentence(words, message):
     settings = config(words)
     with pytest.raises(ValueError) as refused:
@@ -145,11 +151,13 @@ def test_a_server_that_hangs_is_ended(mode, wanted):
     ("command", "message"),
     [
         ("", "a TraX server needs a command, such as 'python server.py'"),
-        ("no-such-program x", "TraX server 'no-such-program x' cannot be started: No such file or "
-                              "directory"),
+        (
+            "no-such-program x",
+            "TraX server 'no-such-program x' cannot be started: No such file or directory",
+        ),
         ("'open", "TraX server ''open' cannot be started: No closing quotation"),
     ],
-)  # fmt: skip
+)
 def test_a_command_that_is_none_is_a_sentence(command, message):
     with pytest.raises(ValueError) as refused:
         follow(Config(command=command))
@@ -187,8 +195,13 @@ def served(*lines, kind="frozen"):
 def test_our_server_answers_both_ways_to_begin(tmp_path):
     picture = messages.picture_text(frame(0).image, ["path"], tmp_path / "0.png")
     one = served("noise", f'@@TRAX:initialize "{picture}" "40,30,30,20"', f"@@TRAX:frame {picture}")
-    two = served('@@TRAX:initialize "40,30,30,20"', f"@@TRAX:frame {picture}",
-                 f"@@TRAX:frame {picture}", "@@TRAX:quit", "@@TRAX:frame never")  # fmt: skip
+    two = served(
+        '@@TRAX:initialize "40,30,30,20"',
+        f"@@TRAX:frame {picture}",
+        f"@@TRAX:frame {picture}",
+        "@@TRAX:quit",
+        "@@TRAX:frame never",
+    )
     assert one == two
     assert one[0].startswith('@@TRAX:hello "trax.version=4" "trax.region=rectangle;polygon;"')
     assert one[1:] == [

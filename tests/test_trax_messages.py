@@ -47,11 +47,13 @@ def test_a_picture_that_is_none_is_refused(text):
 @pytest.mark.parametrize(
     ("text", "region"),
     [
-        ("1,2,3,4", [1, 2, 3, 4]), ("0,0,1,0,1,1", [[0, 0], [1, 0], [1, 1]]),
-        ("0", None), ("0,0,0,0", None), (messages.region_text(np.array([1.5, 2, 3, 4])),
-                                         [1.5, 2, 3, 4]),
+        ("1,2,3,4", [1, 2, 3, 4]),
+        ("0,0,1,0,1,1", [[0, 0], [1, 0], [1, 1]]),
+        ("0", None),
+        ("0,0,0,0", None),
+        (messages.region_text(np.array([1.5, 2, 3, 4])), [1.5, 2, 3, 4]),
     ],
-)  # fmt: skip
+)
 def test_a_region_is_a_box_a_polygon_or_nothing(text, region):
     found = messages.region_in(text)
     assert found is None if region is None else found.tolist() == region

@@ -49,9 +49,13 @@ def test_every_tutorial_is_here():
 def test_a_tutorial_says_its_number(name, tmp_path):
     environment = os.environ | {"SERVOBENCH_TUTORIALS": str(tmp_path), "MPLBACKEND": "agg"}
     done = subprocess.run(
-        [sys.executable, FOLDER / f"{name}.py"], cwd=tmp_path, env=environment, text=True,
-        capture_output=True, check=False,
-    )  # fmt: skip
+        [sys.executable, FOLDER / f"{name}.py"],
+        cwd=tmp_path,
+        env=environment,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     for pattern, expected in SAYS[name]:
         found = re.search(f"^.*{pattern}", done.stdout, re.MULTILINE)

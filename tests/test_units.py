@@ -13,20 +13,29 @@ def rows(*held):
 
 def clustered(*at):
     """Rows of (scenario, tracker, seed, success, rms)."""
-    return [row | {"scenario": scenario} for scenario, *rest in at
-            for row in rows((rest[0], 0, *rest[1:]))]  # fmt: skip
+    return [
+        row | {"scenario": scenario}
+        for scenario, *rest in at
+        for row in rows((rest[0], 0, *rest[1:]))
+    ]
 
 
 def test_a_study_of_scenarios_has_as_many_units_as_scenarios():
-    found = clustered(*(
-        (f"s{k}", tracker, seed, seed < 2 or tracker == "a", 1.0 + k + seed)
-        for k in range(6) for tracker in "ab" for seed in range(4)
-    ))  # fmt: skip
+    found = clustered(
+        *(
+            (f"s{k}", tracker, seed, seed < 2 or tracker == "a", 1.0 + k + seed)
+            for k in range(6)
+            for tracker in "ab"
+            for seed in range(4)
+        )
+    )
     axes = ["scenario", "tracker.kind", "run.latency"]
     of_b = Units.of([r for r in found if r["tracker.kind"] == "b"], axes, drawn=True)
     assert (of_b.name, of_b.mean("success").units, of_b.mean("success").value) == (
-        "scenario", 6, 0.5
-    )  # fmt: skip
+        "scenario",
+        6,
+        0.5,
+    )
     (pair,) = results.comparisons("tracker.kind", axes, found, drawn=True)
     assert (pair.first, pair.unit, pair.test) == ("a", "scenario", McNemar(6, 0, 0))
 

@@ -72,15 +72,28 @@ def test_trackers_get_the_same_draws():
 @pytest.mark.parametrize(
     ("change", "left"),
     [
-        ("start.x=3.0", {"start.y", "start.angle_deg", "motion.y", "motion.heading_deg",
-                         "motion.speed"}),
+        (
+            "start.x=3.0",
+            {"start.y", "start.angle_deg", "motion.y", "motion.heading_deg", "motion.speed"},
+        ),
         ("motion.kind=sine", {"start.x", "start.y", "start.angle_deg"}),
-        ("motion.kind=line", {"start.x", "start.y", "start.angle_deg", "motion.y",
-                              "motion.heading_deg", "motion.speed"}),
-        ("vary.start={ x = { uniform = [1, 1] } }", {"start.x", "motion.y", "motion.heading_deg",
-                                                      "motion.speed"}),
+        (
+            "motion.kind=line",
+            {
+                "start.x",
+                "start.y",
+                "start.angle_deg",
+                "motion.y",
+                "motion.heading_deg",
+                "motion.speed",
+            },
+        ),
+        (
+            "vary.start={ x = { uniform = [1, 1] } }",
+            {"start.x", "motion.y", "motion.heading_deg", "motion.speed"},
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_set_is_not_drawn(change, left):
     assert set(load("line", [change], seed=3).drawn) == left
 
@@ -89,25 +102,40 @@ def test_what_is_set_is_not_drawn(change, left):
     ("vary", "said"),
     [
         (3, "mine.toml: vary should be a table of settings and laws, not 3"),
-        ({"start": {"x": 3.0}}, "mine.toml: vary.start.x = 3.0: expected a law, such as "
-                                "{ uniform = [-5, 5] }"),
-        ({"start": {"x": {"evenly": [1, 2]}}}, "mine.toml: vary.start.x.evenly = [1, 2]: expected "
-                                               "a law, such as { uniform = [-5, 5] }"),
-        ({"start": {"x": {"uniform": [1, 2], "choice": [3]}}},
-         "mine.toml: vary.start.x = {'uniform': [1, 2], 'choice': [3]}: expected one law: uniform, "
-         "log_uniform, normal, choice"),
-        ({"start": {"scale": {"uniform": [0.0, 2.0]}}},
-         "mine.toml: vary.start.scale: start.scale = 0.0: input should be greater than or equal "
-         "to 0.01"),
-        ({"start": {"z": {"uniform": [0.0, 2.0]}}},
-         "mine.toml: vary.start.z: start: there is no key 'z'; there is x, y, angle_deg, scale, "
-         "tilt_deg, tilt_towards_deg, pose"),
-        ({"tracker": {"kind": {"choice": ["kams"]}}},
-         "mine.toml: vary.tracker.kind: this is not drawn; draw a setting, such as start.x"),
-        ({"run": {"seed": {"choice": [1]}}},
-         "mine.toml: vary.run.seed: this is not drawn; draw a setting, such as start.x"),
+        (
+            {"start": {"x": 3.0}},
+            "mine.toml: vary.start.x = 3.0: expected a law, such as { uniform = [-5, 5] }",
+        ),
+        (
+            {"start": {"x": {"evenly": [1, 2]}}},
+            "mine.toml: vary.start.x.evenly = [1, 2]: expected "
+            "a law, such as { uniform = [-5, 5] }",
+        ),
+        (
+            {"start": {"x": {"uniform": [1, 2], "choice": [3]}}},
+            "mine.toml: vary.start.x = {'uniform': [1, 2], 'choice': [3]}: expected one law: uniform, "
+            "log_uniform, normal, choice",
+        ),
+        (
+            {"start": {"scale": {"uniform": [0.0, 2.0]}}},
+            "mine.toml: vary.start.scale: start.scale = 0.0: input should be greater than or equal "
+            "to 0.01",
+        ),
+        (
+            {"start": {"z": {"uniform": [0.0, 2.0]}}},
+            "mine.toml: vary.start.z: start: there is no key 'z'; there is x, y, angle_deg, scale, "
+            "tilt_deg, tilt_towards_deg, pose",
+        ),
+        (
+            {"tracker": {"kind": {"choice": ["kams"]}}},
+            "mine.toml: vary.tracker.kind: this is not drawn; draw a setting, such as start.x",
+        ),
+        (
+            {"run": {"seed": {"choice": [1]}}},
+            "mine.toml: vary.run.seed: this is not drawn; draw a setting, such as start.x",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes(vary, said):
     with pytest.raises(Mistake) as found:
         with_seed(1, vary=vary)

@@ -18,10 +18,18 @@ from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
 FRAMES = 20
 WIDTH, HEIGHT = 64, 48
 CODECS = {
-    "mp4": "mpeg4", "mov": "mpeg4", "matroska": "mpeg4", "avi": "mjpeg", "mpegts": "mpeg2video",
-    "mpeg": "mpeg2video", "flv": "flv", "asf": "mpeg4", "gif": "gif", "yuv4mpegpipe": "rawvideo",
+    "mp4": "mpeg4",
+    "mov": "mpeg4",
+    "matroska": "mpeg4",
+    "avi": "mjpeg",
+    "mpegts": "mpeg2video",
+    "mpeg": "mpeg2video",
+    "flv": "flv",
+    "asf": "mpeg4",
+    "gif": "gif",
+    "yuv4mpegpipe": "rawvideo",
     "webm": "libvpx",
-}  # fmt: skip
+}
 
 
 def film(form="mp4", videos=1, rate=25):

@@ -62,14 +62,17 @@ def viewer(monkeypatch):
 BOTH = (("/world/eye/image", "a"), ("plots/error", "b"))
 
 
-@pytest.mark.parametrize(("panel", "asked"), [(None, None), ("/plots/error/", "b"),
-                                              ("world/eye/image", "a")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("panel", "asked"), [(None, None), ("/plots/error/", "b"), ("world/eye/image", "a")]
+)
 def test_a_picture_is_the_view_at_a_time(viewer, tmp_path, panel, asked):
     found, clock = viewer(*BOTH)
     view.picture(tmp_path / "run.rrd", tmp_path / "out.png", 7.7, panel)
     assert found.asked == [
-        ("open", str(tmp_path / "run.rrd")), ("sim_time", 7.7, "paused"), asked,
-    ]  # fmt: skip
+        ("open", str(tmp_path / "run.rrd")),
+        ("sim_time", 7.7, "paused"),
+        asked,
+    ]
     assert (tmp_path / "out.png").read_bytes() == b"drawn"
     assert clock[0] == pytest.approx(view.POLL + view.DRAWN_AFTER)
 

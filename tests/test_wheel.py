@@ -17,8 +17,9 @@ def test_the_wheel_has_our_packages_with_their_data_and_nothing_else(wheel, root
     names = zipfile.ZipFile(wheel).namelist()
     ours = {name for name in names if ".dist-info/" not in name}
     assert {name.split("/")[0] for name in ours} == PACKAGES
-    listed = subprocess.run(["git", "ls-files", *PACKAGES], cwd=root, capture_output=True,
-                            text=True, check=True).stdout.splitlines()  # fmt: skip
+    listed = subprocess.run(
+        ["git", "ls-files", *PACKAGES], cwd=root, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
     assert set(listed) <= ours  # models, scenarios, studies, the page's template
     assert {f"{package}/py.typed" for package in PACKAGES} | {"scenes/scenario.schema.json"} <= ours
 
@@ -39,9 +40,13 @@ def test_a_file_that_hides_an_installed_package_is_named(installed, tmp_path, na
     (tmp_path / name).write_text("")
     (tmp_path / "tracking").mkdir()  # a folder without Python files hides no installed package
     ended = subprocess.run(
-        [sys.executable, "-m", "servo", "--version"], cwd=tmp_path, capture_output=True, text=True,
-        check=False, env=os.environ | {"PYTHONPATH": str(installed)},
-    )  # fmt: skip
+        [sys.executable, "-m", "servo", "--version"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(installed)},
+    )
     place = tmp_path / name
     said = f"servobench: {place} hides servobench's package '{place.stem}': rename this file\n"
     assert (ended.returncode, ended.stderr) == (code, said if code else "")
@@ -49,8 +54,9 @@ def test_a_file_that_hides_an_installed_package_is_named(installed, tmp_path, na
 
 def test_an_editable_install_offers_no_package_of_tests(tmp_path):
     code = "import importlib.util as u; print(u.find_spec('servo') is None, u.find_spec('tests'))"
-    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True,
-                           text=True, check=True)  # fmt: skip
+    ended = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert ended.stdout == "False None\n"
 
 

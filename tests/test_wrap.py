@@ -92,8 +92,11 @@ def test_the_conventions_are_told_apart():
 
     assert convention_of(cv2.TrackerMIL.create()) == "opencv"
     assert [convention_of(t) for t in (Moving(), Boxed(), Derived(), Bbox())] == [
-        "opencv", "got10k", "got10k", "got10k"
-    ]  # fmt: skip
+        "opencv",
+        "got10k",
+        "got10k",
+        "got10k",
+    ]
 
 
 class Growing(Moving):
@@ -186,8 +189,10 @@ def test_it_is_a_config_like_any_other():
     config = wrap(Moving, score="certainty")
     assert kinds.kind_of(config()) == config.kind == "followed:Moving"
     assert (wrap(Moving)().judge, config().judge, config().least_score) == (
-        "histogram", "score", 0.3
-    )  # fmt: skip
+        "histogram",
+        "score",
+        0.3,
+    )
     assert all(kinds.field_docs(config).values())
     filled = fill(config, {"judge": "histogram", "lock": {"patience": 2.0}}, "tracker")
     assert (filled.judge, filled.lock.patience, filled.lock.cap) == ("histogram", 2.0, 0.75)

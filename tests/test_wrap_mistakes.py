@@ -77,13 +77,16 @@ class Refusing(Moving):
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        (Needs, "theirs needs weights: give wrap a function without arguments, such as "
-                "lambda: Tracker(...)"),
+        (
+            Needs,
+            "theirs needs weights: give wrap a function without arguments, such as "
+            "lambda: Tracker(...)",
+        ),
         (NoUpdate, "theirs: NoUpdate lacks init(image, box) or update(image)"),
         (dict, "theirs: dict lacks init(image, box) or update(image)"),
         (Refusing, "theirs: init refused the region x, y, width, height = (40, 30, 30, 20)"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_tracker_is_refused(kind, message):
     with pytest.raises(ValueError) as refused:
         follow(wrap(kind, name="theirs")())

@@ -30,12 +30,18 @@ def seven(tmp_path):
 @pytest.mark.parametrize(
     ("base", "sentence"),
     [
-        ("[0, 3, 0.6, -90]", r"\d\.\d\d m and \d+ deg are left, and joint 'joint\d' is at its "
-         "limit"),
-        ("[0, 0.5, -2, -90]", r"\d\.\d\d m and \d+ deg are left, and (joint 'joint\d' is at its "
-         r"limit|no joint is at a limit; 'joint\d' is nearest to one)"),
+        (
+            "[0, 3, 0.6, -90]",
+            r"\d\.\d\d m and \d+ deg are left, and joint 'joint\d' is at its "
+            "limit",
+        ),
+        (
+            "[0, 0.5, -2, -90]",
+            r"\d\.\d\d m and \d+ deg are left, and (joint 'joint\d' is at its "
+            r"limit|no joint is at a limit; 'joint\d' is nearest to one)",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_base_that_is_too_far_away_is_a_sentence(seven, base, sentence):
     changes = ["robot.kind=mjcf", f"robot.model={seven}", f"robot.base={base}"]
     with pytest.raises(Mistake) as refused:
@@ -83,9 +89,12 @@ UNFIT = {
 
 @pytest.mark.parametrize("joint", UNFIT)
 def test_a_robot_that_is_no_chain_of_hinges_and_slides_is_a_sentence(seven, joint):
-    seven.write_text(re.sub('<joint name="joint1"[^>]*>', joint, seven.read_text()).replace(
-        '<position name="a1" joint="joint1" kp="2000" kv="200" forcerange="-87 87"/>', "").replace(
-        "<key ", "<!-- ").replace(".04 .04\"/>", "-->"))  # fmt: skip
+    seven.write_text(
+        re.sub('<joint name="joint1"[^>]*>', joint, seven.read_text())
+        .replace('<position name="a1" joint="joint1" kp="2000" kv="200" forcerange="-87 87"/>', "")
+        .replace("<key ", "<!-- ")
+        .replace('.04 .04"/>', "-->")
+    )
     with pytest.raises(ValueError, match=re.escape(f"arm.xml: {UNFIT[joint]}")):
         mjcf.Config(model=str(seven)).build(np.random.default_rng(0))
 

@@ -100,7 +100,8 @@ class Lock:
 
     def _begins_to_hide(self, distance: float, time: float, jump: float) -> bool:
         """Whether the distance has risen suddenly, with a jump, a moment ago."""
-        c, risen = self._config, False
+        c = self._config
+        risen = False
         if c.sudden > 0 and len(self._good) >= FEW:
             middle, sigma = self._usual()
             risen = distance > max(CLEAR, c.sudden * middle, middle + SURE * sigma)
@@ -119,5 +120,6 @@ class Lock:
 
 def _median(values: Array) -> float:
     """The median; a fraction of the cost of `np.median`, which is for arrays of any shape."""
-    ordered, half = np.sort(values), len(values) // 2
+    ordered = np.sort(values)
+    half = len(values) // 2
     return float(ordered[half] + ordered[-half - 1]) / 2

@@ -22,7 +22,10 @@ from tracking.lock import LockConfig
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
-BIAS, BY_DISTANCE, BY_LIKENESS, BY_SPREAD = -7.0, -5.0, 13.0, -15.0
+BIAS = -7.0
+BY_DISTANCE = -5.0
+BY_LIKENESS = 13.0
+BY_SPREAD = -15.0
 CLEAR = 4.0
 """A sum of signs beyond this, either way, is no clearer."""
 TINY = 1e-12
@@ -56,7 +59,9 @@ class Recogniser:
     ) -> None:
         """Take the first view, and let the model compare states with it."""
         self._views = Views(image, region, state, settings.views)
-        self._model, self._logit, self._time = model, 0.0, -math.inf
+        self._model = model
+        self._logit = 0.0
+        self._time = -math.inf
         self._sign = 0.0
         model.recognise(self._views, settings.unlike)
 
@@ -69,7 +74,8 @@ class Recogniser:
         logit = float(np.clip(logit + BY_SPREAD * _spread(cloud, state), -CLEAR, CLEAR))
         self._sign = logit
         keep = math.exp(-max(time - self._time, 0.0) / MEMORY)
-        self._logit, self._time = keep * self._logit + (1 - keep) * logit, time
+        self._logit = keep * self._logit + (1 - keep) * logit
+        self._time = time
         return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: Labelled, state: State, doubt: float) -> None:

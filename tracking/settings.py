@@ -63,9 +63,15 @@ class DiscSettings(Colours, Learning):
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """The target's appearance: one histogram under an Epanechnikov kernel."""
         return model_of(
-            image, region, state, ColourBins(self.levels), self,
-            density=self.density, kernel=self.kernel, inset=self.inset,
-        )  # fmt: skip
+            image,
+            region,
+            state,
+            ColourBins(self.levels),
+            self,
+            density=self.density,
+            kernel=self.kernel,
+            inset=self.inset,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,7 +60,8 @@ class Region:
     def corners(self, state: State) -> Array:
         """Corners (4, 2) [px]; at theta = 0 top left, top right, bottom right, bottom left."""
         half = state.scale / 2 * np.array([self.width, self.height])
-        c, s = np.cos(state.theta), np.sin(state.theta)
+        c = np.cos(state.theta)
+        s = np.sin(state.theta)
         box = half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
 
@@ -173,7 +174,8 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
     image = np.array([[0, 0], [width, 0], [width, height], [0, height]])
     shared, _ = cv2.intersectConvexConvex(corners.astype(np.float32), image.astype(np.float32))
     if float(shared) < LEAST_INSIDE * region.area(state):
-        (left, top), (right, bottom) = corners.min(axis=0).round(), corners.max(axis=0).round()
+        (left, top) = corners.min(axis=0).round()
+        (right, bottom) = corners.max(axis=0).round()
         raise ValueError(
             f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px, most of it "
             f"outside the image of {width} x {height} px"
@@ -188,7 +190,8 @@ def _check_numbers(region: Region, state: State) -> None:
         raise ValueError(
             f"the region's width, height, x, y, theta are {given}; the limit is {FARTHEST:g}"
         )
-    least, most = math.exp(-LARGEST_LOG), math.exp(LARGEST_LOG)
+    least = math.exp(-LARGEST_LOG)
+    most = math.exp(LARGEST_LOG)
     if not least <= state.scale <= most:
         raise ValueError(
             f"the region's scale is {state.scale:.6g}; it lies between {least:.3g} and {most:.3g}"

@@ -87,7 +87,8 @@ def carry_out(
     Raises:
         Lost: The scheduler has stopped, or has had no workers for a long time.
     """
-    waiting, session = iter(tasks), uuid.uuid4().hex
+    waiting = iter(tasks)
+    session = uuid.uuid4().hex
     under_way: dict[str, tuple[Task, Future[Any]]] = {}
     ended = as_completed(loop=cluster.client.loop)
 
@@ -137,9 +138,10 @@ def _result(future: Future[Any], name: str) -> Ended:
     error: Any = future.exception()
     if isinstance(error, KilledWorker):
         return Ended(
-            None, f"{DEATHS + 1} workers died during this task, one after the other: there is too "
-            "little memory, or they were killed\n"
-        )  # fmt: skip
+            None,
+            f"{DEATHS + 1} workers died during this task, one after the other: there is too "
+            "little memory, or they were killed\n",
+        )
     return failed(error)
 
 

@@ -47,7 +47,8 @@ class ResultFile(Document):
     @staticmethod
     def of(job: Job, result: dict[str, Any]) -> ResultFile:
         """The file of a job and its result."""
-        described, found = as_json(job.describe()), as_json(result)
+        described = as_json(job.describe())
+        found = as_json(result)
         return ResultFile(job=described, result=found, sha256=_digest(described, found))
 
 

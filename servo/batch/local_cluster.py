@@ -27,7 +27,8 @@ SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 WORKER_BYTES = 300e6
 """Peak memory of a worker that renders [bytes]."""
 WORKERS_A_CORE = 8
-FILES, FILES_A_WORKER = 32, 16
+FILES = 32
+FILES_A_WORKER = 16
 """Open files of a client, and additional ones for each worker."""
 MOST_REPLACED = 3
 """Most replacements of a worker that dies before it can work."""
@@ -82,12 +83,18 @@ def local(workers: int) -> Generator[Cluster]:
                 # Without certificates that the user has for another cluster.
                 plain = Security(require_encryption=False, tls_ca_file=None)
                 cluster = LocalCluster(
-                    n_workers=0, threads_per_worker=1, processes=True, host=LOOPBACK,
-                    protocol="tcp://", security=plain,
-                    dashboard_address=f"{LOOPBACK}:0", worker_dashboard_address=f"{LOOPBACK}:0",
-                    memory_limit=int(MEMORY_LIMIT / workers), env=ONE_THREAD | SILENT,
+                    n_workers=0,
+                    threads_per_worker=1,
+                    processes=True,
+                    host=LOOPBACK,
+                    protocol="tcp://",
+                    security=plain,
+                    dashboard_address=f"{LOOPBACK}:0",
+                    worker_dashboard_address=f"{LOOPBACK}:0",
+                    memory_limit=int(MEMORY_LIMIT / workers),
+                    env=ONE_THREAD | SILENT,
                     silence_logs=logging.CRITICAL,
-                )  # fmt: skip
+                )
         except (OSError, RuntimeError) as error:
             raise Refused(f"the worker processes cannot be started: {_reason(error)}") from None
         with cluster, Client(cluster, set_as_default=False) as client:

@@ -18,7 +18,8 @@ from servo.batch.cluster import TICK, Cluster, silence
 from servo.batch.workers import Lost
 from servo.mistake import Mistake
 
-PLAIN, ENCRYPTED = "tcp", "tls"
+PLAIN = "tcp"
+ENCRYPTED = "tls"
 TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 CONNECTING = 0.75
 """Share of the deadline after which Dask stops trying to connect and reports the reason."""
@@ -114,9 +115,12 @@ def security_of(address: str) -> Security:
 async def _reach(address: str, security: Security) -> Client:
     """Connect and wait for a worker, within one deadline."""
     client: Any = Client(
-        address, security=security, timeout=CONNECTING * cluster.PATIENCE, asynchronous=True,
+        address,
+        security=security,
+        timeout=CONNECTING * cluster.PATIENCE,
+        asynchronous=True,
         set_as_default=False,
-    )  # fmt: skip
+    )
     said = f"nothing answered within {cluster.PATIENCE:g} s"
     try:
         async with asyncio.timeout(cluster.PATIENCE):
@@ -137,5 +141,6 @@ def _reason(error: BaseException) -> str:
         return "what answers there does not speak Dask's protocol"
     words = str(error)
     while (cause := error.__cause__) is not None:
-        error, words = cause, str(cause) or words
+        error = cause
+        words = str(cause) or words
     return words or type(error).__name__

@@ -25,9 +25,11 @@ from tracking.files.json_text import number
 SCENARIOS = ("still", "line")
 """Scenarios that every tracker should be able to hold."""
 SHOWN = {
-    "rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
+    "rms": "servo_rms_px",
+    "peak": "servo_peak_px",
+    "tracker": "tracking_rms_px",
     "ms": "track_ms",
-}  # fmt: skip
+}
 """Measures in the table, by the titles of their columns."""
 RANKS = "servo_rms_px"
 LEGEND = (
@@ -108,8 +110,9 @@ class LoopBench(Made):
 
 def draws(runs: Sequence[LoopRun]) -> bool:
     """Whether the seeds of one tracker in one scenario draw anything: else all runs are alike."""
-    return len({(r.outcome, *(v for k, v in r.measures.items() if k not in TIMED))
-                for r in runs}) > 1  # fmt: skip
+    return (
+        len({(r.outcome, *(v for k, v in r.measures.items() if k not in TIMED)) for r in runs}) > 1
+    )
 
 
 def mean(runs: Sequence[LoopRun], measure: str) -> Interval | None:

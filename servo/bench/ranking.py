@@ -28,9 +28,14 @@ DECIDES = "frames_until_loss"
 RANKS = "auc"
 SHEETS = "sheets"
 SHOWN = {
-    "AUC": "auc", "P20": "precision_20", "error": "mean_error_px", "done": "completed",
-    "lost": "lost_auc", "ms": "milliseconds", "reads": "evaluations",
-}  # fmt: skip
+    "AUC": "auc",
+    "P20": "precision_20",
+    "error": "mean_error_px",
+    "done": "completed",
+    "lost": "lost_auc",
+    "ms": "milliseconds",
+    "reads": "evaluations",
+}
 """Measures in the table, by the titles of their columns."""
 INTERVAL = "AUC"
 """Column whose interval is printed; the files have those of all measures."""
@@ -117,20 +122,27 @@ def rows_of(results: Sequence[Result]) -> list[Row]:
     pairs = [(a, b) for i, b in enumerate(labels) for a in labels[i + 1 :]]
     tests = [compare(by_label[a], by_label[b]) for a, b in pairs]
     corrected = holm(np.array([test.p for test in tests])).tolist()
-    against = {a: (t, p) for (a, b), t, p in zip(pairs, tests, corrected, strict=True)
-               if b == labels[0]}  # fmt: skip
+    against = {
+        a: (t, p) for (a, b), t, p in zip(pairs, tests, corrected, strict=True) if b == labels[0]
+    }
     return [
-        Row(label, len(by_label[label]), _means(by_label[label]), _families(by_label[label]),
-            *against.get(label, (None, 1.0)))
+        Row(
+            label,
+            len(by_label[label]),
+            _means(by_label[label]),
+            _families(by_label[label]),
+            *against.get(label, (None, 1.0)),
+        )
         for label in labels
-    ]  # fmt: skip
+    ]
 
 
 def compare(first: Sequence[Result], second: Sequence[Result], measure: str = DECIDES) -> McNemar:
     """McNemar's test of two trackers on the sequences of both: the higher mean over the seeds of a
     sequence is a success.
     """
-    a, b = _scores(first, measure), _scores(second, measure)
+    a = _scores(first, measure)
+    b = _scores(second, measure)
     both = sorted(a.keys() & b.keys())
     return McNemar.of(np.array([a[k] for k in both]), np.array([b[k] for k in both]))
 
@@ -159,19 +171,32 @@ def write(results: Sequence[Result], rows: Sequence[Row], folder: Path, command:
     """
     names = [m.name for m in MEASURES]
     about = ("tracker", "sequence", "family", "seed", "drawn", "frames")
-    runs = [[*(r.get(k, "") for k in about), *(r["measures"].get(name) for name in names)]
-            for r in results]  # fmt: skip
+    runs = [
+        [*(r.get(k, "") for k in about), *(r["measures"].get(name) for name in names)]
+        for r in results
+    ]
     head = ["tracker", "runs", "unit", *titles(names), "z_against_best", "p_holm"]
-    lines = [[r.tracker, r.runs, UNIT, *cells(map(r.means.get, names)),
-              "" if r.against_best is None else r.against_best.z, r.p] for r in rows]  # fmt: skip
+    lines = [
+        [
+            r.tracker,
+            r.runs,
+            UNIT,
+            *cells(map(r.means.get, names)),
+            "" if r.against_best is None else r.against_best.z,
+            r.p,
+        ]
+        for r in rows
+    ]
     bench = SequenceBench(
         command=command,
         versions=versions(),
-        measures={m.name: {"unit": m.unit, "better": m.better.value, "meaning": m.meaning}
-                  for m in MEASURES},
+        measures={
+            m.name: {"unit": m.unit, "better": m.better.value, "meaning": m.meaning}
+            for m in MEASURES
+        },
         trackers=list(rows),
         runs=[SequenceRun(**result) for result in results],
-    )  # fmt: skip
+    )
     return [
         atomic.write(folder, "runs.csv", csv_text([*about, *names], runs)),
         atomic.write(folder, "table.csv", csv_text(head, lines)),
@@ -186,8 +211,11 @@ def _mean(results: Sequence[Result], measure: str) -> float:
 
 def _means(results: Sequence[Result]) -> dict[str, Interval]:
     found = {m.name: (values(results, m.name), m.most) for m in MEASURES}
-    return {name: mean_of(scores, least=0.0, most=most)
-            for name, (scores, most) in found.items() if len(scores)}  # fmt: skip
+    return {
+        name: mean_of(scores, least=0.0, most=most)
+        for name, (scores, most) in found.items()
+        if len(scores)
+    }
 
 
 def _families(results: Sequence[Result]) -> dict[str, float | None]:

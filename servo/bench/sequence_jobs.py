@@ -117,7 +117,8 @@ class SequenceJob:
         path = track_path(folder, self.key)
         atomic.folder(folder, f"{TRACKS}/{self.contender.label}")
         tracker = self.contender.config.build(np.random.default_rng(self.seed))
-        rows, shots = TrackFile(path, sequence.region), []
+        rows = TrackFile(path, sequence.region)
+        shots = []
         try:
             for shot in follow(tracker, sequence.source, sequence.region, sequence.start):
                 rows.add(shot)

@@ -17,7 +17,8 @@ from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.sequences.truth import Format
 from tracking.external import OF_THE_USER
 
-GENERATORS, TRACKERS = "tracking.evaluation.sequences.generators", "tracking.trackers"
+GENERATORS = "tracking.evaluation.sequences.generators"
+TRACKERS = "tracking.trackers"
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
 HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]
 SUITES: dict[str, list[dict[str, Any]]] = {
@@ -66,7 +67,8 @@ def contenders(text: str | None) -> list[Contender]:
 def _contender(table: Any, place: str) -> Contender:
     if not isinstance(table, dict):
         raise Mistake(f"{place} should be a table with a kind, not {table!r}")
-    kind, preset = table.get("kind"), table.get("preset")
+    kind = table.get("kind")
+    preset = table.get("preset")
     usual = f"{kind}-{preset}" if preset else str(kind)
     label = table.get("label", usual)
     if not isinstance(label, str):
@@ -108,8 +110,10 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
             f"{path.name}: two sequences are called '{double}', and results are kept by name: "
             "leave one out, rename its folder, or put it into another suite"
         )
-    chosen = [_contender(t, f"{path.name}: trackers[{i}]")
-              for i, t in enumerate(table.get("trackers", []))]  # fmt: skip
+    chosen = [
+        _contender(t, f"{path.name}: trackers[{i}]")
+        for i, t in enumerate(table.get("trackers", []))
+    ]
     return entries, _all_different(chosen, path.name)
 
 

@@ -45,7 +45,8 @@ def run(
         if runs:
             print_table(console, bench_section.loop_table(runs))
     else:
-        jobs, title = _sequence_jobs(suite, trackers, seeds), Path(suite).stem
+        jobs = _sequence_jobs(suite, trackers, seeds)
+        title = Path(suite).stem
         with Workers(workers) as pool, result_folder(folder, "bench"):
             results, code = work(jobs, folder, pool, console, f"bench {title}")
             if not results:
@@ -68,7 +69,8 @@ def _sequence_jobs(suite: str, trackers: str | None, seeds: int) -> list[Sequenc
 
 
 def _loop_jobs(trackers: str | None, seeds: int) -> list[LoopJob]:
-    chosen, names = suites.contenders(trackers), loop_jobs.SCENARIOS
+    chosen = suites.contenders(trackers)
+    names = loop_jobs.SCENARIOS
     gl.backend()
     check_number(len(chosen) * len(names) * seeds)
     return [LoopJob(c, name, s) for c in chosen for name in names for s in range(seeds)]

@@ -53,9 +53,15 @@ class Checked:
 
 
 def check_scenarios(
-    names: Sequence[str], changes: Sequence[str], seed: int, count: int, workers: int, quiet: bool,
-    junit: Path | None = None, json: Path | None = None,
-) -> int:  # fmt: skip
+    names: Sequence[str],
+    changes: Sequence[str],
+    seed: int,
+    count: int,
+    workers: int,
+    quiet: bool,
+    junit: Path | None = None,
+    json: Path | None = None,
+) -> int:
     """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep; also
     into files, as JUnit's XML and as JSON.
 
@@ -90,13 +96,19 @@ def check_scenarios(
 
 
 def _record(check: Check, end: Ended) -> CheckedRun:
-    scenario, value = check.scenario, end.value
+    scenario = check.scenario
+    value = end.value
     of: Any = {"scenario": scenario.name, "seed": scenario.run.seed, "command": check.command}
     if end.error:
         return CheckedRun(**of, measures={}, missed=[], failed=end.reason)
     measures = {m.name: number(m.value) for m in value.report.measures}
-    return CheckedRun(**of, seconds=value.seconds, outcome=value.report.outcome.name,
-                      measures=measures, missed=value.missed)  # fmt: skip
+    return CheckedRun(
+        **of,
+        seconds=value.seconds,
+        outcome=value.report.outcome.name,
+        measures=measures,
+        missed=value.missed,
+    )
 
 
 def _write(runs: list[CheckedRun], junit: Path | None, json: Path | None, command: str) -> None:
@@ -161,13 +173,21 @@ def _print_failures(checks: Sequence[Check], ends: Sequence[Ended]) -> int:
 def _table(rows: Sequence[tuple[Check, Checked]]) -> Table:
     cells: list[list[Cell]] = []
     for check, checked in rows:
-        scenario, value = check.scenario, checked.report.value
-        bounds, missed = len(scenario.expect), len(checked.missed)
+        scenario = check.scenario
+        value = checked.report.value
+        bounds = len(scenario.expect)
+        missed = len(checked.missed)
         kept = Badge.of(not missed, f"{bounds - missed} of {bounds}")
-        cells.append([
-            scenario.name, str(scenario.run.seed), checked.report.outcome.name,
-            f"{value('servo_rms_px'):.2f}", f"{value('servo_peak_px'):.1f}",
-            f"{value('tracking_rms_px'):.2f}",
-            kept if bounds else "none", f"{checked.seconds:.1f} s",
-        ])  # fmt: skip
+        cells.append(
+            [
+                scenario.name,
+                str(scenario.run.seed),
+                checked.report.outcome.name,
+                f"{value('servo_rms_px'):.2f}",
+                f"{value('servo_peak_px'):.1f}",
+                f"{value('tracking_rms_px'):.2f}",
+                kept if bounds else "none",
+                f"{checked.seconds:.1f} s",
+            ]
+        )
     return Table(TITLES, cells, words=(0, 2, 6))

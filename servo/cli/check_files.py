@@ -73,9 +73,12 @@ def junit(runs: list[CheckedRun]) -> str:
     suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(runs)))
     for run in runs:
         case = ElementTree.SubElement(
-            suite, "testcase", classname=f"servobench.{run.scenario}",
-            name=f"{run.scenario}, seed {run.seed}", time=f"{run.seconds:.3f}",
-        )  # fmt: skip
+            suite,
+            "testcase",
+            classname=f"servobench.{run.scenario}",
+            name=f"{run.scenario}, seed {run.seed}",
+            time=f"{run.seconds:.3f}",
+        )
         message = run.failed or "; ".join(map(str, run.missed))
         if message:
             tag = "error" if run.failed else "failure"

@@ -20,8 +20,18 @@ from sim import gl
 
 LENGTH = 60.0
 """The car's length in the films that trackers are timed on [px]."""
-TIMED = ("camshift", "cv_mean_shift", "mean_shift", "mk_ssd", "pf_ssd", "condensation", "annealed",
-         "mk_pf", "kams", "cv_mil")  # fmt: skip
+TIMED = (
+    "camshift",
+    "cv_mean_shift",
+    "mean_shift",
+    "mk_ssd",
+    "pf_ssd",
+    "condensation",
+    "annealed",
+    "mk_pf",
+    "kams",
+    "cv_mil",
+)
 FINE = "All is well. To begin with: servobench run reversal"
 UNIT = "camshift"
 """Tracker times are given as multiples of OpenCV's."""
@@ -68,12 +78,18 @@ def _bench(console: Console) -> None:
     rows = [
         ["render", f"{loop.render:.2f}"],
         ["step of the loop (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{ratio:.2f}"],
-        ["step with a recording", f"{recorded.step:.2f}", "without",
-         f"{recorded.step / loop.step:.2f}"],
+        [
+            "step with a recording",
+            f"{recorded.step:.2f}",
+            "without",
+            f"{recorded.step / loop.step:.2f}",
+        ],
         ["features, control law, Kalman filter", f"{law:.3f}"],
-        *([f"{kind}, car of 60 x 30 px", f"{ms:.2f}", UNIT, f"{ms / times[UNIT]:.1f}"]
-          for kind, ms in times.items()),
-    ]  # fmt: skip
+        *(
+            [f"{kind}, car of 60 x 30 px", f"{ms:.2f}", UNIT, f"{ms / times[UNIT]:.1f}"]
+            for kind, ms in times.items()
+        ),
+    ]
     plain(console, "Medians in ms, 320 x 240")
     print_table(console, Table(("what", "ms", "against", "times"), rows, words=(0, 2)))
     plain(console, f"a recording has {size / 1e3:.1f} kB a frame")

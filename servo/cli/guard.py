@@ -20,7 +20,8 @@ from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.gl import NoRenderer, check_environment
 from sim.kinds import UnknownKind
 
-MISTAKEN, REFUSED = 2, 1
+MISTAKEN = 2
+REFUSED = 1
 """Exit codes of a mistake that the user can correct, and of a failure of the machine."""
 ENVIRONMENT = {
     "RUST_LOG": "off",  # Rerun
@@ -39,7 +40,8 @@ def guarded(command: Callable[[], Any]) -> None:
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
-    sys.stdout, sys.stderr = Printer.of(sys.stdout), Printer.of(sys.stderr)
+    sys.stdout = Printer.of(sys.stdout)
+    sys.stderr = Printer.of(sys.stderr)
     try:
         _check_folder()
         check_environment()
@@ -74,7 +76,8 @@ class Printer:
     """
 
     def __init__(self, stream: TextIO) -> None:
-        self._stream, self._gone = stream, False
+        self._stream = stream
+        self._gone = False
 
     @staticmethod
     def of(stream: TextIO | None) -> Any:

@@ -93,8 +93,10 @@ def _show_section(name: str) -> None:
         _show_settings(f"[{name}]", config.__doc__ or "", _rows(name, config()))
     elif name in tables:
         table = tables[name]()
-        rows = [(f"{name}.{key}", str(item.get("default", "")), item["description"])
-                for key, item in table["properties"].items()]  # fmt: skip
+        rows = [
+            (f"{name}.{key}", str(item.get("default", "")), item["description"])
+            for key, item in table["properties"].items()
+        ]
         _show_settings(f"[{name}]", table["description"], rows)
     else:
         near = get_close_matches(name, {*KEYS, *PARTS, *chain(*map(_names, PARTS))}, n=1)
@@ -111,7 +113,8 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
 
 def _rows(prefix: str, settings: Any) -> list[tuple[str, str, str]]:
     """Name, default and meaning of every setting, including those of nested tables."""
-    docs, rows = kinds.field_docs(type(settings)), list[tuple[str, str, str]]()
+    docs = kinds.field_docs(type(settings))
+    rows = list[tuple[str, str, str]]()
     for f in dataclasses.fields(settings):
         value = getattr(settings, f.name)
         if dataclasses.is_dataclass(value):

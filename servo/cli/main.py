@@ -42,9 +42,12 @@ def run(scenario: str, no_rerun: bool, **options: Any) -> None:
 @click.argument("scenarios", nargs=-1, type=opt.SCENARIO, help="Which (default: all with bounds).")
 @opt.changes_option
 @click.option(
-    "--seeds", type=opt.COUNT, default=1, show_default=True,
+    "--seeds",
+    type=opt.COUNT,
+    default=1,
+    show_default=True,
     help="Number of seeds for each scenario, from --seed on.",
-)  # fmt: skip
+)
 @click.option("--seed", type=opt.NATURAL, default=0, show_default=True, help="The first seed.")
 @opt.workers_option
 @click.option("--junit", type=opt.PATH, metavar="FILE", help="Also write JUnit's XML.")
@@ -59,10 +62,11 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 
 @app.command()
 @click.argument(
-    "source", type=opt.SOURCE,
+    "source",
+    type=opt.SOURCE,
     help="A folder of images (also OTB, VOT), a video, a bag (MCAP, ROS 1, ROS 2), camera:0, or an "
     "address (rtsp, http, tcp, udp).",
-)  # fmt: skip
+)
 @opt.footage_options
 @opt.changes_option
 @click.option(
@@ -73,9 +77,12 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
 @output_options
 @click.option(
-    "--rate", type=opt.FiniteRange(0.01, 10_000.0), default=30.0, show_default=True,
+    "--rate",
+    type=opt.FiniteRange(0.01, 10_000.0),
+    default=30.0,
+    show_default=True,
     help="Pictures a second of a folder.",
-)  # fmt: skip
+)
 @click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Stop after this many.")
 @opt.quiet_option
 def track(**options: Any) -> None:
@@ -87,10 +94,11 @@ def track(**options: Any) -> None:
 
 @app.command()
 @click.argument(
-    "suite", type=opt.SOURCE,
+    "suite",
+    type=opt.SOURCE,
     help="clutter, hard_clutter, similarity, texture, camouflage, closed_loop, a folder of "
     "sequences (OTB, VOT), or a .toml file.",
-)  # fmt: skip
+)
 @click.option(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
 )
@@ -113,9 +121,10 @@ def bench(**options: Any) -> None:
 @click.option("--seeds", type=opt.COUNT, help="Number of seeds from 0 on (default: the study's).")
 @opt.workers_option
 @click.option(
-    "--scheduler", metavar="ADDRESS",
+    "--scheduler",
+    metavar="ADDRESS",
     help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
-)  # fmt: skip
+)
 @opt.out_option("runs/sweep-STUDY, also to continue")
 @opt.quiet_option
 def sweep(**options: Any) -> None:
@@ -152,10 +161,11 @@ def report(folders: tuple[Path, ...], out: Path | None) -> None:
 
 @app.command("list")
 @click.argument(
-    "what", required=False,
+    "what",
+    required=False,
     help="A part of a scenario (tracker): its kinds. A section (camera) or a kind (kams): its "
     "settings.",
-)  # fmt: skip
+)
 def list_(what: str | None) -> None:
     """List scenarios and kinds, or settings with their units and defaults."""
     from servo.cli.list_command import show, show_all
@@ -178,9 +188,12 @@ def schema() -> None:
     "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
 )
 @click.option(
-    "--at", type=opt.FiniteRange(0.0, LONGEST), default=4.0, show_default=True,
+    "--at",
+    type=opt.FiniteRange(0.0, LONGEST),
+    default=4.0,
+    show_default=True,
     help="Simulated time to show in the PNG [s].",
-)  # fmt: skip
+)
 @click.option(
     "--panel", help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
 )
@@ -221,14 +234,18 @@ def doctor(bench: bool) -> None:
 @click.argument("model", type=opt.PATH, help="Its file, MJCF or URDF.")
 @click.option("--flange", default="", help="The body or site that carries the camera.")
 @click.option(
-    "--mount", type=opt.Numbers(6), metavar="X,Y,Z,R,P,Y",
+    "--mount",
+    type=opt.Numbers(6),
+    metavar="X,Y,Z,R,P,Y",
     help="The camera in the flange [m, deg] (default: it looks along the flange's z).",
-)  # fmt: skip
+)
 @click.option("--camera", default="", help="A camera of the model, in place of flange and mount.")
 @click.option(
-    "--base", type=opt.Numbers(4), metavar="X,Y,Z,YAW",
+    "--base",
+    type=opt.Numbers(4),
+    metavar="X,Y,Z,YAW",
     help="Where it stands in the room [m, deg] (default: proposed from its reach).",
-)  # fmt: skip
+)
 @click.option(
     "--out", type=opt.PATH, default=Path("robot.png"), show_default=True, help="Picture to write."
 )

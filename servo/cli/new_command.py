@@ -39,9 +39,11 @@ def new_tracker(kind: str, folder: Path | None) -> list[Path]:
     _check_name(kind)
     folder = folder or Path(kind)
     words = {
-        "kind": kind, "module": kind, "package": kind.replace("_", "-"),
+        "kind": kind,
+        "module": kind,
+        "package": kind.replace("_", "-"),
         "name": "".join(word.capitalize() for word in kind.split("_")),
-    }  # fmt: skip
+    }
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
     templates = resources.files("servo.cli") / "templates"
     try:
@@ -49,11 +51,12 @@ def new_tracker(kind: str, folder: Path | None) -> list[Path]:
             raise Mistake(f"{folder}: there is something of this name; choose another with --out")
         return [
             atomic.write(
-                folder, name.format(**words),
+                folder,
+                name.format(**words),
                 environment.from_string((templates / template).read_text("utf-8")).render(words),
             )
             for template, name in FILES.items()
-        ]  # fmt: skip
+        ]
     except OSError as error:
         raise unwritable(folder, error) from None
 

@@ -78,16 +78,22 @@ class Shipped(click.ParamType[str]):
         return found or [CompletionItem(incomplete, type="file")]
 
 
-SCENARIO, STUDY = Shipped(catalogue.shipped), Shipped(catalogue.studies)
-PATH, SOURCE = Named(path_type=Path), Named(path_type=str)
-COUNT, NATURAL = click.IntRange(min=1), click.IntRange(min=0)
+SCENARIO = Shipped(catalogue.shipped)
+STUDY = Shipped(catalogue.studies)
+PATH = Named(path_type=Path)
+SOURCE = Named(path_type=str)
+COUNT = click.IntRange(min=1)
+NATURAL = click.IntRange(min=0)
 
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print nothing but mistakes.")
 changes_option = click.option(
-    "--set", "changes", metavar="KEY=VALUE", multiple=True,
+    "--set",
+    "changes",
+    metavar="KEY=VALUE",
+    multiple=True,
     help="Change any setting; may be repeated: the last value of a key counts. A value is TOML, or "
     "else a text.",
-)  # fmt: skip
+)
 workers_option = click.option(
     "--workers", type=COUNT, default=2, show_default=True, help="Processes at the same time."
 )
@@ -132,31 +138,38 @@ class Commands(click.Group):
 def footage_options(command: Command) -> Command:
     """The options that choose pictures, the target in the first one, and the tracker."""
     region = click.option(
-        "--region", metavar="X,Y,W,H[,DEG]",
+        "--region",
+        metavar="X,Y,W,H[,DEG]",
         help="The target in the first picture: top left corner, size [px], rotation about its "
         "centre (default: the truth's first line).",
-    )  # fmt: skip
+    )
     topic = click.option("--topic", help="The topic of a bag, where several have pictures.")
     select = click.option(
-        "--select", is_flag=True,
+        "--select",
+        is_flag=True,
         help="Draw the region with the mouse: in a window, or without a desktop on a page in your "
         "browser.",
-    )  # fmt: skip
+    )
     tracker = click.option(
-        "--tracker", default="annealed:video", show_default=True,
+        "--tracker",
+        default="annealed:video",
+        show_default=True,
         help="Which (servobench list), such as kams or kams:paper.",
-    )  # fmt: skip
+    )
     return region(topic(select(tracker(command))))
 
 
 def truth_options(command: Command) -> Command:
     """The options that name a truth and its format."""
     form = click.option(
-        "--truth-format", default="auto", show_default=True,
+        "--truth-format",
+        default="auto",
+        show_default=True,
         help="otb (x,y,w,h from 1), vot (x,y,w,h or 4 corners from 0), tld (x1,y1,x2,y2), csv.",
-    )  # fmt: skip
+    )
     path = click.option(
-        "--truth", type=PATH,
+        "--truth",
+        type=PATH,
         help="Truth to compare with: OTB, VOT, TLD, CSV (default: a truth file beside it).",
-    )  # fmt: skip
+    )
     return path(form(command))

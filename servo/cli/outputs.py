@@ -112,8 +112,9 @@ class Outputs:
 
             log = TrackLog(viewer, region, self._at_once(source.rate))
             is_camera = source.count is None  # it has a pace of its own
-            found[VIEWER] = log if is_camera else Paced(
-                log, self.speed or 1.0, lambda shot: shot.picture.time)  # fmt: skip
+            found[VIEWER] = (
+                log if is_camera else Paced(log, self.speed or 1.0, lambda shot: shot.picture.time)
+            )
         return found
 
     def _at_once(self, rate: float) -> int:
@@ -166,28 +167,38 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def gathered(
-        *, video: Path | None, mcap: Path | None, live: bool, web: bool, speed: float | None,
-        port: int | None, **others: Any,
-    ) -> Any:  # fmt: skip
+        *,
+        video: Path | None,
+        mcap: Path | None,
+        live: bool,
+        web: bool,
+        speed: float | None,
+        port: int | None,
+        **others: Any,
+    ) -> Any:
         return command(outputs=Outputs(video, mcap, live, web, speed, port), **others)
 
     added = (
         click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),
         click.option(
-            "--mcap", metavar="FILE.mcap", type=opt.PATH,
+            "--mcap",
+            metavar="FILE.mcap",
+            type=opt.PATH,
             help="Also write a log for Foxglove; needs servobench[mcap].",
         ),
         click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
         click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),
         click.option(
-            "--speed", type=opt.FiniteRange(0.01, 1000.0),
+            "--speed",
+            type=opt.FiniteRange(0.01, 1000.0),
             help="Times real time, with --live (default: 1).",
         ),
         click.option(
-            "--port", type=click.IntRange(1024, LARGEST_PORT),
+            "--port",
+            type=click.IntRange(1024, LARGEST_PORT),
             help=f"Of the data, with --live; the page has the next one (default: {PORT}).",
         ),
-    )  # fmt: skip
+    )
     for option in reversed(added):
         gathered = option(gathered)
     return gathered

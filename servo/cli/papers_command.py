@@ -101,13 +101,20 @@ def _print_rule(console: Console, claim: Claim) -> None:
     """Print what is claimed and how it will be judged, before anything is run."""
     r = claim.rule
     console.print(f"\n[bold]{claim.name}[/] {escape(claim.says)}", highlight=False)
-    for name, text in (("measure", r.measure), ("settings", r.settings), ("units", r.units),
-                       ("margin", r.margin), ("test", r.test), ("holds", r.holds)):  # fmt: skip
+    for name, text in (
+        ("measure", r.measure),
+        ("settings", r.settings),
+        ("units", r.units),
+        ("margin", r.margin),
+        ("test", r.test),
+        ("holds", r.holds),
+    ):
         console.print(f"  {name + ':':9} {escape(text)}", highlight=False)
 
 
 def _print(console: Console, verdict: Verdict) -> None:
-    word, tone = WORDS[verdict.finding], TONES[verdict.finding]
+    word = WORDS[verdict.finding]
+    tone = TONES[verdict.finding]
     effect = escape(f"{words(verdict.effect, verdict.unit)}, {verdict.count} units")
     console.print(f"  verdict:  [{tone}]{word}[/]: {effect}", highlight=False)
     console.print(f"  measured: {escape(verdict.measured)}", highlight=False)

@@ -38,12 +38,16 @@ LONGEST = 1000
 """Longest answer [bytes]."""
 NUMBERS = 5
 HEADERS = {
-    "Content-Type": "text/html; charset=utf-8", "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY",
+    "Content-Type": "text/html; charset=utf-8",
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Frame-Options": "DENY",
     "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; connect-src 'self'",
-}  # fmt: skip
-OPENED, CLOSED, CANCELLED = "opened", "closed", "cancelled"
+}
+OPENED = "opened"
+CLOSED = "closed"
+CANCELLED = "cancelled"
 
 
 def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
@@ -59,15 +63,23 @@ def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
     """
     answers: Queue[Any] = Queue()
     path = f"/{secrets.token_urlsafe(16)}"
-    handler = type("Handler", (_Handler,), {
-        "path_of_page": path, "answers": answers, "page": _page(image, name),
-    })  # fmt: skip
+    handler = type(
+        "Handler",
+        (_Handler,),
+        {
+            "path_of_page": path,
+            "answers": answers,
+            "page": _page(image, name),
+        },
+    )
     with ThreadingHTTPServer((HOST, 0), handler) as server:
         port = server.server_address[1]
         threading.Thread(target=server.serve_forever, daemon=True).start()
         address = f"http://{HOST}:{port}{path}"
-        say(f"draw the region on this page: {address}\n"
-            f"  (of another machine: first ssh -L {port}:{HOST}:{port} THIS-MACHINE)")  # fmt: skip
+        say(
+            f"draw the region on this page: {address}\n"
+            f"  (of another machine: first ssh -L {port}:{HOST}:{port} THIS-MACHINE)"
+        )
         try:
             return _answer(answers, address)
         finally:
@@ -75,7 +87,8 @@ def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
 
 
 def _answer(answers: Queue[Any], address: str) -> Box | None:
-    end, closed = time.monotonic() + PATIENCE, False
+    end = time.monotonic() + PATIENCE
+    closed = False
     while True:
         left = GRACE if closed else max(end - time.monotonic(), 0.0)
         try:
@@ -83,8 +96,10 @@ def _answer(answers: Queue[Any], address: str) -> Box | None:
         except Empty:
             if closed:
                 return None
-            raise Mistake(f"--select: nobody drew a region on {address} within {PATIENCE:g} s; "
-                          "give --region X,Y,W,H[,DEG]") from None  # fmt: skip
+            raise Mistake(
+                f"--select: nobody drew a region on {address} within {PATIENCE:g} s; "
+                "give --region X,Y,W,H[,DEG]"
+            ) from None
         closed = found == CLOSED
         if found == CANCELLED:
             return None

@@ -72,7 +72,9 @@ class RegionWindow:
     def _region(self) -> Box:
         """The region of the selector, whose corners follow each other from the top left one."""
         x, y = np.array(self.selector.corners)
-        width, height = np.hypot(x[1] - x[0], y[1] - y[0]), np.hypot(x[3] - x[0], y[3] - y[0])
+        width = np.hypot(x[1] - x[0], y[1] - y[0])
+        height = np.hypot(x[3] - x[0], y[3] - y[0])
         turn = np.degrees(np.arctan2(y[1] - y[0], x[1] - x[0]))
-        left, top = x.mean() - width / 2, y.mean() - height / 2
+        left = x.mean() - width / 2
+        top = y.mean() - height / 2
         return (float(left), float(top), float(width), float(height), float(round(turn, 3)))

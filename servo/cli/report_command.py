@@ -15,7 +15,8 @@ from servo.report.page import Section, render
 from servo.study.plan import StudyFile
 from tracking.files import atomic
 
-PAGE, PAGES = "report.html", (".html", ".htm")
+PAGE = "report.html"
+PAGES = (".html", ".htm")
 KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
     ((StudyFile.FILE,), study_section.section),
     ((PapersReport.FILE,), papers_section.section),

@@ -41,7 +41,8 @@ DEPTH = 1.0
 PICTURE = CameraConfig(width=640, height=480)
 SHOWN = 12
 """Candidates for the flange that are printed."""
-POSITION, RATE = 1, 2
+POSITION = 1
+RATE = 2
 """Places of an actuator's feedback in its bias."""
 
 
@@ -52,7 +53,8 @@ def examine(given: dict[str, Any], out: Path) -> int:
         Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG.
     """
     check_suffix(out, ".png")
-    console, config = Console(), fill(mjcf.Config, given, "robot")
+    console = Console()
+    config = fill(mjcf.Config, given, "robot")
     try:
         spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)
         model, chain = camera_chain(spec, config.flange, config.camera)
@@ -84,12 +86,15 @@ def _robot(config: mjcf.Config) -> Robot:
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     """The room and the camera's view side by side, and whether the camera is over the target."""
     rng = np.random.default_rng(0)
-    design, target = config.build(rng), car.Config().build(rng)
+    design = config.build(rng)
+    target = car.Config().build(rng)
     motion = still.Config().build(rng)
     world = World(WorldConfig(), design, target, PICTURE, motion, (), rng)
     size = PICTURE.width, PICTURE.height
-    room, eye = (OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
-                 for name in ("room", CAMERA))  # fmt: skip
+    room, eye = (
+        OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
+        for name in ("room", CAMERA)
+    )
     try:
         reach = world.start(np.array(size) / 2, 0.0, DEPTH)
         views = [room.render(world.data), eye.render(world.data)]
@@ -116,10 +121,12 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
         limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
-        name, kind = model.joint(joint).name, kind_of_joint(model.jnt_type[joint])
+        name = model.joint(joint).name
+        kind = kind_of_joint(model.jnt_type[joint])
         if joint in chain.joints:
             number = chain.joints.index(joint)
-            fastest, unit = robot.fastest[robot.names.index(name)], robot.units[number]
+            fastest = robot.fastest[robot.names.index(name)]
+            unit = robot.units[number]
             rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
             limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
             rows.append([name, kind, limits, rate, _actuator(model, joint)])

@@ -29,9 +29,15 @@ from sim.types import Array
 
 
 def run_scenario(
-    name: str, changes: Sequence[str], seed: int | None, out: Path | None, *, quiet: bool,
-    rerun: bool, outputs: Outputs = NOTHING_MORE,
-) -> int:  # fmt: skip
+    name: str,
+    changes: Sequence[str],
+    seed: int | None,
+    out: Path | None,
+    *,
+    quiet: bool,
+    rerun: bool,
+    outputs: Outputs = NOTHING_MORE,
+) -> int:
     """Run one scenario into a folder; the exit code: 1 if a bound was missed.
 
     Raises:
@@ -52,7 +58,8 @@ def run_scenario(
     with episode:
         if episode.world.outline_found:
             console.print(_outline_line(episode.world.outline))
-        viewer, folder = outputs.viewer(), prepare(out, name)
+        viewer = outputs.viewer()
+        folder = prepare(out, name)
         announce(viewer, console)
         more = outputs.of_run(episode, viewer)
         output = RunFolder(folder, episode, rerun=rerun, command=again, more=more)

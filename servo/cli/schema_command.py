@@ -56,7 +56,8 @@ def vary_schema() -> Schema:
 def sweep_schema() -> Schema:
     """Schema of the table of a study of this scenario."""
     share = {"type": "number", "minimum": 0, "maximum": 1, "description": "Share of good runs."}
-    seed, most = {"type": "integer", "minimum": 0}, {"maximum": parse.MOST_RUNS}
+    seed = {"type": "integer", "minimum": 0}
+    most = {"maximum": parse.MOST_RUNS}
     name = {"type": "string"}
     properties: Schema = {
         "scenario": {
@@ -172,7 +173,8 @@ def _branch(folder: str, kind: str, *, is_default: bool) -> Schema:
 
 def _settings(config: Any) -> Schema:
     """The table of a dataclass, whose instance has the defaults."""
-    docs, hints = kinds.field_docs(type(config)), get_type_hints(type(config), include_extras=True)
+    docs = kinds.field_docs(type(config))
+    hints = get_type_hints(type(config), include_extras=True)
     properties: Schema = {}
     for f in dataclasses.fields(config):
         value = getattr(config, f.name)

@@ -39,10 +39,13 @@ def film(length: float, width: int = 320, frames: int = 40) -> Film:
     height = width * 3 // 4
     focal = length / CAR_LENGTH  # at the goal's depth of 1 m
     changes = [
-        "controller.kind=hold", "motion.x=-0.05", f"run.duration={frames / 30}",
-        f"camera.width={width}", f"camera.height={height}",
+        "controller.kind=hold",
+        "motion.x=-0.05",
+        f"run.duration={frames / 30}",
+        f"camera.width={width}",
+        f"camera.height={height}",
         f"camera.fovy_deg={degrees(2 * atan(height / 2 / focal))}",
-    ]  # fmt: skip
+    ]
     with Episode(load("line", changes)) as episode:
         steps = list(episode)
     first = steps[0]
@@ -60,7 +63,8 @@ def tracker_ms(kind: str, film: Film, **settings: Any) -> float:
 def law_ms(estimator: str = "kalman_cv", rounds: int = 10) -> float:
     """Median time of features, control law and estimator together over a run's steps [ms]."""
     with Episode(load("line", ["run.duration=1.0", f"estimator.kind={estimator}"])) as episode:
-        steps, dt = list(episode), episode.world.period
+        steps = list(episode)
+        dt = episode.world.period
         scene = steps[0].scene
         to_sight = EstimateToSight(
             episode.scenario.sight, scene.camera, scene.region, scene.outline
@@ -102,8 +106,10 @@ def times_of(episode: Episode, add: Callable[[Step], None] | None = None) -> Loo
         walls.append(perf_counter() - began)
         stages.append(step.seconds)
         began = perf_counter()
-    each = (1e3 * median(getattr(s, name) for s in stages[WARM:])
-            for name in ("render", "track", "control", "physics"))  # fmt: skip
+    each = (
+        1e3 * median(getattr(s, name) for s in stages[WARM:])
+        for name in ("render", "track", "control", "physics")
+    )
     return LoopTimes(1e3 * median(walls[WARM:]), *each)
 
 

@@ -28,8 +28,12 @@ from servo.study.work import FailedRun, work
 from sim import gl
 from tracking.files.csv_text import csv_text
 
-SHOWN = {"rms": "servo_rms_px", "peak": "servo_peak_px", "tracker": "tracking_rms_px",
-         "ms": "track_ms"}  # fmt: skip
+SHOWN = {
+    "rms": "servo_rms_px",
+    "peak": "servo_peak_px",
+    "tracker": "tracking_rms_px",
+    "ms": "track_ms",
+}
 """Measures in the table, by the titles of their columns."""
 LEGEND = (
     "held: share of runs with the expected outcome, with its 95 % interval over the units; true "
@@ -95,10 +99,12 @@ def run(request: SweepRequest) -> int:
 
 def _work(study: Study, store: Store, request: SweepRequest, console: Console) -> list[FailedRun]:
     """Do the missing runs; those that failed."""
-    done, failed = store.done(), list[FailedRun]()
+    done = store.done()
+    failed = list[FailedRun]()
     if len(done) == study.size:
         return failed
-    began, by = time.monotonic(), request.scheduler
+    began = time.monotonic()
+    by = request.scheduler
     with (
         progress_bar(console) as bar,
         local(request.workers) if by is None else remote(by) as cluster,

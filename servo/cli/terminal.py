@@ -30,7 +30,8 @@ COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "b
 
 def progress_bar(console: Console) -> Progress:
     """A bar with count, time left, and a note; it disappears when the work is done."""
-    title, note = TextColumn("{task.description}"), TextColumn("{task.fields[note]}")
+    title = TextColumn("{task.description}")
+    note = TextColumn("{task.fields[note]}")
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), note)
     return Progress(*columns, console=console, transient=True)
 

@@ -65,11 +65,19 @@ class TrackRequest:
     def command(self) -> str:
         """The command line, without --out and other places to write to."""
         return command_line(
-            "track", self.source, region=self.region, topic=self.topic, tracker=self.tracker,
-            set=list(self.changes), seed=self.seed, truth=self.truth,
-            truth_format=self.truth_format, rerun=self.rerun,
-            rate=f"{self.rate:g}", frames=self.frames,
-        )  # fmt: skip
+            "track",
+            self.source,
+            region=self.region,
+            topic=self.topic,
+            tracker=self.tracker,
+            set=list(self.changes),
+            seed=self.seed,
+            truth=self.truth,
+            truth_format=self.truth_format,
+            rerun=self.rerun,
+            rate=f"{self.rate:g}",
+            frames=self.frames,
+        )
 
     def name_with(self, kind: str) -> str:
         """The name of the folder, with the tracker's kind in it."""
@@ -102,8 +110,10 @@ def run(request: TrackRequest) -> int:
     kind = settings["kind"]
     name = request.name_with(kind)
     first = _first(request, shots, name)
-    viewer, folder = request.outputs.viewer(), prepare(request.out, name)
-    console, comparison = Console(quiet=request.quiet), None
+    viewer = request.outputs.viewer()
+    folder = prepare(request.out, name)
+    console = Console(quiet=request.quiet)
+    comparison = None
     announce(viewer, console)
     more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
     try:
@@ -151,7 +161,8 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
 
 def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
     """The request without a password, with the region if a person draws it; and the pictures."""
-    request, pictures = replace(request, source=shown(request.source)), iter(source)
+    request = replace(request, source=shown(request.source))
+    pictures = iter(source)
     if not request.select:
         return request, pictures
     text, pictures = region_choice.select(request.source, pictures, request.region)
@@ -164,8 +175,10 @@ def _truth(request: TrackRequest, source: Source) -> Array | None:
     if path is None:
         return None
     if source.count is None:
-        raise Mistake(f"{path}: the pictures of {request.source} cannot be counted, so there is no "
-                      "truth for them")  # fmt: skip
+        raise Mistake(
+            f"{path}: the pictures of {request.source} cannot be counted, so there is no "
+            "truth for them"
+        )
     truth = truths.read(path, form)
     check_truth(truth, source, str(path), form)
     return truth
@@ -182,9 +195,12 @@ def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, Stat
 
 
 def _write(
-    request: TrackRequest, files: TrackFolder, truth: Array | None, shots: Iterator[Shot],
+    request: TrackRequest,
+    files: TrackFolder,
+    truth: Array | None,
+    shots: Iterator[Shot],
     source: Source,
-) -> tuple[list[Shot], int]:  # fmt: skip
+) -> tuple[list[Shot], int]:
     """Write all shots; the shots without pictures, and the exit code."""
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
@@ -206,9 +222,13 @@ def _write(
 
 
 def _report(
-    request: TrackRequest, folder: Path, settings: dict[str, Any], seen: list[Shot],
-    comparison: Comparison | None, end: End | None,
-) -> Path:  # fmt: skip
+    request: TrackRequest,
+    folder: Path,
+    settings: dict[str, Any],
+    seen: list[Shot],
+    comparison: Comparison | None,
+    end: End | None,
+) -> Path:
     measures = {} if comparison is None else measure_all(comparison)
     blind = [shot.picture.name for shot in seen if shot.blind]
     report = TrackReport(

@@ -29,8 +29,11 @@ def print_track(
 
 def _print_measures(console: Console, comparison: Comparison) -> None:
     found = ((m, m.of(comparison)) for m in MEASURES)
-    rows = [[m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
-            for m, value in found if np.isfinite(value)]  # fmt: skip
+    rows = [
+        [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
+        for m, value in found
+        if np.isfinite(value)
+    ]
     print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
 
 

@@ -72,7 +72,8 @@ def joint_bounds(posture: Posture, way: Array, margin: float, gain: float) -> Bo
     Returns:
         None where the posture has no joints, or no Jacobian that can be used.
     """
-    p, J = posture, posture.jacobian
+    p = posture
+    J = posture.jacobian
     if J.size == 0 or not np.isfinite(J).all():
         return None
     A = _inverse_of(J)
@@ -103,8 +104,10 @@ def view_bounds(
         margin: Way to the sides that is kept [px].
         gain: How fast a corner may use up the rest [1/s].
     """
-    pixels, A = camera.to_pixels(corners_of(seen)), _pixel_rows(seen, camera)
-    at, drift = pixels.T.ravel() + A @ way, A @ target
+    pixels = camera.to_pixels(corners_of(seen))
+    A = _pixel_rows(seen, camera)
+    at = pixels.T.ravel() + A @ way
+    drift = A @ target
     size = np.repeat([camera.width, camera.height], 4)
     return Bounds(A, gain * (margin - at) - drift, gain * (size - margin - at) - drift, SIDES)
 
@@ -115,6 +118,7 @@ def _pixel_rows(seen: Sight, camera: Camera) -> Array:
     if camera.distortion is None:
         return np.concatenate([camera.fx * rows[0], camera.fy * rows[1]])
     corners = corners_of(seen)
-    here, there = camera.to_pixels(corners), camera.to_pixels(corners + STEP * np.eye(2)[:, None])
+    here = camera.to_pixels(corners)
+    there = camera.to_pixels(corners + STEP * np.eye(2)[:, None])
     by_x, by_y = (there - here).transpose(0, 2, 1).reshape(2, 8, 1) / STEP
     return by_x * np.tile(rows[0], (2, 1)) + by_y * np.tile(rows[1], (2, 1))

@@ -46,7 +46,8 @@ class Inverse:
             moves: Degrees of freedom (6,) that may move.
             weights: Weights (6,) of the degrees of freedom.
         """
-        (known,), (moving,) = rows.nonzero(), moves.nonzero()
+        (known,) = rows.nonzero()
+        (moving,) = moves.nonzero()
         w = weights[moving] / (weights[moving].max(initial=0.0) or 1.0)
         pseudo = np.zeros(L.shape[::-1])
         pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)

@@ -82,8 +82,11 @@ class LawSettings:
             twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
             if twice is not None:
                 raise ValueError(f"{name} has '{twice}' twice")
-        if not any(weight for name, weight in zip(DOF, self.weights, strict=True)
-                   if name in (UNTILTED if self.dof is None else self.dof)):  # fmt: skip
+        if not any(
+            weight
+            for name, weight in zip(DOF, self.weights, strict=True)
+            if name in (UNTILTED if self.dof is None else self.dof)
+        ):
             raise ValueError(
                 "dof and weights let no part of the twist move; for a camera that stands still "
                 'set controller.kind = "hold"'
@@ -104,5 +107,6 @@ def adaptive_gain(config: LawSettings, ahead: Array) -> float:
     """
     if config.gain_far is None or config.gain_far == config.gain:
         return config.gain
-    x, span = float(np.abs(ahead).max()), config.gain - config.gain_far
+    x = float(np.abs(ahead).max())
+    span = config.gain - config.gain_far
     return span * float(np.exp(-config.gain_slope * x / abs(span))) + config.gain_far

@@ -22,7 +22,8 @@ class Limits:
         acceleration_turn: float | None,
     ) -> None:
         """Begin at rest, with limits in m/s, rad/s, m/s^2 and rad/s^2; None: there is none."""
-        self._speed, self._turn = speed, turn
+        self._speed = speed
+        self._turn = turn
         self._most_change = None
         if acceleration is not None or acceleration_turn is not None:
             self._most_change = (acceleration or np.inf, acceleration_turn or np.inf)

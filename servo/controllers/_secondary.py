@@ -43,7 +43,8 @@ def avoid_limits(posture: Posture) -> Array:
 def _ranges(posture: Posture) -> tuple[NDArray[np.intp], Array, Array]:
     """Which joints are limited, how far they are from their middles (-1..1), half their ranges."""
     limited = np.flatnonzero(np.isfinite(posture.lower) & np.isfinite(posture.upper))
-    low, high = posture.lower[limited], posture.upper[limited]
+    low = posture.lower[limited]
+    high = posture.upper[limited]
     half = (high - low) / 2
     return limited, (posture.joints[limited] - (low + high) / 2) / half, half
 

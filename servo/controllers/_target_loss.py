@@ -27,7 +27,9 @@ class TargetLoss:
             hold: How long the camera then stands before it searches [s]; None: it never does.
             speed: Speed of the search [m/s].
         """
-        self._coast, self._hold, self._speed = coast, hold, speed
+        self._coast = coast
+        self._hold = hold
+        self._speed = speed
         self._unseen = self._turned = 0.0
 
     def seen(self) -> Mode:
@@ -49,7 +51,8 @@ class TargetLoss:
         """The next camera twist (6,) along a spiral r = b phi, at constant speed in the image's
         plane.
         """
-        b, phi = PITCH / (2 * np.pi), self._turned
+        b = PITCH / (2 * np.pi)
+        phi = self._turned
         along = b * np.array([np.cos(phi) - phi * np.sin(phi), np.sin(phi) + phi * np.cos(phi)])
         length = float(np.linalg.norm(along))
         self._turned += self._speed * dt / length

@@ -46,12 +46,15 @@ class Config(LawSettings):
 
 def _fed_forward(config: Config, features: FeatureSet) -> Array:
     """1 for the features (k,) whose target motion is compensated, 0 for the others."""
-    names, chosen = features.names, config.feed_forward
+    names = features.names
+    chosen = config.feed_forward
     for name in chosen or ():
         if name not in names and list(chosen or ()) == PRESETS["paper"]["feed_forward"]:
             fed = ", ".join(chosen or ())
-            raise ValueError(f"controller.feed_forward: {fed} (as in preset = \"paper\") are "
-                             f"features of 'moments'; there is {', '.join(names)}")  # fmt: skip
+            raise ValueError(
+                f'controller.feed_forward: {fed} (as in preset = "paper") are '
+                f"features of 'moments'; there is {', '.join(names)}"
+            )
         if name not in names:
             raise ValueError(f"controller.feed_forward: {unknown(name, names, 'feature')}")
     fed = features.feed_forward if chosen is None else chosen
@@ -64,7 +67,8 @@ class Ibvs:
 
     def __init__(self, config: Config, guard: Guard | None = None) -> None:
         """Build it; a guard may change each twist that follows what is seen."""
-        self._config, self._guard = (c := config), guard
+        self._config = (c := config)
+        self._guard = guard
         self._tilt_seen = False
         self._weights = np.array(c.weights)
 
@@ -74,14 +78,17 @@ class Ibvs:
         Raises:
             ValueError: feed_forward names a feature that the set does not have.
         """
-        c, self._features, self._estimator = self._config, task.features, task.estimator
+        c = self._config
+        self._features = task.features
+        self._estimator = task.estimator
         self._fed = _fed_forward(c, self._features)
         if self._guard is not None:
             self._guard.start(task)
         self.aim(task.goal)
         self._scales = self._features.scales(self._goal)
         self._known = self._features.known(task.goal)
-        self._seen, self._matrix_seen = self._goal, self._goal_matrix
+        self._seen = self._goal
+        self._matrix_seen = self._goal_matrix
         self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)
         self._limits = Limits(c.fastest, c.fastest_turn, c.acceleration, c.acceleration_turn)
         self._under_way = UnderWay(task.latency)
@@ -92,41 +99,54 @@ class Ibvs:
 
     def aim(self, goal: Sight) -> None:
         """Go on with another goal."""
-        self._goal, self._goal_matrix = self._features.values(goal), self._features.matrix(goal)
+        self._goal = self._features.values(goal)
+        self._goal_matrix = self._features.matrix(goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """The twist for what is seen now; where it is not seen, the estimated motion, then
         none, or a search.
         """
         self._see(seen)
-        error, scales = self._features.error(self._seen, self._goal), self._scales
+        error = self._features.error(self._seen, self._goal)
+        scales = self._scales
         own = self._own(posture, dt)
         if seen is not None:
             measured = np.where(self._known, error / scales, np.nan)
-            predicted, mode = self._estimator.update(measured, own, dt), self._loss.seen()
+            predicted = self._estimator.update(measured, own, dt)
+            mode = self._loss.seen()
         else:
-            predicted, mode = self._estimator.skip(own, dt), self._loss.wait(dt)
+            predicted = self._estimator.skip(own, dt)
+            mode = self._loss.wait(dt)
         predicted = predicted.times(scales)
         asked = self._twist(predicted, mode, posture, dt, seen)
         twist, saturated = self._limits.apply(asked.twist, dt)
         self._under_way.add(twist)
         return Command(
-            twist, saturated or bool(asked.limits), mode,
-            Trace(self._seen, error, predicted, scales, own.past), asked.limits, asked.violated,
-        )  # fmt: skip
+            twist,
+            saturated or bool(asked.limits),
+            mode,
+            Trace(self._seen, error, predicted, scales, own.past),
+            asked.limits,
+            asked.violated,
+        )
 
     def _see(self, seen: Sight | None) -> None:
         """Take over what is seen; `_change` is that of the matrix since the last frame, None unless
         the same features were known in both.
         """
         if seen is None:
-            self._before, self._change = None, None
+            self._before = None
+            self._change = None
             return
-        known_before, self._known = self._known, self._features.known(seen)
+        known_before = self._known
+        self._known = self._features.known(seen)
         self._tilt_seen = seen.tilt_known
-        self._seen, self._matrix_seen = self._features.values(seen), self._features.matrix(seen)
-        before, self._before = self._before, self._matrix_seen
-        self._change, same = None, bool((known_before == self._known).all())
+        self._seen = self._features.values(seen)
+        self._matrix_seen = self._features.matrix(seen)
+        before = self._before
+        self._before = self._matrix_seen
+        self._change = None
+        same = bool((known_before == self._known).all())
         if before is not None and same and self._config.interval == "mean":
             self._change = self._matrix_seen - before
 
@@ -136,7 +156,8 @@ class Ibvs:
         """
         L = self._matrix_seen / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
-        coming, begins = list[Array](), 0.0
+        coming = list[Array]()
+        begins = 0.0
         pieces = self._under_way.coming(posture, dt)
         for twist, share in pieces:
             coming.append((L + min(begins + share / 2, FORESEEN) * change) @ twist)
@@ -153,7 +174,8 @@ class Ibvs:
             return Allowed(np.zeros(6))
         if mode is Mode.SEARCHING:
             return Allowed(self._loss.search(dt))
-        c, inverse = self._config, self._inverse()
+        c = self._config
+        inverse = self._inverse()
         ahead = inverse.pseudo @ predicted.error
         gain = adaptive_gain(c, ahead)
         target = inverse.pseudo @ (self._fed * predicted.motion)

@@ -84,8 +84,10 @@ class Programme:
         Raises:
             ValueError: The margin leaves nothing of the picture.
         """
-        self._camera, margin = task.camera, self._config.margin
-        width, height = task.camera.width, task.camera.height
+        self._camera = task.camera
+        margin = self._config.margin
+        width = task.camera.width
+        height = task.camera.height
         if margin >= min(width, height) / 2:
             raise ValueError(
                 f"controller.margin = {margin:g}: nothing is left of a picture of {width} x "
@@ -95,7 +97,8 @@ class Programme:
     def allowed(self, wanted: Wanted) -> Allowed:
         """The twist that changes the features most nearly as wanted, inside the limits."""
         fast = max(1.0, excess(wanted.twist, self._config.fastest, self._config.fastest_turn))
-        law, limits = wanted.twist / fast, ("speed",) * (fast > 1.0)
+        law = wanted.twist / fast
+        limits = ("speed",) * (fast > 1.0)
         hard, view = self._bounds(wanted)
         bounds = hard if view is None else hard + view
         over = bounds.excess(law)
@@ -114,7 +117,10 @@ class Programme:
 
     def _bounds(self, wanted: Wanted) -> tuple[Bounds, Bounds | None]:
         """Hard bounds, and those of the view where the target is seen with its corners."""
-        c, seen, rate, view = self._config, wanted.seen, 1 / wanted.dt, None
+        c = self._config
+        seen = wanted.seen
+        rate = 1 / wanted.dt
+        view = None
         gains = min(c.joint_gain, rate), min(c.view_gain, rate)
         joints = joint_bounds(wanted.posture, wanted.way, c.joint_margin, gains[0])
         if seen is not None and seen.corners is not None:
@@ -129,8 +135,10 @@ def _change(
 
     Where DAQP finds none, the camera stands; it then keeps all hard bounds.
     """
-    L, A = wanted.L[:, wanted.moves], np.ascontiguousarray(bounds.A[:, wanted.moves])
-    n, at = L.shape[1], bounds.A @ law
+    L = wanted.L[:, wanted.moves]
+    A = np.ascontiguousarray(bounds.A[:, wanted.moves])
+    n = L.shape[1]
+    at = bounds.A @ law
     H = L.T @ L + DAMPING * np.eye(n)
     found, _, flag, info = daqp.solve(
         H, np.zeros(n), A, bounds.upper - at, bounds.lower - at, sense

@@ -95,12 +95,14 @@ class ErrorFilters:
             predicts: Return the error as it will be when the command acts, not as it was seen.
             test: Finds features whose motion is to be taken anew.
         """
-        self._predicts, self._test = predicts, test
+        self._predicts = predicts
+        self._test = test
         self._model = models(motion_at)
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
-        self._features, self._level = features, Level(np.square(features.noise))
+        self._features = features
+        self._level = Level(np.square(features.noise))
         self._begun = np.zeros(len(features.names), dtype=bool)
         self._filters: Filters | None = None
 
@@ -109,12 +111,14 @@ class ErrorFilters:
         if self._filters is None:
             self._filters = Filters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
-        f, seen = self._filters, np.isfinite(error)
+        f = self._filters
+        seen = np.isfinite(error)
         self._corrected = measured = seen & self._begun
         old = f.x, f.covariance
         self._advance(f, own)
         y = self._gap(f, error, seen)
-        ratio, jumped = y**2 / f.S, np.zeros_like(measured)
+        ratio = y**2 / f.S
+        jumped = np.zeros_like(measured)
         if self._test is not None:
             normalised = np.where(measured, y / np.sqrt(f.S * self._level.value), 0.0)
             jumped = measured & self._test.jumped(normalised)
@@ -145,7 +149,8 @@ class ErrorFilters:
 
     def _advance(self, f: Filters, own: OwnMotion) -> None:
         """Predict the features that have begun."""
-        x, P = f.x, f.covariance
+        x = f.x
+        P = f.covariance
         f.predict(own.past)
         f.x = np.where(self._begun[:, None], f.x, x)
         f.covariance = np.where(self._begun[:, None, None], f.covariance, P)

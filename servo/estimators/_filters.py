@@ -17,7 +17,8 @@ from sim.geometry import inverse
 from sim.types import Array
 
 Flags = NDArray[np.bool_]
-MEMORY, FIRST = 60, 5
+MEMORY = 60
+FIRST = 5
 """Frames over which a level is learned, and how many of them the given one counts for at first."""
 MOST = 9.0
 """What one innovation may count for: a target that turns is no noise."""
@@ -53,10 +54,12 @@ class Filters:
 
     def __init__(self, model: Model, count: int) -> None:
         """States of zero."""
-        self._all, self._each = np.arange(count), np.eye(count)
+        self._all = np.arange(count)
+        self._each = np.eye(count)
         self._filter = f = KalmanFilter(dim_x=count * len(model.H), dim_z=count, dim_u=count)
         f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
-        f.H, f.P = blocks(self._each, model.H[None]), blocks(self._each, model.P)
+        f.H = blocks(self._each, model.H[None])
+        f.P = blocks(self._each, model.P)
         self.x = np.zeros((count, len(model.H)))
         self._before: tuple[Array, Array] | None = None
         self._take(model)
@@ -67,13 +70,17 @@ class Filters:
             self._take(model)
 
     def _take(self, model: Model) -> None:
-        self.model, f, each = model, self._filter, self._each
-        f.F, f.Q = blocks(each, model.F), blocks(each, model.Q)
+        self.model = model
+        f = self._filter
+        each = self._each
+        f.F = blocks(each, model.F)
+        f.Q = blocks(each, model.Q)
         f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
 
     def predict(self, u: Array) -> None:
         """Go on by a frame, with a known input (k,)."""
-        f, self._before = self._filter, None
+        f = self._filter
+        self._before = None
         f.x = self.x.reshape(-1, 1)
         f.predict(u[:, None])
         self.x = f.x.reshape(self.x.shape)
@@ -100,7 +107,8 @@ class Filters:
 
     def update(self, innovation: Array, measured: Flags) -> None:
         """Correct the features that were measured, by their innovations (k,)."""
-        f, self._before = self._filter, (self.x, self.covariance)
+        f = self._filter
+        self._before = (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
         f.R = np.diag(np.where(measured, self.model.R, UNMEASURED * self.S))
         f.update(self.expected + np.where(measured, innovation, 0.0))
@@ -110,7 +118,8 @@ class Filters:
         """Take back the correction of some features (k,), if it came last; whether it did."""
         if self._before is None:
             return False
-        (x, P), self._before = self._before, None
+        (x, P) = self._before
+        self._before = None
         self.x = np.where(which[:, None], x, self.x)
         self.covariance = np.where(which[:, None, None], P, self.covariance)
         return True
@@ -137,7 +146,8 @@ class Level:
 
     def __init__(self, given: Array) -> None:
         """Begin with these variances (k,)."""
-        self.value, self._least = given.copy(), LEAST * given
+        self.value = given.copy()
+        self._least = LEAST * given
         self._frames = np.full(len(given), float(FIRST))
 
     def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:

@@ -66,7 +66,8 @@ class DifferenceFilters:
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
         variance = np.square(features.noise)
-        self._first, self._relative = float(variance[0]), variance / variance[0]
+        self._first = float(variance[0])
+        self._relative = variance / variance[0]
         self._difference = Difference(features)
         self._model = cache(lambda dt: self._model_at(dt, self._first))
         self._begun = np.zeros(len(variance), dtype=bool)
@@ -77,9 +78,11 @@ class DifferenceFilters:
         if self._filters is None:
             self._filters = Filters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
-        f, shown = self._filters, np.where(np.isfinite(error), error, 0.0)
+        f = self._filters
+        shown = np.where(np.isfinite(error), error, 0.0)
         z, fresh = self._difference.measure(error, own.past, dt)
-        first, measured = fresh & ~self._begun, fresh & self._begun
+        first = fresh & ~self._begun
+        measured = fresh & self._begun
         self._predict(f)
         y = z - f.expected
         nis = y**2 / (f.S * self._relative)

@@ -18,7 +18,8 @@ from annotated_types import Ge, Le
 from servo.estimators._error_filter import ErrorFilters, TargetModel
 from servo.estimators._kalman import Ratio, between
 
-AT_30_HZ, AT_5_HZ = 0.03, 2.0
+AT_30_HZ = 0.03
+AT_5_HZ = 2.0
 """Tuned noise of the acceleration: a slow camera sees a faster changing velocity."""
 
 SLOWEST = 0.2

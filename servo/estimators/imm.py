@@ -51,7 +51,8 @@ class Imm:
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
         k = len(features.names)
-        self._features, self._level = features, Level(np.square(features.noise))
+        self._features = features
+        self._level = Level(np.square(features.noise))
         self._begun = np.zeros(k, dtype=bool)
         self._filters: tuple[Filters, ...] = ()
         self._mu = np.full((2, k), 0.5)
@@ -66,7 +67,8 @@ class Imm:
         each = np.array([f.expected for f in self._filters])
         expected = (self._mu * each).sum(axis=0)
         z = expected + self._features.error(np.where(seen, error, expected), expected)
-        y, S = z - each, np.array([f.S for f in self._filters])
+        y = z - each
+        S = np.array([f.S for f in self._filters])
         spread = (self._mu * (S + (each - expected) ** 2 / self._level.value)).sum(axis=0)
         level = self._level.value
         nis = self._level.learn((z - expected) ** 2 / spread, measured)
@@ -106,7 +108,8 @@ class Imm:
             mean = (share * x).sum(axis=0)
             off = x - mean
             apart = off[..., :, None] * off[..., None, :] / self._level.value[:, None, None]
-            f.x, f.covariance = mean, (share[..., None] * (P + apart)).sum(axis=0)
+            f.x = mean
+            f.covariance = (share[..., None] * (P + apart)).sum(axis=0)
             f.use(self._model_at[j](dt))
             f.predict(own.past)
             f.x = _where(self._begun, f.x, x[j])

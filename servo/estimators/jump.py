@@ -54,7 +54,8 @@ class Cusum:
     """Cumulative sums in both directions."""
 
     def __init__(self, drift: float, threshold: float) -> None:
-        self._drift, self._threshold = drift, threshold
+        self._drift = drift
+        self._threshold = threshold
         self._sums = np.zeros((2, 1))
 
     def jumped(self, normalised: Array) -> Flags:

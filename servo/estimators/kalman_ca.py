@@ -29,8 +29,10 @@ from servo.estimators._kalman import (
 from servo.parts import Estimator
 from sim.types import Array
 
-VELOCITY_AT_30_HZ, VELOCITY_AT_5_HZ = 0.06, 1.0
-ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ = 3e-3, 0.1
+VELOCITY_AT_30_HZ = 0.06
+VELOCITY_AT_5_HZ = 1.0
+ACCELERATION_AT_30_HZ = 3e-3
+ACCELERATION_AT_5_HZ = 0.1
 """Tuned sQ / sR and sQ2 T^2 / sR: a slow camera sees a faster changing velocity."""
 
 
@@ -65,7 +67,9 @@ class Config:
 
     def model(self, dt: float, variance: float) -> Model:
         """ViSP's filter of a feature that is measured with this variance, at an interval [s]."""
-        sR, rho, T = self.measure_variance or difference_variance(variance, dt), self.rho, dt
+        sR = self.measure_variance or difference_variance(variance, dt)
+        rho = self.rho
+        T = dt
         ratio, acceleration = self._ratios(dt)
         sQ = self.state_variance or sR * ratio
         sQ2 = self.acceleration_variance or sR * acceleration / T**2
@@ -81,7 +85,8 @@ class Config:
 
     def motion(self, dt: float) -> TargetModel:
         """The same model for a filter of the error, at a frame interval [s]."""
-        sR, M = difference_variance(1.0, dt), self._F(dt)
+        sR = difference_variance(1.0, dt)
+        M = self._F(dt)
         ratio, acceleration = self._ratios(dt)
         Q = sR * np.diag([0.0, ratio, acceleration / dt**2])
         P = sR * np.diag([0.0, ratio / (1 - self.rho**2), 2 / dt**2])

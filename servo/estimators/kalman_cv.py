@@ -31,7 +31,8 @@ from servo.estimators._kalman import (
 from servo.parts import Estimator
 
 RHO = 0.6
-RATIO_AT_30_HZ, RATIO_AT_5_HZ = 0.04, 3.0
+RATIO_AT_30_HZ = 0.04
+RATIO_AT_5_HZ = 3.0
 """Tuned sQ / sR: a slow camera sees a faster changing velocity."""
 
 
@@ -62,9 +63,11 @@ class Config:
 
     def model(self, dt: float, variance: float) -> Model:
         """ViSP's filter of a feature that is measured with this variance, at an interval [s]."""
-        sR, rho = self.measure_variance or difference_variance(variance, dt), self.rho
+        sR = self.measure_variance or difference_variance(variance, dt)
+        rho = self.rho
         sQ = self.state_variance or sR * (self.ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt))
-        F, P = np.array([[1.0, 1.0], [0.0, rho]]), np.diag([sR, sQ / (1 - rho**2)])
+        F = np.array([[1.0, 1.0], [0.0, rho]])
+        P = np.diag([sR, sQ / (1 - rho**2)])
         return Model(F, np.zeros(2), np.eye(2)[0], np.diag([0.0, sQ]), sR, P)
 
 
@@ -72,5 +75,6 @@ def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
     """The same model for a filter of the error, at a frame interval [s]."""
     ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
     sQ = ratio * difference_variance(1.0, dt)
-    M, P = np.array([[1.0, 1.0], [0.0, rho]]), np.diag([0.0, sQ / (1 - rho**2)])
+    M = np.array([[1.0, 1.0], [0.0, rho]])
+    P = np.diag([0.0, sQ / (1 - rho**2)])
     return TargetModel(M, dt * M[0], np.diag([0.0, sQ]), P)

@@ -40,7 +40,9 @@ class Spread:
     @staticmethod
     def of(m: Moments, plane: Plane) -> Spread:
         """Of these moments, in this plane."""
-        n20, n11, n02 = 4 * m.mu20 / m.area, 4 * m.mu11 / m.area, 4 * m.mu02 / m.area
+        n20 = 4 * m.mu20 / m.area
+        n11 = 4 * m.mu11 / m.area
+        n02 = 4 * m.mu02 / m.area
         return Spread(
             e11=n11 - m.xg * m.yg / 2,
             e12=n20 - m.xg**2 / 2,
@@ -51,21 +53,34 @@ class Spread:
 
 def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
     """Row (6,) of xn = an xg."""
-    A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
-    vx, vy, vz = -an * (s.k - A * m.xg / 2), B * xn / 2, an * (A * s.e12 + B * s.e11)
+    A = plane.A
+    B = plane.B
+    xn = an * m.xg
+    yn = an * m.yg
+    vx = -an * (s.k - A * m.xg / 2)
+    vy = B * xn / 2
+    vz = an * (A * s.e12 + B * s.e11)
     return vx, vy, vz, an * s.e11, -an * (1 + s.e12), yn
 
 
 def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
     """Row (6,) of yn = an yg."""
-    A, B, xn, yn = plane.A, plane.B, an * m.xg, an * m.yg
-    vx, vy, vz = A * yn / 2, -an * (s.k - B * m.yg / 2), an * (A * s.e11 + B * s.e21)
+    A = plane.A
+    B = plane.B
+    xn = an * m.xg
+    yn = an * m.yg
+    vx = A * yn / 2
+    vy = -an * (s.k - B * m.yg / 2)
+    vz = an * (A * s.e11 + B * s.e21)
     return vx, vy, vz, an * (1 + s.e21), -an * s.e11, -xn
 
 
 def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
     """Row (6,) of an = K / sqrt(a)."""
-    A, B, C, k = plane.A, plane.B, plane.C, s.k
+    A = plane.A
+    B = plane.B
+    C = plane.C
+    k = s.k
     vz = -an * (3 * k - C) / 2
     return A * an / 2, B * an / 2, vz, -1.5 * an * m.yg, 1.5 * an * m.xg, 0.0
 
@@ -76,13 +91,19 @@ def row_theta(m: Moments, plane: Plane) -> Row:
     Raises:
         ValueError: The shape is round, so it has no orientation.
     """
-    d, total = m.mu20 - m.mu02, m.mu20 + m.mu02
+    d = m.mu20 - m.mu02
+    total = m.mu20 + m.mu02
     D = d**2 + 4 * m.mu11**2
     root = sqrt(D)
     if root <= ROUND * total:
         raise ValueError("a shape with equal principal moments has no orientation to servo on")
-    q, c, s = total / root, d / root, 2 * m.mu11 / root
-    A, B, xg, yg = plane.A, plane.B, m.xg, m.yg
+    q = total / root
+    c = d / root
+    s = 2 * m.mu11 / root
+    A = plane.A
+    B = plane.B
+    xg = m.xg
+    yg = m.yg
     wx = 5 * (m.mu12 * d + m.mu11 * (m.mu03 - m.mu21)) / D + (-xg * (1 - q * c) + yg * q * s) / 2
     wy = 5 * (-m.mu21 * d + m.mu11 * (m.mu30 - m.mu12)) / D + (xg * q * s - yg * (1 + q * c)) / 2
     vx = (A * q * s + B * (1 - q * c)) / 2

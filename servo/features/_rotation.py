@@ -28,7 +28,9 @@ class WithRotation:
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
         """A similarity has no tilt."""
-        angle, size, tilt = sight.angle_known, sight.size_known, sight.tilt_known
+        angle = sight.angle_known
+        size = sight.size_known
+        tilt = sight.tilt_known
         return np.array([True, True, size, tilt, tilt, angle])
 
     def scales(self, goal: Array) -> Array:
@@ -50,7 +52,8 @@ def rotation_rows(w: Array) -> Array:
     Args:
         w: theta u of c*Rc [rad].
     """
-    angle, W = float(np.linalg.norm(w)), skew(w)
+    angle = float(np.linalg.norm(w))
+    W = skew(w)
     half = angle / 2
     share = 1 / 12 if angle < SMALL else (1 - half / np.tan(half)) / angle**2
     return np.eye(3) + W / 2 + share * (W @ W)

@@ -51,7 +51,8 @@ class HybridFeatures(WithRotation):
     def matrix(self, sight: Sight) -> Array:
         """L (6, 6)."""
         X, Y, Z = sight.pose.translation
-        x, y = X / Z, Y / Z
+        x = X / Z
+        y = Y / Z
         turn = theta_u(sight.aim.pose.rotation @ sight.pose.rotation.T)
         L = np.zeros((6, 6))
         L[0:1], L[1:2] = point_rows(*np.array([[x], [y], [1 / Z]]))

@@ -61,7 +61,8 @@ class PhotometricFeatures:
         goal = sight.aim
         if goal is not self._goal:
             L = brightness_matrix(_picture(goal), _depth(goal))
-            self._goal, self._goal_matrix = goal, L
+            self._goal = goal
+            self._goal_matrix = L
             self._goal_inverse = np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(np.float64)
         e = (brightness(_picture(sight)) - brightness(_picture(goal))).ravel()
         if self._where == "desired":
@@ -101,7 +102,8 @@ def brightness_matrix(picture: CameraImage, depth: float) -> Array:
         picture: What is seen.
         depth: Of all pixels [m].
     """
-    grey, camera = _grey(picture), picture.camera
+    grey = _grey(picture)
+    camera = picture.camera
     one = np.ones(1)
     along_u, along_v = (
         _inside(np.asarray(cv2.sepFilter2D(grey, cv2.CV_64F, x, y), np.float64))

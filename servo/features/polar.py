@@ -47,9 +47,11 @@ class PolarFeatures(OfCorners):
 
     def matrix(self, sight: Sight) -> Array:
         """L (8, 6): that of the corners, turned into their own directions."""
-        (x, y), (Lx, Ly) = corners_of(sight).T[..., None], corner_rows(sight)
+        (x, y) = corners_of(sight).T[..., None]
+        (Lx, Ly) = corner_rows(sight)
         rho = np.hypot(x, y)
-        along, around = (x * Lx + y * Ly) / rho, (x * Ly - y * Lx) / rho**2
+        along = (x * Lx + y * Ly) / rho
+        around = (x * Ly - y * Lx) / rho**2
         return np.stack([along, around], axis=1).reshape(8, 6)
 
     def error(self, values: Array, goal: Array) -> Array:

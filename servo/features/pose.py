@@ -63,5 +63,6 @@ class PoseFeatures(WithRotation):
         if self._camera_moves:
             L[:3, :3] = R
         else:
-            L[:3, :3], L[:3, 3:] = -np.eye(3), skew(sight.pose.translation)
+            L[:3, :3] = -np.eye(3)
+            L[:3, 3:] = skew(sight.pose.translation)
         return L

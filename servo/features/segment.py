@@ -12,7 +12,8 @@ from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
 
-FROM, TO = [0, 3], [1, 2]
+FROM = [0, 3]
+TO = [1, 2]
 """Corners at which the two sides begin and end, along the nose."""
 NOISE = (2e-4, 2e-4, 3e-4, 1e-3)
 """Standard deviations from frame to frame: x, y and length at f = 600 px, the angle [rad]."""
@@ -64,10 +65,13 @@ class SegmentFeatures(OfCorners):
         xc, yc = ((L[FROM] + L[TO]) / 2 for L in (Lx, Ly))
         dx, dy = (L[FROM] - L[TO] for L in (Lx, Ly))
         long = length[:, None]
-        u, v = back[:, :1] / long, back[:, 1:] / long
-        longer, turned = u * dx + v * dy, (u * dy - v * dx) / long
+        u = back[:, :1] / long
+        v = back[:, 1:] / long
+        longer = u * dx + v * dy
+        turned = (u * dy - v * dx) / long
         if self._normalised:
-            x, y = middle[:, :1], middle[:, 1:]
+            x = middle[:, :1]
+            y = middle[:, 1:]
             xc, yc = ((c - p * longer / long) / long for c, p in ((xc, x), (yc, y)))
             longer = -longer / long**2
         return np.stack([xc, yc, longer, turned], axis=1).reshape(8, 6)
@@ -81,6 +85,7 @@ class SegmentFeatures(OfCorners):
     def _segments(self, sight: Sight) -> tuple[Array, Array, Array]:
         """Middles (2, 2), vectors from end to start (2, 2), and lengths (2,)."""
         corners = corners_of(sight)
-        start, end = corners[FROM], corners[TO]
+        start = corners[FROM]
+        end = corners[TO]
         back = start - end
         return (start + end) / 2, back, np.hypot(back[:, 0], back[:, 1])

@@ -23,10 +23,13 @@ MEANINGS = {
 
 def path_measures(steps: Sequence[Step]) -> dict[str, float]:
     """The measures of a run's steps, by the names of `MEANINGS`."""
-    cameras, goal = [s.T_object_camera for s in steps], steps[-1].goal_sight.pose.inverse()
-    places, there = np.array([c.translation for c in cameras]), goal.translation
+    cameras = [s.T_object_camera for s in steps]
+    goal = steps[-1].goal_sight.pose.inverse()
+    places = np.array([c.translation for c in cameras])
+    there = goal.translation
     path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-    away, ends = np.linalg.norm(places, axis=1), [np.linalg.norm(places[0]), np.linalg.norm(there)]
+    away = np.linalg.norm(places, axis=1)
+    ends = [np.linalg.norm(places[0]), np.linalg.norm(there)]
     turn = goal.rotation.T @ cameras[-1].rotation
     return {
         "camera_path_m": path,
@@ -40,5 +43,6 @@ def path_measures(steps: Sequence[Step]) -> dict[str, float]:
 
 
 def _leaves(step: Step) -> bool:
-    camera, corners = step.scene.camera, step.truth.corners
+    camera = step.scene.camera
+    corners = step.truth.corners
     return bool(((corners < 0) | (corners > (camera.width, camera.height))).any())

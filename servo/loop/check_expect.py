@@ -19,7 +19,8 @@ def check_expect(scenario: Scenario) -> None:
     Raises:
         Mistake: An unknown measure or outcome, or a bound that is no number.
     """
-    place, bounds = f"{scenario.name}: expect", scenario.bounds
+    place = f"{scenario.name}: expect"
+    bounds = scenario.bounds
     known = kinds.names(PLUGINS["tracker"][0])
     for kind, expect in bounds.others.items():
         if kind not in (*known, ANY) and ":" not in kind:

@@ -45,20 +45,27 @@ class Episode:
     """
 
     def __init__(
-        self, scenario: Scenario, renderer: MakeRenderer = OpenGLRenderer, *, steered: bool = False,
+        self,
+        scenario: Scenario,
+        renderer: MakeRenderer = OpenGLRenderer,
+        *,
+        steered: bool = False,
         kept: dict[str, tuple[Any, Any]] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Prepare a run; steered: `move` will be given twists; kept: robot and target of an earlier
         episode, used again where their settings are the same, else replaced by this one's.
         """
-        self.scenario, self.frames = scenario, scenario.frames
-        self._steered, self._kept = steered, {} if kept is None else kept
+        self.scenario = scenario
+        self.frames = scenario.frames
+        self._steered = steered
+        self._kept = {} if kept is None else kept
         self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
         self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
         with ExitStack() as unless_ready, self.naming_parts():
             unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world(renderer)
-            true, believed = self.world.camera, self.world.camera_believed
+            true = self.world.camera
+            believed = self.world.camera_believed
             outline = self.world.outline
             self.loop = Loop(scenario, believed, outline, true)
             self.goal = Goal(scenario.goal, outline, true, true)
@@ -92,9 +99,17 @@ class Episode:
         sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
         try:
             return World(
-                s.world, robot, target, s.camera, motion, disturbances, sensor, renderer,
-                s.believed, encoders,
-            )  # fmt: skip
+                s.world,
+                robot,
+                target,
+                s.camera,
+                motion,
+                disturbances,
+                sensor,
+                renderer,
+                s.believed,
+                encoders,
+            )
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from error
 
@@ -131,7 +146,8 @@ class Episode:
 
     def _start(self, start: StartConfig) -> Reach:
         if start.pose is not None:
-            t, thetau = np.array(start.pose[:3]), np.radians(start.pose[3:])
+            t = np.array(start.pose[:3])
+            thetau = np.radians(start.pose[3:])
             return self.world.start_facing(Pose(exp_so3(thetau), t))
         pixel = self.goal.pixel + (start.x, start.y)
         theta = self.goal.theta + radians(start.angle_deg)
@@ -141,8 +157,10 @@ class Episode:
 
     def _begin(self, goal: Image | None) -> None:
         """Take the first frame and start the loop with the region that the scenario gives."""
-        scenario, world = self.scenario, self.world
-        first, truth = world.look(), self._truth()
+        scenario = self.scenario
+        world = self.world
+        first = world.look()
+        truth = self._truth()
         length, width = np.ptp(world.outline[:, :2], axis=0)
         change = scenario.region
         sides = np.array([length * change.width, width * change.height]) * truth.size
@@ -153,16 +171,23 @@ class Episode:
             self.loop.start(first, region, given, goal)
         except ValueError as error:
             raise Mistake(f"{scenario.name}: {error}") from None
-        self._first, self._looked = (first, truth), False
+        self._first = (first, truth)
+        self._looked = False
         self._scene = Scene(
-            world.camera, world.outline, region, truth.size, self.loop.features, world.period,
+            world.camera,
+            world.outline,
+            region,
+            truth.size,
+            self.loop.features,
+            world.period,
             world.model,
-        )  # fmt: skip
+        )
 
     def _truth(self) -> Truth:
         truth = self.world.truth()
         if not np.isfinite(truth.corners).all():
-            motion, pose = self.scenario.motion, truth.T_world_target
+            motion = self.scenario.motion
+            pose = truth.T_world_target
             where = f"the target's position is {pose.translation}, its rotation {pose.rotation}"
             raise PartFailed.by("motion", motion, f"{where}; all must be finite")
         return truth
@@ -178,17 +203,27 @@ class Episode:
 
     @cached_property
     def _timeline(self) -> Timeline:
-        run, world = self.scenario.run, self.world
-        draws, first = stream(run.seed, "transport"), self._first[1]
+        run = self.scenario.run
+        world = self.world
+        draws = stream(run.seed, "transport")
+        first = self._first[1]
         lies = 1e-3 * self.scenario.believed.clock_offset_ms
         return Timeline(
-            run, self.loop, world.period, world.ticks, draws, first, self._motion_true, lies,
+            run,
+            self.loop,
+            world.period,
+            world.ticks,
+            draws,
+            first,
+            self._motion_true,
+            lies,
             steered=self._steered,
-        )  # fmt: skip
+        )
 
     def _goal_sight(self, time: float) -> Sight:
         """How the target shall be seen, by the true camera."""
-        believed, world = self.loop.goal_sight, self.world
+        believed = self.loop.goal_sight
+        world = self.world
         if world.camera_believed is world.camera:
             return believed
         return replace(self.goal.sight(time), picture=believed.picture)
@@ -206,8 +241,12 @@ class Episode:
 
     def look(self) -> Step:
         """Take the next picture, track and decide; the step, before the camera moves on."""
-        world, loop, timeline = self.world, self.loop, self._timeline
-        posture, (frame, truth), rendering = world.posture(), self._first, 0.0
+        world = self.world
+        loop = self.loop
+        timeline = self._timeline
+        posture = world.posture()
+        (frame, truth) = self._first
+        rendering = 0.0
         if self._looked:
             began = perf_counter()
             frame = world.look()
@@ -217,15 +256,27 @@ class Episode:
         timeline.advance(Taken(frame, world.believed(posture), truth))
         decision = timeline.decision
         return Step(
-            scene=self._scene, frame=frame, truth=truth, target_before=world.target_before(),
-            goal=self.goal.pixel, goal_theta=self.goal.theta,
-            goal_size=self.goal.size(frame.time), goal_sight=self._goal_sight(frame.time),
-            estimate=loop.estimate, truth_estimated=decision.truth, age=decision.age,
-            skipped=decision.skipped, command=decision.command,
-            motion_measured=loop.motion_measured, bodies=world.bodies(), posture=posture,
-            rates=world.robot.rates_measured(world.data), twist_acting=np.zeros(6), limited=False,
+            scene=self._scene,
+            frame=frame,
+            truth=truth,
+            target_before=world.target_before(),
+            goal=self.goal.pixel,
+            goal_theta=self.goal.theta,
+            goal_size=self.goal.size(frame.time),
+            goal_sight=self._goal_sight(frame.time),
+            estimate=loop.estimate,
+            truth_estimated=decision.truth,
+            age=decision.age,
+            skipped=decision.skipped,
+            command=decision.command,
+            motion_measured=loop.motion_measured,
+            bodies=world.bodies(),
+            posture=posture,
+            rates=world.robot.rates_measured(world.data),
+            twist_acting=np.zeros(6),
+            limited=False,
             seconds=Seconds(rendering, *timeline.seconds, 0.0),
-        )  # fmt: skip
+        )
 
     def move(self, step: Step, twist: Array | None = None) -> Step:
         """Move until the next picture; the whole step.
@@ -236,12 +287,14 @@ class Episode:
         """
         if twist is not None:
             self._timeline.steer(twist)
-        acting, command = self._timeline.acting(), self._timeline.decision.command
+        acting = self._timeline.acting()
+        command = self._timeline.decision.command
         began = perf_counter()
         limited = self._move(acting)
         seconds = replace(step.seconds, physics=perf_counter() - began)
-        return replace(step, command=command, twist_acting=mean_twist(acting), limited=limited,
-                       seconds=seconds)  # fmt: skip
+        return replace(
+            step, command=command, twist_acting=mean_twist(acting), limited=limited, seconds=seconds
+        )
 
 
 def run(scenario: Scenario) -> Iterator[Step]:

@@ -30,10 +30,12 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 def events(before: Step | None, step: Step) -> list[Event]:
     """What is new in a step."""
     found: list[Event] = []
-    then, now = before.estimate.status if before else Status.LOCKED, step.estimate.status
+    then = before.estimate.status if before else Status.LOCKED
+    now = step.estimate.status
     if now is not then:
         found.append(STATUS[now])
-    did, does = before.command.mode if before else step.command.mode, step.command.mode
+    did = before.command.mode if before else step.command.mode
+    does = step.command.mode
     if not step.frame.fresh:
         if before is None or before.frame.fresh:
             found.append(Event.DROPPED)  # that the camera coasts meanwhile goes without saying

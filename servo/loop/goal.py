@@ -36,7 +36,9 @@ class Goal:
             seen: Takes this picture to rays.
             depth_factor: As for `EstimateToSight`.
         """
-        self._config, self._outline, self._camera = config, outline, pictured
+        self._config = config
+        self._outline = outline
+        self._camera = pictured
         self.pixel = np.array([pictured.width / 2 + config.x, pictured.height / 2 + config.y])
         """Where the target's centre shall be (2,) [px]."""
         self.theta = radians(config.angle_deg)

@@ -65,9 +65,12 @@ class Loop:
                 clockwise.
             true: Where they differ, those of the camera that shows the goal (`believed.goal`).
         """
-        self._scenario, self._camera, self._outline = scenario, camera, outline
+        self._scenario = scenario
+        self._camera = camera
+        self._outline = outline
         self._period = 1.0 / scenario.camera.rate
-        seed, believed = scenario.run.seed, scenario.believed
+        seed = scenario.run.seed
+        believed = scenario.believed
 
         self.parts: dict[str, tuple[Any, ...]] = {}
         """Each part with a kind: its `Config`, and what that built."""
@@ -123,8 +126,11 @@ class Loop:
             scenario.sight, self._camera, region, self._outline, scenario.believed.depth_factor
         )
         self._carried = np.zeros(4)
-        self._shown, self._is_checked = None, False
-        self.sight, self.interval, self.seconds = None, self._period, (0.0, 0.0)
+        self._shown = None
+        self._is_checked = False
+        self.sight = None
+        self.interval = self._period
+        self.seconds = (0.0, 0.0)
         self.motion_measured = np.full(len(self.features.names), np.nan)
         self._estimator.start(self.features)
         self._difference = Difference(self.features)
@@ -132,10 +138,14 @@ class Loop:
         self._scales = self.features.scales(self.features.values(self.goal_sight))
         self.controller.start(
             Task(
-                self.goal_sight, self.features, self._estimator, self._camera, self._outline,
+                self.goal_sight,
+                self.features,
+                self._estimator,
+                self._camera,
+                self._outline,
                 scenario.run.latency,
             )
-        )  # fmt: skip
+        )
 
     def _check_pictures(self) -> None:
         """Refuse what features made of pixels cannot do.
@@ -235,7 +245,8 @@ class Loop:
             check_known(*given, self._tracked, self.goal_sight)
 
     def _measured(self, command: Command) -> Array:
-        unknown, trace = np.full(len(self.features.names), np.nan), command.trace
+        unknown = np.full(len(self.features.names), np.nan)
+        trace = command.trace
         if trace is None or self.sight is None:
             self._difference.forget()
             return unknown

@@ -34,7 +34,8 @@ def check_built(part: str, config: Any, built: Any) -> Any:
     Raises:
         PartFailed: It is of another type, lacks a method, or its rectangle is not finite.
     """
-    what, kind = part.partition("[")[0], type(built).__name__
+    what = part.partition("[")[0]
+    kind = type(built).__name__
     wanted = TYPES.get(what)
     if wanted is not None and not isinstance(built, wanted):
         raise PartFailed.by(part, config, f"build returned {kind} instead of a {wanted.__name__}")

@@ -35,7 +35,9 @@ def part_failed(error: BaseException, parts: Mapping[str, tuple[Any, ...]]) -> P
     """
     modules = {module: name for name, part in parts.items() for module in _modules(part)}
     classes = {_class_of(item): name for name, part in parts.items() for item in part}
-    trace, in_module, in_class = error.__traceback__, None, None
+    trace = error.__traceback__
+    in_module = None
+    in_class = None
     while trace is not None:
         module = trace.tb_frame.f_globals.get("__name__", "")
         in_module = modules.get(module, in_module)
@@ -46,7 +48,8 @@ def part_failed(error: BaseException, parts: Mapping[str, tuple[Any, ...]]) -> P
     found = in_class or in_module
     if isinstance(error, (Mistake, *ENDS)) or found is None:
         return None
-    kind, text = type(error).__name__, str(error)
+    kind = type(error).__name__
+    text = str(error)
     what = text if isinstance(error, ValueError) and text else f"{kind}: {text}".removesuffix(": ")
     return PartFailed.by(found, parts[found][0], what)
 

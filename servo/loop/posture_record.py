@@ -41,7 +41,8 @@ class PostureRecord:
             period: Frame interval [s].
             clock_offset: Stamp minus true time of a picture [s].
         """
-        self._period, self._offset = period, clock_offset
+        self._period = period
+        self._offset = clock_offset
         self._postures: dict[int, Posture] = {}
         self._taken: int | None = None
         self._pose: Pose | None = None
@@ -54,9 +55,12 @@ class PostureRecord:
         """The posture for the picture of a frame, its means over the time since the one before that
         was asked for; what is older is forgotten.
         """
-        posture, last, before = self._postures[index], self._taken, self._pose
+        posture = self._postures[index]
+        last = self._taken
+        before = self._pose
         pose = posture.T_base_camera if self._offset == 0 else self._pose_at(index)
-        self._taken, self._pose = index, pose
+        self._taken = index
+        self._pose = pose
         reach = int(abs(self._offset) / self._period) + 2
         between = [p for i, p in self._postures.items() if last is not None and last < i <= index]
         self._postures = {i: p for i, p in self._postures.items() if i > index - reach}

@@ -17,7 +17,9 @@ from sim.types import Array
 from tracking.files.json_text import number
 from tracking.types import Status
 
-SETTLED_PX, SETTLED_RAD, SETTLED_SCALE = 2.0, np.radians(1.0), 0.02
+SETTLED_PX = 2.0
+SETTLED_RAD = np.radians(1.0)
+SETTLED_SCALE = 0.02
 """Errors below which the camera counts as arrived."""
 FINAL_SPAN = 1.0
 """The outcome is decided by this last part of a run [s]."""

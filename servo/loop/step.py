@@ -166,8 +166,10 @@ class Step:
         """
         if self.goal_sight.picture is not None:
             return self._unknown
-        camera, target = self.truth.T_world_camera, self.truth.T_world_target
-        goal, dt = self.goal_sight, self.scene.period
+        camera = self.truth.T_world_camera
+        target = self.truth.T_world_target
+        goal = self.goal_sight
+        dt = self.scene.period
         return self.scene.true_motion(camera, self.target_before, target, goal, dt)
 
     @property

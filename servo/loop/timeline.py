@@ -98,8 +98,12 @@ class Timeline:
             clock_offset: Stamp minus true time of a picture [s].
             steered: Whether twists other than the law's will act; the law then gets those.
         """
-        self._run, self._loop, self._period, self._ticks = run, loop, period, ticks
-        self._rng, self._motion_true = rng, motion_true
+        self._run = run
+        self._loop = loop
+        self._period = period
+        self._ticks = ticks
+        self._rng = rng
+        self._motion_true = motion_true
         on_time = run.tracker_ms == 0 and run.jitter_ms == 0 and clock_offset == 0
         self._plain = on_time and not steered
         self._record = PostureRecord(period, clock_offset)
@@ -108,7 +112,8 @@ class Timeline:
         self._work: _Work | None = None
         self._skipped = 0
         self._is_first = True
-        self.decision, self.seconds = Decision(first, Command(np.zeros(6))), (0.0, 0.0)
+        self.decision = Decision(first, Command(np.zeros(6)))
+        self.seconds = (0.0, 0.0)
         self._asked = np.zeros(6)
         self._commands: list[tuple[float, Array]] = [(0.0, np.zeros(6))]
 
@@ -149,7 +154,8 @@ class Timeline:
         if work is not None:
             if work.done < end:
                 self._decide(work)
-                self._work, self._free = None, work.done
+                self._work = None
+                self._free = work.done
             return self._work is None
         begin = max(self._free, self._coming[0][0]) if self._coming else end
         if begin < end:
@@ -163,7 +169,8 @@ class Timeline:
         pictures = [taken for taken in arrived if taken.frame.fresh]
         taken = pictures[-1] if pictures else arrived[-1]
         posture = taken.posture if self._plain else self._record.paired(taken.frame.index)
-        is_first, self._is_first = self._is_first, False
+        is_first = self._is_first
+        self._is_first = False
         self._loop.track(taken.frame, posture)
         track, law = self.seconds
         self.seconds = track + self._loop.seconds[0], law
@@ -174,7 +181,9 @@ class Timeline:
         return _Work(taken, posture, begin + (0.0 if at_once else lasts))
 
     def _decide(self, work: _Work) -> None:
-        loop, taken, posture = self._loop, work.taken, work.posture
+        loop = self._loop
+        taken = work.taken
+        posture = work.posture
         acts = self._tick_after(work.done + self._run.latency * self._period)
         while len(self._commands) > 1 and self._commands[1][0] <= taken.frame.time + SAME:
             del self._commands[0]

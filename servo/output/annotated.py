@@ -14,7 +14,8 @@ from tracking.evaluation.drawing.contact_sheet import TRUE, outline
 GOAL = (240, 60, 50)
 WIDTH = 640
 """Pictures that are not as wide are enlarged by a whole number [px]."""
-BAND, LETTERS = 24, 0.5
+BAND = 24
+LETTERS = 0.5
 """Height of the band with the text [px], and size of the text."""
 
 
@@ -30,8 +31,16 @@ def annotated(step: Step) -> Image:
     outline(picture, step.estimate.outline(step.region), COLOURS[status], factor)
     text = f"{step.frame.time:.2f} s  {status.name}  {step.servo_error:.1f} px"
     cv2.rectangle(picture, (0, 0), (picture.shape[1], BAND), (0, 0, 0), -1)
-    cv2.putText(picture, text, (8, BAND - 7), cv2.FONT_HERSHEY_SIMPLEX, LETTERS, COLOURS[status], 1,
-                cv2.LINE_AA)  # fmt: skip
+    cv2.putText(
+        picture,
+        text,
+        (8, BAND - 7),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        LETTERS,
+        COLOURS[status],
+        1,
+        cv2.LINE_AA,
+    )
     return picture
 
 

@@ -17,7 +17,8 @@ PANEL = (616, 462)
 """Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
 CAPTIONS = ("Camera: estimate green, goal red, truth white", "The room")
 CURVES = {"true centre to goal": COLOURS[0], "estimated to true centre": COLOURS[1]}
-FOUND, GOAL = OF_STATUS[Status.LOCKED], OF_STATUS[Status.LOST]
+FOUND = OF_STATUS[Status.LOCKED]
+GOAL = OF_STATUS[Status.LOST]
 
 
 class RunFilm:
@@ -25,7 +26,9 @@ class RunFilm:
 
     def __init__(self, path: Path, title: str = "", end: float | None = None) -> None:
         """Make a film; `end` is the run's last time [s], if it is known."""
-        self._path, self._title, self._end = path, title, end
+        self._path = path
+        self._title = title
+        self._end = end
         self._opened: tuple[FilmPage, RoomView] | None = None
 
     def add(self, step: Step) -> None:
@@ -36,15 +39,22 @@ class RunFilm:
         """
         if self._opened is None:
             film = FilmPage(
-                self._path, 1 / step.scene.period, self._title, CAPTIONS, PANEL, CURVES,
-                "distance [px]", end=self._end,
-            )  # fmt: skip
+                self._path,
+                1 / step.scene.period,
+                self._title,
+                CAPTIONS,
+                PANEL,
+                CURVES,
+                "distance [px]",
+                end=self._end,
+            )
             self._opened = film, RoomView(step.scene.room, *PANEL)
         film, room = self._opened
         marks = (
-            (step.truth.corners, TRUE), (step.goal_corners, GOAL),
+            (step.truth.corners, TRUE),
+            (step.goal_corners, GOAL),
             (step.estimate.outline(step.region), FOUND),
-        )  # fmt: skip
+        )
         views = (
             panel(step.frame.image, *PANEL, marks, step.estimate.particles),
             room.render(step.bodies),

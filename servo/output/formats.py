@@ -88,7 +88,8 @@ def read(path: Path, *kinds: type[Kind]) -> Kind:
     """
     encoded = content(path)
     head = _parsed(path, encoded, dict[str, Any])
-    found, kind = head.get("format"), head.get("kind")
+    found = head.get("format")
+    kind = head.get("kind")
     if found is None:
         raise OtherFormat(path, None, kinds[0].FORMAT)
     for one in kinds:

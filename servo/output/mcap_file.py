@@ -90,7 +90,8 @@ class McapFile:
         self, time: float, image: Image | None, corners: Corners, particles: Array | None
     ) -> None:
         """Write a picture, the outlines in it and the particles."""
-        fox, (stamp, at) = self._fox, self._times(time)
+        fox = self._fox
+        (stamp, at) = self._times(time)
         if image is not None:
             jpeg = encoded(image, JPEG_QUALITY)
             message = fox.CompressedImage(
@@ -100,30 +101,39 @@ class McapFile:
         kinds = fox.PointsAnnotationType
         points = [
             self._points(stamp, kinds.LineLoop, shape, colour)
-            for colour, shape in corners.items() if np.isfinite(shape).all()
-        ]  # fmt: skip
+            for colour, shape in corners.items()
+            if np.isfinite(shape).all()
+        ]
         if particles is not None:
             points.append(self._points(stamp, kinds.Points, particles[:, :2], AMBER))
         self._annotations.log(fox.ImageAnnotations(points=points), log_time=at)
 
     def calibration(self, time: float, camera: Camera) -> None:
         """Write the intrinsics of a camera."""
-        lens, (stamp, at) = camera.distortion, self._times(time)
+        lens = camera.distortion
+        (stamp, at) = self._times(time)
         k = [camera.fx, 0, camera.cx - MIDDLE, 0, camera.fy, camera.cy - MIDDLE, 0, 0, 1]
         message = self._fox.CameraCalibration(
-            timestamp=stamp, frame_id="camera", width=camera.width, height=camera.height,
+            timestamp=stamp,
+            frame_id="camera",
+            width=camera.width,
+            height=camera.height,
             distortion_model="plumb_bob" if lens is None else LENSES[lens.model],
-            D=[0.0] * 5 if lens is None else list(lens.coefficients), K=k,
-            R=np.eye(3).ravel().tolist(), P=[*k[:3], 0, *k[3:6], 0, *k[6:], 0],
-        )  # fmt: skip
+            D=[0.0] * 5 if lens is None else list(lens.coefficients),
+            K=k,
+            R=np.eye(3).ravel().tolist(),
+            P=[*k[:3], 0, *k[3:6], 0, *k[6:], 0],
+        )
         self._calibration.log(message, log_time=at)
 
     def transforms(self, time: float, poses: Mapping[tuple[str, str], Pose]) -> None:
         """Write poses by their frames, parent and child."""
-        fox, (stamp, at) = self._fox, self._times(time)
+        fox = self._fox
+        (stamp, at) = self._times(time)
         found: list[fox.FrameTransform] = []
         for (parent, child), pose in poses.items():
-            (x, y, z), (w, *axis) = pose.translation.tolist(), quaternion_of(pose.rotation).tolist()
+            (x, y, z) = pose.translation.tolist()
+            (w, *axis) = quaternion_of(pose.rotation).tolist()
             found.append(
                 fox.FrameTransform(
                     timestamp=stamp,
@@ -167,10 +177,12 @@ class McapFile:
     def _points(self, stamp: Any, kind: Any, points: Array, colour: tuple[int, int, int]) -> Any:
         r, g, b = (part / 255 for part in colour)
         return self._fox.PointsAnnotation(
-            timestamp=stamp, type=kind, thickness=2.0,
+            timestamp=stamp,
+            type=kind,
+            thickness=2.0,
             points=[self._fox.Point2(x=x, y=y) for x, y in points.tolist()],
             outline_color=self._fox.Color(r=r, g=g, b=b, a=1.0),
-        )  # fmt: skip
+        )
 
 
 class _Kept:
@@ -179,7 +191,9 @@ class _Kept:
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=0)
         self._error: OSError | None = None
-        self.seek, self.flush, self.close = self._file.seek, self._file.flush, self._file.close
+        self.seek = self._file.seek
+        self.flush = self._file.flush
+        self.close = self._file.close
 
     def write(self, content: bytes) -> int:
         try:
@@ -200,7 +214,8 @@ class RunMcap:
         robot = episode.world.robot
         self._quantities = quantities(episode.loop.features, robot.names, robot.units)
         self._file = McapFile(path, "/step")
-        self.close, self.abandon = self._file.close, self._file.abandon
+        self.close = self._file.close
+        self.abandon = self._file.abandon
 
     def add(self, step: Step) -> None:
         """Write a step.
@@ -208,20 +223,26 @@ class RunMcap:
         Raises:
             OSError: The file cannot be written.
         """
-        file, time, truth = self._file, step.frame.time, step.truth
+        file = self._file
+        time = step.frame.time
+        truth = step.truth
         if step.frame.index == 0:
             file.calibration(time, step.scene.camera)
         outlines = {
-            TRUE: truth.corners, COLOURS[Status.LOST]: step.goal_corners,
+            TRUE: truth.corners,
+            COLOURS[Status.LOST]: step.goal_corners,
             COLOURS[Status.LOCKED]: step.estimate.outline(step.region),
-        }  # fmt: skip
+        }
         image = step.frame.image if step.frame.fresh else None
         file.picture(time, image, outlines, step.estimate.particles)
-        file.transforms(time, {
-            ("world", "base"): Pose(np.eye(3), np.zeros(3)),
-            ("base", "camera"): step.posture.T_base_camera,
-            ("world", "target"): truth.T_world_target,
-        })  # fmt: skip
+        file.transforms(
+            time,
+            {
+                ("world", "base"): Pose(np.eye(3), np.zeros(3)),
+                ("base", "camera"): step.posture.T_base_camera,
+                ("world", "target"): truth.T_world_target,
+            },
+        )
         file.row(time, dict(cell for q in self._quantities for cell in q.cells(step)))
 
 
@@ -229,8 +250,10 @@ class TrackMcap:
     """Writer of the log of one track."""
 
     def __init__(self, path: Path, region: Region) -> None:
-        self._region, self._file = region, McapFile(path, "/shot")
-        self.close, self.abandon = self._file.close, self._file.abandon
+        self._region = region
+        self._file = McapFile(path, "/shot")
+        self.close = self._file.close
+        self.abandon = self._file.abandon
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         """Write a shot.
@@ -238,7 +261,8 @@ class TrackMcap:
         Raises:
             OSError: The file cannot be written.
         """
-        found, time = shot.estimate, shot.picture.time
+        found = shot.estimate
+        time = shot.picture.time
         outlines = {} if truth is None else {TRUE: truth}
         outlines[COLOURS[found.status]] = found.outline(self._region)
         self._file.picture(time, shot.picture.image, outlines, found.particles)

@@ -14,14 +14,17 @@ from servo.loop.step import Step
 from tracking.evaluation.drawing.figures import Drawing, literal, panels, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f",
-           "#7b3fa0", "#159aa0", "#d6559a", "#555555")  # fmt: skip
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#7b3fa0", "#159aa0", "#d6559a", "#555555")
 """As many as the largest of our feature sets has features."""
 ABOVE: dict[str, Any] = {
-    "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1, "frameon": False,
-}  # fmt: skip
+    "loc": "lower right",
+    "bbox_to_anchor": (1.0, 1.0),
+    "borderaxespad": 0.1,
+    "frameon": False,
+}
 """A legend above its axes, where it hides no curve."""
-MOTION, ERRORS = "target_motion.png", "errors.png"
+MOTION = "target_motion.png"
+ERRORS = "errors.png"
 MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot shows; outliers may be outside."""
 
@@ -64,7 +67,8 @@ def _moving(steps: Sequence[Step]) -> tuple[str, ...]:
 
 
 def _draw_motion(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> None:
-    features, names = steps[0].scene.features, _moving(steps)
+    features = steps[0].scene.features
+    names = _moving(steps)
     time = [s.frame.time for s in steps]
     for name, ax in zip(names, axes, strict=True):
         i = features.names.index(name)
@@ -96,12 +100,14 @@ def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
     time = [s.frame.time for s in steps]
     features = steps[0].scene.features
     for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
-        error, colour = [s.error[i] for s in steps], COLOURS[i % len(COLOURS)]
+        error = [s.error[i] for s in steps]
+        colour = COLOURS[i % len(COLOURS)]
         axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")
-    servo, tracking = [s.servo_error for s in steps], [s.tracking_error for s in steps]
+    servo = [s.servo_error for s in steps]
+    tracking = [s.tracking_error for s in steps]
     axes[1].plot(time, servo, color=COLOURS[0], lw=1.5, label="true centre to goal")
     axes[1].plot(time, tracking, color=COLOURS[1], lw=1.0, label="estimated to true centre")
     axes[1].set_ylabel("distance [px]")
@@ -112,6 +118,7 @@ def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
 
 
 def _shade_unseen(ax: Axes, steps: Sequence[Step]) -> None:
-    time, unseen = [s.frame.time for s in steps], [not s.seen for s in steps]
+    time = [s.frame.time for s in steps]
+    unseen = [not s.seen for s in steps]
     across = ax.get_xaxis_transform()
     ax.fill_between(time, 0, 1, where=unseen, transform=across, color="#d9d2c3", alpha=0.7, lw=0)

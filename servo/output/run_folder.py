@@ -24,7 +24,8 @@ from sim.target import dimensions
 from tracking.files import atomic
 from tracking.files.json_text import as_json, number
 
-RECORDING, TRACEBACK = "run.rrd", "traceback.txt"
+RECORDING = "run.rrd"
+TRACEBACK = "traceback.txt"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,9 +63,10 @@ class RunReport(Made):
     @staticmethod
     def of(
         scenario: Scenario, scene: Scene, report: Report, missed: list[Violation], command: str
-    ) -> RunReport:  # fmt: skip
+    ) -> RunReport:
         """The report of a run, with the command line that repeats it."""
-        features, settings = scene.features, scenario.settings()
+        features = scene.features
+        settings = scenario.settings()
         settings["target"] |= {"outline": dimensions(scene.outline)}
         return RunReport(
             command=command,
@@ -144,12 +146,14 @@ def _check_name(folder: Path) -> None:
 def _next_free(runs: Path, name: str) -> Path:
     """Make a new folder, safely also when other runs make theirs at the same time."""
     runs.mkdir(parents=True, exist_ok=True)
-    folder, again = runs / name, 2
+    folder = runs / name
+    again = 2
     while True:
         try:
             folder.mkdir()
         except FileExistsError:
-            folder, again = runs / f"{name}-{again}", again + 1
+            folder = runs / f"{name}-{again}"
+            again = again + 1
         else:
             return folder
 
@@ -162,9 +166,14 @@ class RunFolder:
     """
 
     def __init__(
-        self, folder: Path, episode: Episode, *, rerun: bool, command: str = "",
+        self,
+        folder: Path,
+        episode: Episode,
+        *,
+        rerun: bool,
+        command: str = "",
         more: Mapping[Path | str, Sink] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Open the files.
 
         Args:
@@ -178,7 +187,9 @@ class RunFolder:
             Mistake: Another run is writing into this folder.
             Refused: The disk has no space for the rows.
         """
-        self.folder, self._scenario, self._command = folder, episode.scenario, command
+        self.folder = folder
+        self._scenario = episode.scenario
+        self._command = command
         at_once = max(1, round(episode.scenario.camera.rate))
         try:
             self._table = StepsTable(folder, episode, at_once)

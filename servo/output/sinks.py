@@ -75,13 +75,17 @@ class Paced:
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:
         """Pace a sink; `time_of` gives the time of a step or a shot [s]."""
-        self._sink, self._speed, self._time_of = sink, speed, time_of
-        self.close, self.abandon = sink.close, sink.abandon
+        self._sink = sink
+        self._speed = speed
+        self._time_of = time_of
+        self.close = sink.close
+        self.abandon = sink.abandon
         self._began: float | None = None
 
     def add(self, *given: Any) -> None:
         """Wait until it is time, and pass a frame on."""
-        due, now = self._time_of(given[0]) / self._speed, time.monotonic()
+        due = self._time_of(given[0]) / self._speed
+        now = time.monotonic()
         if self._began is None:
             self._began = now - due
         time.sleep(max(0.0, self._began + due - now))

@@ -25,14 +25,19 @@ from servo.types import DOF
 from sim.types import Array
 from tracking.files import atomic
 
-STREAM, TABLE = "steps.arrows", "steps.parquet"
+STREAM = "steps.arrows"
+TABLE = "steps.parquet"
 FORMAT = 1
 """Format number in the schema's metadata; it increases by one when readers must change."""
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
-REAL, WHOLE, FLAG, TEXT = pa.float64(), pa.int64(), pa.bool_(), pa.string()
+REAL = pa.float64()
+WHOLE = pa.int64()
+FLAG = pa.bool_()
+TEXT = pa.string()
 TIMED = "seconds_"
 """Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
-CELL, COLUMN_OF_BATCH = 16, 320
+CELL = 16
+COLUMN_OF_BATCH = 320
 """Largest size of a value in stream and table, and of a column's part of a batch [bytes]."""
 SPARE = 1 << 20
 """Space for report and plots, which are written after the rows [bytes]."""
@@ -74,30 +79,54 @@ def quantities(
         _single("time_s", "simulated time", lambda s: s.frame.time),
         _single("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
         _single("age_s", "from a picture to its estimate", lambda s: s.age),
-        _single("skipped", "pictures that the tracker had no time for, so far",
-                lambda s: s.skipped, WHOLE),
+        _single(
+            "skipped",
+            "pictures that the tracker had no time for, so far",
+            lambda s: s.skipped,
+            WHOLE,
+        ),
         *_states(),
         *_features(features),
         _vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
         _vector("acting", "asked for until the next", lambda s: s.twist_acting, DOF, TWIST_UNITS),
-        _vector("measured", "camera's mean twist since the last frame",
-                lambda s: s.twist_measured, DOF, TWIST_UNITS),
+        _vector(
+            "measured",
+            "camera's mean twist since the last frame",
+            lambda s: s.twist_measured,
+            DOF,
+            TWIST_UNITS,
+        ),
         _vector("joint", "position", lambda s: s.joints, joints, units),
         _vector("rate", "velocity", lambda s: s.rates, joints, tuple(f"{u}_s" for u in units)),
-        _vector("margin", "way to the nearer limit, inf where there is none",
-                lambda s: s.margins, joints, units),
+        _vector(
+            "margin",
+            "way to the nearer limit, inf where there is none",
+            lambda s: s.margins,
+            joints,
+            units,
+        ),
         _single("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
         _single("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
         _single("command_saturated", "a limit changed it", lambda s: s.command.saturated, FLAG),
-        _single("command_limits", "limits that changed it, where the controller names them",
-                lambda s: ", ".join(s.command.limits), TEXT),
-        _single("command_violated", "those of them that it does not keep",
-                lambda s: ", ".join(s.command.violated), TEXT),
+        _single(
+            "command_limits",
+            "limits that changed it, where the controller names them",
+            lambda s: ", ".join(s.command.limits),
+            TEXT,
+        ),
+        _single(
+            "command_violated",
+            "those of them that it does not keep",
+            lambda s: ", ".join(s.command.violated),
+            TEXT,
+        ),
         _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
         _single("visible", "fraction of target seen", lambda s: s.truth.visible),
-        *(_single(TIMED + stage, f"wall-clock time: {stage}", attrgetter(f"seconds.{stage}"))
-          for stage in ("render", "track", "control", "physics")),
-    ]  # fmt: skip
+        *(
+            _single(TIMED + stage, f"wall-clock time: {stage}", attrgetter(f"seconds.{stage}"))
+            for stage in ("render", "track", "control", "physics")
+        ),
+    ]
 
 
 def quantities_of(episode: Episode) -> list[Quantity]:
@@ -121,18 +150,29 @@ def _row(step: Step, found: Sequence[Quantity]) -> dict[str, Any]:
 
 
 def _states() -> Iterator[Quantity]:
-    parts, units = ("x", "y", "theta", "scale"), ("px", "px", "rad", "")
+    parts = ("x", "y", "theta", "scale")
+    units = ("px", "px", "rad", "")
     yield _vector("true", "truth", lambda s: astuple(s.true_state), parts, units)
     yield _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), parts, units)
-    yield _vector("sd", "standard deviation of the estimate",
-                  lambda s: np.sqrt(np.diag(s.estimate.covariance)),
-                  ("x", "y", "theta", "ln_scale"), units)  # fmt: skip
+    yield _vector(
+        "sd",
+        "standard deviation of the estimate",
+        lambda s: np.sqrt(np.diag(s.estimate.covariance)),
+        ("x", "y", "theta", "ln_scale"),
+        units,
+    )
     yield _vector("goal", "goal", lambda s: s.goal, ("x", "y"), ("px", "px"))
     yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
-    yield _single("tracking_error_px", "estimated to true centre of the same picture",
-                  lambda s: s.tracking_error)  # fmt: skip
-    yield _single("distance", "Distance of the estimate from the target's appearance, 0..1",
-                  lambda s: s.estimate.distance)  # fmt: skip
+    yield _single(
+        "tracking_error_px",
+        "estimated to true centre of the same picture",
+        lambda s: s.tracking_error,
+    )
+    yield _single(
+        "distance",
+        "Distance of the estimate from the target's appearance, 0..1",
+        lambda s: s.estimate.distance,
+    )
     yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
     yield _single("ess", "effective sample size", lambda s: s.estimate.ess)
     yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, WHOLE)
@@ -140,18 +180,25 @@ def _states() -> Iterator[Quantity]:
 
 def _features(features: FeatureSet) -> Iterator[Quantity]:
     names = features.names
-    units, rates = tuple(map(ending, features.units)), tuple(map(ending_of_rate, features.units))
+    units = tuple(map(ending, features.units))
+    rates = tuple(map(ending_of_rate, features.units))
     yield _vector("feature", "as seen", lambda s: s.features, names, units)
     yield _vector("error", "e = s - s*", lambda s: s.error, names, units)
-    yield _vector("error_ahead", "e when the command acts", lambda s: s.prediction.error, names,
-                  units)  # fmt: skip
+    yield _vector(
+        "error_ahead", "e when the command acts", lambda s: s.prediction.error, names, units
+    )
     motion = "target's own de/dt"
     yield _vector("motion_measured", f"{motion}, raw", lambda s: s.motion_measured, names, rates)
-    yield _vector("motion_estimated", f"{motion}, estimated", lambda s: s.prediction.motion, names,
-                  rates)  # fmt: skip
+    yield _vector(
+        "motion_estimated", f"{motion}, estimated", lambda s: s.prediction.motion, names, rates
+    )
     yield _vector("motion_true", f"{motion}, true", lambda s: s.target_motion_true, names, rates)
-    yield _vector("innovation", "measured minus expected, of what the estimator filters",
-                  lambda s: s.prediction.innovation, names)  # fmt: skip
+    yield _vector(
+        "innovation",
+        "measured minus expected, of what the estimator filters",
+        lambda s: s.prediction.innovation,
+        names,
+    )
     yield _vector("nis", "innovation squared over its variance", lambda s: s.prediction.nis, names)
 
 
@@ -200,8 +247,10 @@ class StepsTable:
             FileExistsError: Another run is writing into this folder.
             OSError: The disk has no space for the rows.
         """
-        self._folder, self._at_once = folder, rows_at_once
-        self._quantities, rows = quantities_of(episode), episode.frames
+        self._folder = folder
+        self._at_once = rows_at_once
+        self._quantities = quantities_of(episode)
+        rows = episode.frames
         self._rows: list[dict[str, Any]] = []
         every = self._schema = _schema(self._quantities)
         self._file = (folder / STREAM).open("xb")

@@ -16,7 +16,8 @@ from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.types import Region
 
-TRACK, RECORDING = "track.csv", "track.rrd"
+TRACK = "track.csv"
+RECORDING = "track.rrd"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
 
@@ -25,9 +26,14 @@ class TrackFolder:
     """Writer of the shots of one track; a film or recording that fails does not stop the rows."""
 
     def __init__(
-        self, folder: Path, region: Region, rate: float, *, recording: bool,
+        self,
+        folder: Path,
+        region: Region,
+        rate: float,
+        *,
+        recording: bool,
         more: Mapping[Path | str, Sink] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Open the files.
 
         Args:
@@ -40,7 +46,8 @@ class TrackFolder:
         Raises:
             OSError: A file cannot be written.
         """
-        self._folder, self._at_once = folder, max(1, round(rate))
+        self._folder = folder
+        self._at_once = max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
         sinks = dict(more or {})
         if recording:

@@ -16,7 +16,8 @@ OPENCV = (
 )
 """Distributions of `cv2`: all write into one folder, so that only one can be whole."""
 VERSIONED = ("servobench", "mujoco", "numpy", "numba", *OPENCV, "filterpy", "rerun-sdk")
-PACKAGES, ENDINGS = ("servo", "tracking", "sim", "scenes"), (".py", ".xml", ".png", ".obj")
+PACKAGES = ("servo", "tracking", "sim", "scenes")
+ENDINGS = (".py", ".xml", ".png", ".obj")
 """Packages and files that the digest includes; scenarios are stored with each result."""
 PICTURES = "pictures"
 """Folder with the README's pictures, which the digest leaves out."""

@@ -25,9 +25,12 @@ from tracking.search.particles import ParticleFilter
 from tracking.trackers import kams
 from tracking.trackers.annealed import CLIMB_TOLERANCE
 
-SEEDS, LEVEL, WARM_UP = 20, "b", 5
+SEEDS = 20
+LEVEL = "b"
+WARM_UP = 5
 KAMS: kams.Config = published("kams").config
-WITH, WITHOUT = "with", "without"
+WITH = "with"
+WITHOUT = "without"
 
 
 def _nearest(cloud: ParticleFilter) -> float:
@@ -57,7 +60,8 @@ def _probe(
 
 def _distances(seed: int, climb: int) -> list[list[float]]:
     """Distances [px] before and after the climb (2, layers), the mean of a sequence's frames."""
-    c, sequence = KAMS, clutter(LEVEL).build(seed)
+    c = KAMS
+    sequence = clutter(LEVEL).build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]
     model = c.model(pictures[0], sequence.region, sequence.start)
     rng = np.random.default_rng(seed)
@@ -82,16 +86,19 @@ def _jobs(effort: Effort) -> Sequence[Job]:
 def _judge(results: list[Result], folder: Path) -> Verdict:
     before, after = (np.array([r[WITH][i] for r in results]) for i in range(2))
     alone = np.array([r[WITHOUT][1] for r in results])
-    own, other = ([ratio(a, b) for a, b in zip(after.T, than.T, strict=True)]
-                  for than in (before, alone))  # fmt: skip
+    own, other = (
+        [ratio(a, b) for a, b in zip(after.T, than.T, strict=True)] for than in (before, alone)
+    )
     worst = max((*own, *other), key=lambda i: i.high)
     names = [str(m) for m in reversed(range(len(own)))]
-    table = [["layer", *names],
-             ["before the climb [px]", *(f"{v:.2f}" for v in before.mean(axis=0))],
-             ["after [px]", *(f"{v:.2f}" for v in after.mean(axis=0))],
-             ["without climbing [px]", *(f"{v:.2f}" for v in alone.mean(axis=0))],
-             ["after over before", *map(words, own)],
-             ["after over without", *map(words, other)]]  # fmt: skip
+    table = [
+        ["layer", *names],
+        ["before the climb [px]", *(f"{v:.2f}" for v in before.mean(axis=0))],
+        ["after [px]", *(f"{v:.2f}" for v in after.mean(axis=0))],
+        ["without climbing [px]", *(f"{v:.2f}" for v in alone.mean(axis=0))],
+        ["after over before", *map(words, own)],
+        ["after over without", *map(words, other)],
+    ]
     figure, (ax,) = panels(1)
     for i, (label, found) in enumerate(
         (
@@ -105,14 +112,23 @@ def _judge(results: list[Result], folder: Path) -> Verdict:
         ax.errorbar(at, values, ends, fmt="o", capsize=3, color=COLOURS[i], label=label)
     ax.axhline(1.0, color="#111111", lw=0.8, ls="--")
     ax.set_xticks(range(len(names)), names)
-    ax.set(xlabel="layer m, from broad to sharp", ylabel="ratio of distances", ylim=(0, None),
-           title="P0-3: distance of a particle from its nearest neighbour")  # fmt: skip
+    ax.set(
+        xlabel="layer m, from broad to sharp",
+        ylabel="ratio of distances",
+        ylim=(0, None),
+        title="P0-3: distance of a particle from its nearest neighbour",
+    )
     ax.legend(frameon=False, loc="lower left")
     return Verdict(
-        every(_smaller(i) for i in (*own, *other)), worst, "times the distance (worst layer)",
-        len(results), f"after the climb {words(own[0])} of before in the broadest layer, "
-        f"{words(own[-1])} in the sharpest", table, [figures.save(figure, folder, "P0-3.png")],
-    )  # fmt: skip
+        every(_smaller(i) for i in (*own, *other)),
+        worst,
+        "times the distance (worst layer)",
+        len(results),
+        f"after the climb {words(own[0])} of before in the broadest layer, "
+        f"{words(own[-1])} in the sharpest",
+        table,
+        [figures.save(figure, folder, "P0-3.png")],
+    )
 
 
 def _smaller(value: Interval) -> Finding:
@@ -122,13 +138,19 @@ def _smaller(value: Interval) -> Finding:
 
 CLAIMS = (
     Claim(
-        "P0-3", "annealing draws the particles together, and mean shift draws them further "
+        "P0-3",
+        "annealing draws the particles together, and mean shift draws them further "
         "together (figure 5)",
-        Rule("mean distance of a particle from its nearest neighbour after the climb, over that "
-             "before it, and over that in the same layer of a run without climbing",
-             "KAMS as published; the same noise and draws without climbing",
-             f"{SEEDS} painted sequences of level {LEVEL}, seeds from 1000 on", "1",
-             "95 % interval of the geometric mean ratio", "both below 1 in every layer"),
-        _jobs, _judge,
+        Rule(
+            "mean distance of a particle from its nearest neighbour after the climb, over that "
+            "before it, and over that in the same layer of a run without climbing",
+            "KAMS as published; the same noise and draws without climbing",
+            f"{SEEDS} painted sequences of level {LEVEL}, seeds from 1000 on",
+            "1",
+            "95 % interval of the geometric mean ratio",
+            "both below 1 in every layer",
+        ),
+        _jobs,
+        _judge,
     ),
-)  # fmt: skip
+)

@@ -23,11 +23,21 @@ from servo.papers.groups import words
 from tracking.files.json_text import number
 
 CLAIMS = (
-    *sorted((*kams_paper.CLAIMS, *annealing_layers.CLAIMS, *particle_counts.CLAIMS,
-             *kernel_paper.CLAIMS, *kernel_surface.CLAIMS, *servo_paper.CLAIMS,
-             *texture_paper.CLAIMS, *camouflage_claim.CLAIMS), key=lambda claim: claim.name),
+    *sorted(
+        (
+            *kams_paper.CLAIMS,
+            *annealing_layers.CLAIMS,
+            *particle_counts.CLAIMS,
+            *kernel_paper.CLAIMS,
+            *kernel_surface.CLAIMS,
+            *servo_paper.CLAIMS,
+            *texture_paper.CLAIMS,
+            *camouflage_claim.CLAIMS,
+        ),
+        key=lambda claim: claim.name,
+    ),
     *estimator_study.CLAIMS,
-)  # fmt: skip
+)
 JOINED = "P0-1a"
 """The claim that also uses real sequences."""
 FIGURES = "figures"
@@ -59,20 +69,36 @@ class Judged:
         """A claim with its verdict."""
         figures = [f"{FIGURES}/{path.name}" for path in verdict.figures]
         e = verdict.effect
-        value, low, high = number(e.value), number(e.low), number(e.high)
+        value = number(e.value)
+        low = number(e.low)
+        high = number(e.high)
         return Judged(
-            claim.says, claim.rule, WORDS[verdict.finding], value, low, high, verdict.unit,
-            verdict.count, verdict.measured, verdict.table, figures,
-        )  # fmt: skip
+            claim.says,
+            claim.rule,
+            WORDS[verdict.finding],
+            value,
+            low,
+            high,
+            verdict.unit,
+            verdict.count,
+            verdict.measured,
+            verdict.table,
+            figures,
+        )
 
     def row(self, name: str) -> str:
         """The claim's line in a Markdown table under `TITLES`."""
-        r, drawn = self.rule, ", ".join(path.rpartition("/")[2] for path in self.figures)
+        r = self.rule
+        drawn = ", ".join(path.rpartition("/")[2] for path in self.figures)
         cells = (
-            f"{name} {self.says}", f"{r.measure}; holds: {r.holds}",
-            f"{_short(self.effect)} {self.unit}", f"{_short(self.low)} to {_short(self.high)}",
-            f"{self.count}: {r.units}", self.finding, drawn,
-        )  # fmt: skip
+            f"{name} {self.says}",
+            f"{r.measure}; holds: {r.holds}",
+            f"{_short(self.effect)} {self.unit}",
+            f"{_short(self.low)} to {_short(self.high)}",
+            f"{self.count}: {r.units}",
+            self.finding,
+            drawn,
+        )
         return f"| {' | '.join(cells)} |"
 
 
@@ -112,9 +138,12 @@ class KnownVerdicts(Document):
     @staticmethod
     def of(verdicts: dict[str, Verdict]) -> KnownVerdicts:
         """Those of this run."""
-        return KnownVerdicts(claims={
-            name: Known(WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()
-        })  # fmt: skip
+        return KnownVerdicts(
+            claims={
+                name: Known(WORDS[v.finding], words(v.effect, v.unit))
+                for name, v in verdicts.items()
+            }
+        )
 
     def broken(self, now: KnownVerdicts) -> list[str]:
         """A sentence for each claim of this run whose verdict is another one."""

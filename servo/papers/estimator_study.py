@@ -20,9 +20,12 @@ from tracking.evaluation.verdicts import Finding
 
 SEEDS = 10
 NONE = "none"
-BEST, IDEAL = "best", "true"
-RMS, PEAK = "servo_rms_px", "servo_peak_px"
-FAST, SLOW = "30 Hz", "5 Hz"
+BEST = "best"
+IDEAL = "true"
+RMS = "servo_rms_px"
+PEAK = "servo_peak_px"
+FAST = "30 Hz"
+SLOW = "5 Hz"
 LONG = ("run.duration=20.0", "measure.after=5.0")
 AT = {FAST: (), SLOW: ("camera.rate=5.0", "controller.gain=1.0")}
 """Changes of a scenario for each rate; they keep lambda T below 1/4."""
@@ -77,21 +80,34 @@ Scores = dict[str, list[Interval]]
 def _judge(results: list[Result], folder: Path) -> Verdict:
     found: Scores = {
         estimator: [
-            mean_of(column(group(results, estimator=estimator, scenario=c.scenario,
-                                 label=c.rate.replace(" ", "")), c.measure))
+            mean_of(
+                column(
+                    group(
+                        results,
+                        estimator=estimator,
+                        scenario=c.scenario,
+                        label=c.rate.replace(" ", ""),
+                    ),
+                    c.measure,
+                )
+            )
             for c in CASES
         ]
         for estimator in kinds.names("servo.estimators")
-    }  # fmt: skip
+    }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)
     kept = bounds - len(missed)
     said = f"{kept} of {bounds} bounds kept"
     return Verdict(
-        Finding.DOES_NOT_HOLD if missed else Finding.HOLDS, Interval(kept, kept, kept),
-        "bounds kept", bounds, f"{said}; missed: {', '.join(missed)}" if missed else said,
-        _table(found), [figures.save(_draw(found), folder, "estimators.png")],
-    )  # fmt: skip
+        Finding.DOES_NOT_HOLD if missed else Finding.HOLDS,
+        Interval(kept, kept, kept),
+        "bounds kept",
+        bounds,
+        f"{said}; missed: {', '.join(missed)}" if missed else said,
+        _table(found),
+        [figures.save(_draw(found), folder, "estimators.png")],
+    )
 
 
 def _missed(found: Scores, i: int, case: Case) -> list[str]:
@@ -134,8 +150,16 @@ def _draw(found: Scores) -> Figure:
             place = np.arange(len(chosen)) + 0.1 * (k - (len(names) - 1) / 2)
             means = np.array([found[name][i].value for i in chosen])
             ends = np.array([(found[name][i].low, found[name][i].high) for i in chosen]).T
-            ax.errorbar(place, means, np.abs(ends - means), fmt="o", ms=4, capsize=2,
-                        color=COLOURS[k % len(COLOURS)], label=name)  # fmt: skip
+            ax.errorbar(
+                place,
+                means,
+                np.abs(ends - means),
+                fmt="o",
+                ms=4,
+                capsize=2,
+                color=COLOURS[k % len(COLOURS)],
+                label=name,
+            )
         for x, i in enumerate(chosen):
             for bound in CASES[i].bounds.values():
                 ax.hlines(bound, x - 0.4, x + 0.4, color="#111111", lw=0.8, ls="--")
@@ -148,10 +172,18 @@ def _draw(found: Scores) -> Figure:
 
 
 CLAIMS = (
-    Claim("estimators", "beyond the papers: how good each estimate of the target's motion is, by "
-          "rate and motion",
-          Rule("servo rms, and peak at reversals", "our law, each estimator's defaults",
-               f"bounds by motion and rate, on the mean of {SEEDS} seeds", "none", "none",
-               "all bounds kept"),
-          _jobs, _judge),
-)  # fmt: skip
+    Claim(
+        "estimators",
+        "beyond the papers: how good each estimate of the target's motion is, by rate and motion",
+        Rule(
+            "servo rms, and peak at reversals",
+            "our law, each estimator's defaults",
+            f"bounds by motion and rate, on the mean of {SEEDS} seeds",
+            "none",
+            "none",
+            "all bounds kept",
+        ),
+        _jobs,
+        _judge,
+    ),
+)

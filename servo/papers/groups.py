@@ -21,8 +21,10 @@ def group(results: Sequence[Result], **wanted: Any) -> list[Result]:
 
 def by_tracker(results: Sequence[Result]) -> dict[str, list[Result]]:
     """The results of each tracker, in their order."""
-    return {label: group(results, tracker=label) for label in dict.fromkeys(
-        r["tracker"] for r in results)}  # fmt: skip
+    return {
+        label: group(results, tracker=label)
+        for label in dict.fromkeys(r["tracker"] for r in results)
+    }
 
 
 def column(results: Sequence[Result], measure: str) -> Array:

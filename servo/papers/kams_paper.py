@@ -43,14 +43,16 @@ from tracking.evaluation.verdicts import Finding, greater, not_worse
 
 EASY = "abcd"
 """Levels of the paper's sequences."""
-SEEDS, SEEDS_ERROR = 16, 10
+SEEDS = 16
+SEEDS_ERROR = 10
 RIVALS = ("condensation", "mean_shift", "annealed", "hybrid", "sok")
 OF_200 = ("condensation", "annealed", "hybrid")
 PAPER_Z = {"condensation": 2.91, "mean_shift": 5.13, "annealed": 3.80, "hybrid": 4.83, "sok": 3.59}
 """z of KAMS against each tracker, from table 1 of the KAMS paper."""
 PAPER_PX = (6.9, 18.2, 14.7, 17.3)
 """Its mean errors on levels a to d [px]."""
-MARGIN, SIGNIFICANT = 5.0, 0.05
+MARGIN = 5.0
+SIGNIFICANT = 0.05
 """Margin of "not fewer" [%], and p value."""
 LEAST_D = 8
 FEW_LAYERS = 3
@@ -82,8 +84,9 @@ def _equal(effort: Effort) -> Sequence[Job]:
 
 
 def _layers(effort: Effort) -> Sequence[Job]:
-    few = contender("kams", "paper", f"kams-{FEW_LAYERS}-layers", layers=FEW_LAYERS,
-                    **AS_PUBLISHED["kams"])  # fmt: skip
+    few = contender(
+        "kams", "paper", f"kams-{FEW_LAYERS}-layers", layers=FEW_LAYERS, **AS_PUBLISHED["kams"]
+    )
     return _painted(effort, [few, published("annealed")])
 
 
@@ -104,21 +107,37 @@ def _judge_pairs(results: list[Result], folder: Path, name: str, way: str) -> Ve
     else:
         findings = {o: _significant(tests[o], corrected[o]) for o in others}
     nearest = min(others, key=lambda o: gains[o].value)
-    table = [["", "done", "KAMS more [%]", "won-lost", "p (Holm)", "z of frames", "paper", "reads",
-              ""], [first, _done(ours), "", "", "", "", "", _reads(ours), ""]]  # fmt: skip
+    table = [
+        ["", "done", "KAMS more [%]", "won-lost", "p (Holm)", "z of frames", "paper", "reads", ""],
+        [first, _done(ours), "", "", "", "", "", _reads(ours), ""],
+    ]
     for o in others:
         longer = compare(ours, runs[o])
         told = f"{PAPER_Z[kind]:.2f}" if (kind := o.rpartition("-")[0]) in PAPER_Z else ""
-        table.append([o, _done(runs[o]), words(gains[o]), f"{tests[o].wins}-{tests[o].losses}",
-                      f"{corrected[o]:.2g}", f"{longer.z:.2f}", told,
-                      _reads(runs[o]), WORDS[findings[o]]])  # fmt: skip
+        table.append(
+            [
+                o,
+                _done(runs[o]),
+                words(gains[o]),
+                f"{tests[o].wins}-{tests[o].losses}",
+                f"{corrected[o]:.2g}",
+                f"{longer.z:.2f}",
+                told,
+                _reads(runs[o]),
+                WORDS[findings[o]],
+            ]
+        )
     open_ = [o for o in others if findings[o] is not Finding.HOLDS]
     said = f"against {', '.join(open_)} it is open or false" if open_ else "against all"
     return Verdict(
-        every(findings.values()), gains[nearest], "% of the sequences", len(ours),
-        f"{first} completes {_done(ours)}; {said}; the effect is that against {nearest}", table,
+        every(findings.values()),
+        gains[nearest],
+        "% of the sequences",
+        len(ours),
+        f"{first} completes {_done(ours)}; {said}; the effect is that against {nearest}",
+        table,
         [_draw_completed(runs, folder, name)],
-    )  # fmt: skip
+    )
 
 
 def _turned(i: Interval) -> Interval:
@@ -144,8 +163,14 @@ def _draw_completed(runs: dict[str, list[Result]], folder: Path, name: str) -> P
     shares = [completed(found) for found in runs.values()]
     for i, share in enumerate(shares):
         ends = [[share.value - share.low], [share.high - share.value]]
-        ax.errorbar([share.value], [i], xerr=np.maximum(ends, 0), fmt="o", capsize=3,
-                    color=COLOURS[0 if i == 0 else 5])  # fmt: skip
+        ax.errorbar(
+            [share.value],
+            [i],
+            xerr=np.maximum(ends, 0),
+            fmt="o",
+            capsize=3,
+            color=COLOURS[0 if i == 0 else 5],
+        )
     ax.set_yticks(range(len(runs)), list(runs))
     ax.invert_yaxis()
     ax.set(
@@ -162,16 +187,23 @@ def _errors(effort: Effort) -> Sequence[Job]:
 
 
 def _judge_errors(results: list[Result], folder: Path) -> Verdict:
-    table = [["settings", *(f"{level}: mean error [px], completed" for level in EASY)],
-             ["the paper's result", *(f"{px:g}" for px in PAPER_PX)]]  # fmt: skip
+    table = [
+        ["settings", *(f"{level}: mean error [px], completed" for level in EASY)],
+        ["the paper's result", *(f"{px:g}" for px in PAPER_PX)],
+    ]
     figure, (ax,) = panels(1)
     for i, (label, found) in enumerate(by_tracker(results).items()):
         groups = [group(found, family=f"clutter-{level}") for level in EASY]
         table.append([label, *(f"{mean(g, 'mean_error_px')}, {_done(g)}" for g in groups)])
         for at, runs in enumerate(groups):
             errors = column(runs, "mean_error_px")
-            ax.plot(at + 0.2 * (i - 0.5) + np.linspace(-0.06, 0.06, len(errors)), errors, ".",
-                    color=COLOURS[i], label=label if at == 0 else None)  # fmt: skip
+            ax.plot(
+                at + 0.2 * (i - 0.5) + np.linspace(-0.06, 0.06, len(errors)),
+                errors,
+                ".",
+                color=COLOURS[i],
+                label=label if at == 0 else None,
+            )
     ax.plot(range(len(EASY)), PAPER_PX, "_", ms=30, color=COLOURS[5], label="paper's result")
     ax.set_xticks(range(len(EASY)), [f"level {level}" for level in EASY])
     ax.set(ylabel="mean error [px]", yscale="log", title="P0-2: mean error, one dot a sequence")
@@ -184,10 +216,14 @@ def _judge_errors(results: list[Result], folder: Path) -> Verdict:
         f"{level} {int(d.sum())} of {len(d)}" for level, d in zip(EASY, done, strict=True)
     )
     return Verdict(
-        Finding.HOLDS if kept else Finding.DOES_NOT_HOLD, completed(ours),
-        "% of the sequences", len(ours), f"completed with published settings: {said}", table,
+        Finding.HOLDS if kept else Finding.DOES_NOT_HOLD,
+        completed(ours),
+        "% of the sequences",
+        len(ours),
+        f"completed with published settings: {said}",
+        table,
         [figures.save(figure, folder, "P0-2.png")],
-    )  # fmt: skip
+    )
 
 
 PUBLISHED = (
@@ -198,29 +234,76 @@ UNITS = f"{SEEDS} painted sequences of each of the levels {', '.join(LEVELS)}, s
 SHARE = "share of sequences completed (never five frames in a row off by the target's size)"
 PAIRED = "95 % interval of the mean paired difference"
 CLAIMS = (
-    Claim("P0-1a", "KAMS tracks for longer than each of five others (McNemar, 36 sequences, z from "
-          "2.91 to 5.13), here with the paper's numbers of particles",
-          Rule(SHARE, PUBLISHED, UNITS, f"{MARGIN:g} %", PAIRED,
-               "not fewer completed than by each of five"),
-          _published, lambda r, f: _judge_pairs(r, f, "P0-1a", "not fewer")),
-    Claim("P0-1b", "the same at equal compute",
-          Rule(SHARE, "each with its own best settings (tuning.json), and as many histograms a "
-               "frame as KAMS, as far as it can read them", UNITS, "none",
-               "McNemar's exact test on completion, Holm over five", f"p < {SIGNIFICANT:g} against "
-               "each of five"),
-          _equal, lambda r, f: _judge_pairs(r, f, "P0-1b", "significantly")),
-    Claim("P0-2", "KAMS completes levels a to d with mean errors of 6.9, 18.2, 14.7, 17.3 px",
-          Rule("sequences completed at each level, and mean error", "published, and own best",
-               f"{SEEDS_ERROR} painted sequences a level, seeds from 1000 on", "none", "count",
-               f"published: all of a, b and c, and at least {LEAST_D} of {SEEDS_ERROR} of d"),
-          _errors, _judge_errors),
-    Claim("P0-5", "KAMS follows with 50 particles where others fail with 200",
-          Rule(SHARE, PUBLISHED, UNITS, "0", PAIRED,
-               "more completed than by Condensation, annealing and hybrid each"),
-          lambda e: _painted(e, [published(k) for k in ("kams", *OF_200)]),
-          lambda r, f: _judge_pairs(r, f, "P0-5", "more")),
-    Claim("P0-6", "KAMS needs fewer layers than annealing",
-          Rule(SHARE, f"published, KAMS with {FEW_LAYERS} layers against annealing with 5", UNITS,
-               f"{MARGIN:g} %", PAIRED, "not fewer completed"),
-          _layers, lambda r, f: _judge_pairs(r, f, "P0-6", "not fewer")),
-)  # fmt: skip
+    Claim(
+        "P0-1a",
+        "KAMS tracks for longer than each of five others (McNemar, 36 sequences, z from "
+        "2.91 to 5.13), here with the paper's numbers of particles",
+        Rule(
+            SHARE,
+            PUBLISHED,
+            UNITS,
+            f"{MARGIN:g} %",
+            PAIRED,
+            "not fewer completed than by each of five",
+        ),
+        _published,
+        lambda r, f: _judge_pairs(r, f, "P0-1a", "not fewer"),
+    ),
+    Claim(
+        "P0-1b",
+        "the same at equal compute",
+        Rule(
+            SHARE,
+            "each with its own best settings (tuning.json), and as many histograms a "
+            "frame as KAMS, as far as it can read them",
+            UNITS,
+            "none",
+            "McNemar's exact test on completion, Holm over five",
+            f"p < {SIGNIFICANT:g} against each of five",
+        ),
+        _equal,
+        lambda r, f: _judge_pairs(r, f, "P0-1b", "significantly"),
+    ),
+    Claim(
+        "P0-2",
+        "KAMS completes levels a to d with mean errors of 6.9, 18.2, 14.7, 17.3 px",
+        Rule(
+            "sequences completed at each level, and mean error",
+            "published, and own best",
+            f"{SEEDS_ERROR} painted sequences a level, seeds from 1000 on",
+            "none",
+            "count",
+            f"published: all of a, b and c, and at least {LEAST_D} of {SEEDS_ERROR} of d",
+        ),
+        _errors,
+        _judge_errors,
+    ),
+    Claim(
+        "P0-5",
+        "KAMS follows with 50 particles where others fail with 200",
+        Rule(
+            SHARE,
+            PUBLISHED,
+            UNITS,
+            "0",
+            PAIRED,
+            "more completed than by Condensation, annealing and hybrid each",
+        ),
+        lambda e: _painted(e, [published(k) for k in ("kams", *OF_200)]),
+        lambda r, f: _judge_pairs(r, f, "P0-5", "more"),
+    ),
+    Claim(
+        "P0-6",
+        "KAMS needs fewer layers than annealing",
+        Rule(
+            SHARE,
+            f"published, KAMS with {FEW_LAYERS} layers against annealing with 5",
+            UNITS,
+            f"{MARGIN:g} %",
+            PAIRED,
+            "not fewer completed",
+        ),
+        _layers,
+        lambda r, f: _judge_pairs(r, f, "P0-6", "not fewer"),
+    ),
+)

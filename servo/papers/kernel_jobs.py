@@ -35,12 +35,15 @@ class Tracked:
 
     def run(self, folder: Path) -> Result:
         """The measures, and ln of the found over the true size, blurred and else [%]."""
-        result, states = self.job.run(folder), self.job.entry.build(self.job.seed).states
+        result = self.job.run(folder)
+        states = self.job.entry.build(self.job.seed).states
         assert states is not None
         off = 100 * np.log(read(track_path(folder, self.key)).states[:, 3] / states[:, 3])
         fast = slice(*(round(share * len(off)) for share in FAST))
-        result["measures"] |= {"size_blurred": float(off[fast].mean()),
-                               "size_before": float(off[: fast.start].mean())}  # fmt: skip
+        result["measures"] |= {
+            "size_blurred": float(off[fast].mean()),
+            "size_before": float(off[: fast.start].mean()),
+        }
         return result
 
 

@@ -42,11 +42,15 @@ from tracking.evaluation.statistics import Interval, mean_of
 from tracking.evaluation.track_file import read
 from tracking.evaluation.verdicts import Finding, greater, not_worse
 
-SEEDS, SEEDS_TIMED = 60, 4
+SEEDS = 60
+SEEDS_TIMED = 4
 """With 30 sequences the interval of losses would reach 9 % even if neither lost the target."""
 KINDS = ("pf_ssd", "mk_pf", "mk_pf-75", "mk_ssd")
 OURS, WHOLE, FEW, ALONE = (published(k).label for k in KINDS)
-MARGIN_DEG, MARGIN_PX, MARGIN_LOST, HALF = 0.3, 1.0, 5.0, 0.5
+MARGIN_DEG = 0.3
+MARGIN_PX = 1.0
+MARGIN_LOST = 5.0
+HALF = 0.5
 FAILS = 50.0
 """Least difference of completions that counts as failing [%]."""
 
@@ -60,14 +64,30 @@ def _verdict(
     results: list[Result], finding: Finding, effect: Interval, unit: str, said: str, picture: Path
 ) -> Verdict:
     """A verdict with the table of all trackers."""
-    rows = [["tracker", "angle RMSE", "position RMSE", "never lost", "reads", "ms",
-             "size, blurred", "size, before"]]  # fmt: skip
+    rows = [
+        [
+            "tracker",
+            "angle RMSE",
+            "position RMSE",
+            "never lost",
+            "reads",
+            "ms",
+            "size, blurred",
+            "size, before",
+        ]
+    ]
     for label, found in by_tracker(results).items():
-        rows.append([label, mean(found, "angle_rmse_deg", "deg"), mean(found, "rmse_px", "px"),
-                     f"{int(column(found, 'completed').sum())} of {len(found)}",
-                     f"{column(found, 'evaluations').mean():.0f}",
-                     f"{np.median(column(found, 'milliseconds')):.2f}",
-                     *(mean(found, m, "%") for m in ("size_blurred", "size_before"))])  # fmt: skip
+        rows.append(
+            [
+                label,
+                mean(found, "angle_rmse_deg", "deg"),
+                mean(found, "rmse_px", "px"),
+                f"{int(column(found, 'completed').sum())} of {len(found)}",
+                f"{column(found, 'evaluations').mean():.0f}",
+                f"{np.median(column(found, 'milliseconds')):.2f}",
+                *(mean(found, m, "%") for m in ("size_blurred", "size_before")),
+            ]
+        )
     count = len(group(results, tracker=OURS))
     return Verdict(finding, effect, unit, count, said, rows, [picture])
 
@@ -82,10 +102,13 @@ def _judge_best(results: list[Result], folder: Path) -> Verdict:
     nearest = min(gains, key=lambda o: gains[o].value)
     said = ", ".join(f"{o} {words(i)}" for o, i in gains.items())
     return _verdict(
-        results, every(greater(i, 0.0) for i in gains.values()), gains[nearest],
-        "deg less than the nearest", f"angle RMSE of others less the combination's [deg]: {said}",
+        results,
+        every(greater(i, 0.0) for i in gains.values()),
+        gains[nearest],
+        "deg less than the nearest",
+        f"angle RMSE of others less the combination's [deg]: {said}",
         _over_time(folder, results[0]["seed"]),
-    )  # fmt: skip
+    )
 
 
 def _over_time(folder: Path, seed: int) -> Path:
@@ -98,8 +121,11 @@ def _over_time(folder: Path, seed: int) -> Path:
         turned = np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - states[:, 2])))))
         above.plot(turned, color=COLOURS[i], lw=1.0, label=label)
         below.plot(np.hypot(*(found - states)[:, :2].T), color=COLOURS[i], lw=1.0)
-    above.set(ylabel="angle error [deg]", ylim=(0, 30),
-              title=f"P1-1: fast from 35 to 60 %, hidden at 75 % (seed {seed})")  # fmt: skip
+    above.set(
+        ylabel="angle error [deg]",
+        ylim=(0, 30),
+        title=f"P1-1: fast from 35 to 60 %, hidden at 75 % (seed {seed})",
+    )
     below.set(ylabel="position error [px]", xlabel="frame", ylim=(0, 60))
     above.legend(frameon=False, ncols=2, fontsize=7)
     return figures.save(figure, folder, "P1-1.png")
@@ -115,8 +141,12 @@ def _judge_pair(results: list[Result], folder: Path) -> Verdict:
     reads = ratio(column(ours, "evaluations"), column(whole, "evaluations"))
     times = np.array([r["times"] for r in timed])
     time = ratio(times[:, 0], times[:, 1])
-    parts = {"angle": not_worse(angle, MARGIN_DEG), "position": not_worse(place, MARGIN_PX),
-             "losses": not_worse(lost, MARGIN_LOST), "reads": not_worse(reads, HALF)}  # fmt: skip
+    parts = {
+        "angle": not_worse(angle, MARGIN_DEG),
+        "position": not_worse(place, MARGIN_PX),
+        "losses": not_worse(lost, MARGIN_LOST),
+        "reads": not_worse(reads, HALF),
+    }
     said = (
         f"75 with SSD less 500: angle {words(angle, 'deg')}, position {words(place, 'px')}, losses "
         f"{words(lost, '%')}, reads {words(reads)} times, interleaved time {words(time)} times; "
@@ -139,8 +169,13 @@ def _scatter(results: list[Result], first: str, second: str, folder: Path, name:
         ax.scatter(x[at], y[at], s=16, color=colour, label=said)
     ends = [0.8 * min(x.min(), y.min()), 1.25 * max(x.max(), y.max())]
     ax.plot(ends, ends, "--", color=COLOURS[5], lw=0.8)
-    ax.set(xlabel=f"{second} [deg]", ylabel=f"{first} [deg]", xscale="log", yscale="log",
-           title=f"{name}: angle RMSE, one dot a sequence")  # fmt: skip
+    ax.set(
+        xlabel=f"{second} [deg]",
+        ylabel=f"{first} [deg]",
+        xscale="log",
+        yscale="log",
+        title=f"{name}: angle RMSE, one dot a sequence",
+    )
     plain_ticks(ax.xaxis, ax.yaxis)
     ax.legend(frameon=False)
     return figures.save(figure, folder, f"{name}.png")
@@ -151,22 +186,30 @@ def _judge_alone(results: list[Result], folder: Path) -> Verdict:
     gain = completed_more(ours, alone)
     figure, (ax,) = panels(1)
     c = SIMILARITY.config
-    at, hidden = np.arange(c.frames), HIDDEN_AT * c.frames - c.hidden
+    at = np.arange(c.frames)
+    hidden = HIDDEN_AT * c.frames - c.hidden
     early = int(np.sum(column(alone, "frames_until_loss") < hidden))
     for i, label in enumerate((OURS, WHOLE, FEW, ALONE)):
         until = column(group(results, tracker=label), "frames_until_loss")
         held = 100 * np.mean(until[:, None] > at, axis=0)
         ax.plot(at, held, color=COLOURS[i], label=label)
     ax.axvline(HIDDEN_AT * len(at), color="#111111", lw=0.8, ls="--")
-    ax.set(xlabel="frame (dashed: hidden)", ylabel="not lost yet [%]", ylim=(0, 103),
-           title="P1-7: sequences followed so far")  # fmt: skip
+    ax.set(
+        xlabel="frame (dashed: hidden)",
+        ylabel="not lost yet [%]",
+        ylim=(0, 103),
+        title="P1-7: sequences followed so far",
+    )
     ax.legend(frameon=False)
     return _verdict(
-        results, greater(gain, FAILS), gain, "% of the sequences",
+        results,
+        greater(gain, FAILS),
+        gain,
+        "% of the sequences",
         f"the combination completes {words(gain, '%')} more than the kernels alone, which lost "
         f"{early} of {len(alone)} before the target was hidden",
         figures.save(figure, folder, "P1-7.png"),
-    )  # fmt: skip
+    )
 
 
 def _judge_few(results: list[Result], folder: Path) -> Verdict:
@@ -188,10 +231,13 @@ def _judge_blurred(results: list[Result], folder: Path) -> Verdict:
     effect = mean_of(change[OURS])
     said = ", ".join(f"{k} {words(mean_of(v))}" for k, v in change.items())
     return _verdict(
-        results, not_worse(effect, 0.0), effect, "% of the size",
+        results,
+        not_worse(effect, 0.0),
+        effect,
+        "% of the size",
         f"size found over true, blurred less before [%]: {said}",
         figures.save(figure, folder, "P1-9.png"),
-    )  # fmt: skip
+    )
 
 
 def _pair(effort: Effort) -> Sequence[Job]:
@@ -203,27 +249,71 @@ UNITS = f"{SEEDS} painted `similarity` sequences, seeds from {FRESH} on"
 SETTINGS = "the paper's presets; each with its own best settings in the table"
 PAIRED = "95 % interval of the mean paired difference"
 CLAIMS = (
-    Claim("P1-1", "through fast motion and total occlusion the combination is the most accurate "
-          "in angle (figures 6, 7)",
-          Rule("angle RMSE of 500 particles, 75 and kernels alone, less the combination's",
-               SETTINGS, UNITS, "0", PAIRED, "above 0 against all three"),
-          _jobs, _judge_best),
-    Claim("P1-2", "75 particles with SSD are as accurate as 500 without, in a third of the time",
-          Rule("angle and position RMSE, losses, histograms read; time of both in turn, told only",
-               SETTINGS, UNITS, f"{MARGIN_DEG:g} deg, {MARGIN_PX:g} px, {MARGIN_LOST:g} %",
-               f"{PAIRED}; reads: of the geometric mean ratio",
-               f"none is worse by its margin, and at most {HALF:g} of the reads"),
-          _pair, _judge_pair),
-    Claim("P1-7", "kernels alone fail at the occlusion",
-          Rule("sequences completed by the combination, less those by the kernels alone", SETTINGS,
-               UNITS, f"{FAILS:g} %", PAIRED, f"above {FAILS:g} %"),
-          _jobs, _judge_alone),
-    Claim("P1-8", "75 particles alone are less precise than 500",
-          Rule("angle RMSE of 75 particles less that of 500", SETTINGS, UNITS, "0", PAIRED,
-               "above 0"),
-          _jobs, _judge_few),
-    Claim("P1-9", "the size found shrinks where motion blurs the target",
-          Rule("ln of found over true size in the blurred frames, less that before them, of the "
-               "combination", SETTINGS, UNITS, "0", PAIRED, "below 0"),
-          _jobs, _judge_blurred),
-)  # fmt: skip
+    Claim(
+        "P1-1",
+        "through fast motion and total occlusion the combination is the most accurate "
+        "in angle (figures 6, 7)",
+        Rule(
+            "angle RMSE of 500 particles, 75 and kernels alone, less the combination's",
+            SETTINGS,
+            UNITS,
+            "0",
+            PAIRED,
+            "above 0 against all three",
+        ),
+        _jobs,
+        _judge_best,
+    ),
+    Claim(
+        "P1-2",
+        "75 particles with SSD are as accurate as 500 without, in a third of the time",
+        Rule(
+            "angle and position RMSE, losses, histograms read; time of both in turn, told only",
+            SETTINGS,
+            UNITS,
+            f"{MARGIN_DEG:g} deg, {MARGIN_PX:g} px, {MARGIN_LOST:g} %",
+            f"{PAIRED}; reads: of the geometric mean ratio",
+            f"none is worse by its margin, and at most {HALF:g} of the reads",
+        ),
+        _pair,
+        _judge_pair,
+    ),
+    Claim(
+        "P1-7",
+        "kernels alone fail at the occlusion",
+        Rule(
+            "sequences completed by the combination, less those by the kernels alone",
+            SETTINGS,
+            UNITS,
+            f"{FAILS:g} %",
+            PAIRED,
+            f"above {FAILS:g} %",
+        ),
+        _jobs,
+        _judge_alone,
+    ),
+    Claim(
+        "P1-8",
+        "75 particles alone are less precise than 500",
+        Rule(
+            "angle RMSE of 75 particles less that of 500", SETTINGS, UNITS, "0", PAIRED, "above 0"
+        ),
+        _jobs,
+        _judge_few,
+    ),
+    Claim(
+        "P1-9",
+        "the size found shrinks where motion blurs the target",
+        Rule(
+            "ln of found over true size in the blurred frames, less that before them, of the "
+            "combination",
+            SETTINGS,
+            UNITS,
+            "0",
+            PAIRED,
+            "below 0",
+        ),
+        _jobs,
+        _judge_blurred,
+    ),
+)

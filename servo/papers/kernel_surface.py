@@ -17,10 +17,13 @@ from tracking.evaluation.drawing import figures
 from tracking.evaluation.verdicts import greater
 
 SEEDS = 30
-TURNED_DEG, MOVED_PX = np.linspace(-90, 90, 37), np.linspace(-40, 40, 33)
-AT_DEG, TIMES = 15.0, 2.0
+TURNED_DEG = np.linspace(-90, 90, 37)
+MOVED_PX = np.linspace(-40, 40, 33)
+AT_DEG = 15.0
+TIMES = 2.0
 """Rotation at which the slopes are compared, and their least ratio."""
-ONE, NINE = "one", "nine"
+ONE = "one"
+NINE = "nine"
 MODELS = {ONE: contender("kernel_pf", "paper"), NINE: contender("mk_pf", "paper")}
 
 
@@ -62,7 +65,8 @@ def _judge(results: list[Result], folder: Path) -> Verdict:
     figure, parts = panels(2, 2, 9.0)
     for i, (name, surface) in enumerate(found.items()):
         mean = surface.mean(axis=0)
-        ax, kernels = parts[i], f"{name} kernel{'s' * i}"
+        ax = parts[i]
+        kernels = f"{name} kernel{'s' * i}"
         shown = ax.contourf(MOVED_PX, TURNED_DEG, mean, np.linspace(0, 1, 21), cmap="viridis")
         ax.set(xlabel="x [px]", ylabel="rotation [deg]", title=kernels)
         figure.colorbar(shown, ax=ax, label="distance", ticks=[0, 0.5, 1])
@@ -72,19 +76,28 @@ def _judge(results: list[Result], folder: Path) -> Verdict:
     parts[3].set(xlabel="x [px]", ylabel="distance", ylim=(0, 1))
     parts[2].legend(frameon=False, loc="lower right")
     return Verdict(
-        greater(times, TIMES), times, "times the slope of one kernel", len(results),
+        greater(times, TIMES),
+        times,
+        "times the slope of one kernel",
+        len(results),
         f"slope at {AT_DEG:g} deg with nine kernels {words(times)} times that with one",
         figures=[figures.save(figure, folder, "P1-3.png")],
-    )  # fmt: skip
+    )
 
 
 CLAIMS = (
     Claim(
-        "P1-3", "nine kernels see a rotation that one does not (figure 3)",
-        Rule(f"rise of the distance from 0 to {AT_DEG:g} deg with nine kernels, over that with one",
-             "the papers' presets",
-             f"first pictures of {SEEDS} painted `similarity` sequences, seeds from {FRESH} on",
-             f"{TIMES:g}", "95 % interval of the geometric mean ratio", f"above {TIMES:g}"),
-        _jobs, _judge,
+        "P1-3",
+        "nine kernels see a rotation that one does not (figure 3)",
+        Rule(
+            f"rise of the distance from 0 to {AT_DEG:g} deg with nine kernels, over that with one",
+            "the papers' presets",
+            f"first pictures of {SEEDS} painted `similarity` sequences, seeds from {FRESH} on",
+            f"{TIMES:g}",
+            "95 % interval of the geometric mean ratio",
+            f"above {TIMES:g}",
+        ),
+        _jobs,
+        _judge,
     ),
-)  # fmt: skip
+)

@@ -22,7 +22,8 @@ from tracking.files.json_text import number
 
 ALONG = "yn"
 """The feature along which the car of `reversal` drives back and forth."""
-LINE, REVERSAL = "line", "reversal"
+LINE = "line"
+REVERSAL = "reversal"
 BEFORE = 0.45
 """How far from the middle of the table the car of `line` starts [m]."""
 CAR = (0.11, 0.06)
@@ -70,8 +71,13 @@ def _toys() -> tuple[Array, Array]:
 def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
     x, y, angle = rng.uniform((-30, -20, -20), (30, 20, 20)).tolist()
     heading, speed, length = rng.uniform((-180, 0.07, 0.5), (180, 0.12, 0.8)).tolist()
-    drawn = {"start.x": x, "start.y": y, "start.angle_deg": angle, "motion.heading_deg": heading,
-             "motion.speed": speed}  # fmt: skip
+    drawn = {
+        "start.x": x,
+        "start.y": y,
+        "start.angle_deg": angle,
+        "motion.heading_deg": heading,
+        "motion.speed": speed,
+    }
     if scenario == REVERSAL:
         drawn["motion.length"] = length
     else:
@@ -106,14 +112,16 @@ class LoopSeries:
         steps, report = measured_run(self._scenario())
         along = steps[0].scene.features.names.index(ALONG)
         return {
-            "scenario": self.scenario, "estimator": self.estimator, "seed": self.seed,
+            "scenario": self.scenario,
+            "estimator": self.estimator,
+            "seed": self.seed,
             "label": self.label,
             "measures": {m.name: number(m.value) for m in report.measures},
             "time": [s.frame.time for s in steps],
             "servo_error": [s.servo_error for s in steps],
             "estimated": [float(s.prediction.motion[along]) for s in steps],
             "true": [number(float(s.target_motion_true[along])) for s in steps],
-        }  # fmt: skip
+        }
 
     def _scenario(self) -> Scenario:
         changes = [f"estimator.kind={self.estimator}", *self.changes]

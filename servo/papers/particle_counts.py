@@ -20,7 +20,8 @@ from tracking.evaluation.verdicts import greater
 
 KINDS = ("kams", "annealed", "hybrid", "condensation")
 COUNTS = (12, 25, 50, 100, 200, 400)
-LEVEL, SEEDS = "e", 32
+LEVEL = "e"
+SEEDS = 32
 ENOUGH = 0.9
 """Share of the sequences that must be completed."""
 DRAWS = 2000
@@ -48,7 +49,8 @@ def needed(shares: Array) -> Array:
     logs = np.log2([*COUNTS, 2 * COUNTS[-1]])
     grown = np.vstack([np.maximum.accumulate(shares), np.full(shares.shape[1], 1.0)])
     at = np.argmax(grown >= ENOUGH, axis=0)
-    i, before = np.arange(len(at)), np.maximum(at - 1, 0)
+    i = np.arange(len(at))
+    before = np.maximum(at - 1, 0)
     rise = np.maximum(grown[at, i] - grown[before, i], 1e-9)
     part = np.where((at == 0) | (at == len(COUNTS)), 1.0, (ENOUGH - grown[before, i]) / rise)
     return 2.0 ** (logs[before] + part * (logs[at] - logs[before]))
@@ -58,8 +60,10 @@ def _of_draws(results: Sequence[Result]) -> dict[str, Array]:
     """Particles needed (1 + draws,) by tracker: of all sequences, then of sequences drawn anew, the
     same for all trackers.
     """
-    done = {k: np.array([column(group(results, tracker=_label(k, n)), "completed")
-                         for n in COUNTS]) for k in KINDS}  # fmt: skip
+    done = {
+        k: np.array([column(group(results, tracker=_label(k, n)), "completed") for n in COUNTS])
+        for k in KINDS
+    }
     size = done[KINDS[0]].shape[1]
     drawn = np.random.default_rng(0).integers(0, size, (DRAWS, size))
     which = np.vstack([np.arange(size), drawn])
@@ -75,23 +79,38 @@ def _judge(
     table = [["tracker", f"particles for {ENOUGH:.0%}", "over KAMS's", *map(str, COUNTS)]]
     figure, (ax,) = panels(1)
     for i, k in enumerate(KINDS):
-        shares = [100 * column(group(results, tracker=_label(k, n)), "completed").mean()
-                  for n in COUNTS]  # fmt: skip
-        table.append([k, words(_interval(found[k])), words(_interval(found[k] / found["kams"])),
-                      *(f"{s:.0f} %" for s in shares)])  # fmt: skip
+        shares = [
+            100 * column(group(results, tracker=_label(k, n)), "completed").mean() for n in COUNTS
+        ]
+        table.append(
+            [
+                k,
+                words(_interval(found[k])),
+                words(_interval(found[k] / found["kams"])),
+                *(f"{s:.0f} %" for s in shares),
+            ]
+        )
         ax.plot(COUNTS, shares, "o-", color=COLOURS[i], label=k)
     ax.axhline(100 * ENOUGH, color="#111111", lw=0.8, ls="--")
     ax.set_xscale("log", base=2)
     ax.set_xticks(COUNTS, map(str, COUNTS))
-    ax.set(xlabel="particles", ylabel="sequences completed [%]", ylim=(0, 102),
-           title=f"{name}: completion by number of particles")  # fmt: skip
+    ax.set(
+        xlabel="particles",
+        ylabel="sequences completed [%]",
+        ylim=(0, 102),
+        title=f"{name}: completion by number of particles",
+    )
     ax.legend(frameon=False)
     return Verdict(
-        every(greater(i, bound) for i in ratios.values()), ratios[nearest],
-        "times KAMS's particles", len(group(results, tracker=_label("kams", COUNTS[0]))),
+        every(greater(i, bound) for i in ratios.values()),
+        ratios[nearest],
+        "times KAMS's particles",
+        len(group(results, tracker=_label("kams", COUNTS[0]))),
         f"least ratio of particles needed: {nearest} ({2 * COUNTS[-1]} stands for more than "
-        f"{COUNTS[-1]})", table, [figures.save(figure, folder, f"{name}.png")],
-    )  # fmt: skip
+        f"{COUNTS[-1]})",
+        table,
+        [figures.save(figure, folder, f"{name}.png")],
+    )
 
 
 def _interval(values: Array) -> Interval:
@@ -105,9 +124,10 @@ def _claim(name: str, says: str, rivals: Sequence[str], bound: float) -> Claim:
         f"particles with which {ENOUGH:.0%} of the sequences are completed, over KAMS's",
         f"the paper's presets with {', '.join(map(str, COUNTS))} particles",
         f"{SEEDS} painted sequences of level {LEVEL}, seeds from {FRESH} on",
-        "none", f"95 % percentile interval of {DRAWS} draws of the sequences",
+        "none",
+        f"95 % percentile interval of {DRAWS} draws of the sequences",
         f"above {bound:g} for {', '.join(rivals)}",
-    )  # fmt: skip
+    )
     return Claim(name, says, rule, _jobs, lambda r, f: _judge(r, f, name, rivals, bound))
 
 

@@ -18,11 +18,13 @@ from tracking.evaluation.drawing import figures
 from tracking.evaluation.statistics import Interval, mean_of
 from tracking.evaluation.verdicts import greater, not_worse
 
-SEEDS, FIRST = 20, 2000
+SEEDS = 20
+FIRST = 2000
 """Seeds 1000 to 1019 were run before, with draws that let the car drive through a toy: in the first
 picture the toy was part of the target.
 """
-NONE, FILTER = "none", "kalman_cv"
+NONE = "none"
+FILTER = "kalman_cv"
 ESTIMATORS = (NONE, FILTER)
 LESS = 5.0
 """Least ratio of the errors without and with estimation; figure 10 of the paper shows more."""
@@ -50,13 +52,21 @@ class Way:
 
 
 AS_PRINTED = Way(
-    "a", "5Hz", "5 Hz, the law as printed: six degrees of freedom, four features fed forward",
-    ("camera.rate=5.0", "controller.preset=paper"), {LINE: 3.0, REVERSAL: 5.0}, 2.0,
-)  # fmt: skip
+    "a",
+    "5Hz",
+    "5 Hz, the law as printed: six degrees of freedom, four features fed forward",
+    ("camera.rate=5.0", "controller.preset=paper"),
+    {LINE: 3.0, REVERSAL: 5.0},
+    2.0,
+)
 OURS = Way(
-    "b", "30Hz", "30 Hz, our law: four degrees of freedom, two features fed forward",
-    (), {LINE: 2.0, REVERSAL: 2.0}, 1.0,
-)  # fmt: skip
+    "b",
+    "30Hz",
+    "30 Hz, our law: four degrees of freedom, two features fed forward",
+    (),
+    {LINE: 2.0, REVERSAL: 2.0},
+    1.0,
+)
 
 
 def _jobs(way: Way, scenario: str, effort: Effort) -> Sequence[Job]:
@@ -73,10 +83,16 @@ def _table(results: list[Result]) -> list[list[str]]:
     rows = [["estimator", "servo rms", "peak", "longest away", "right sign", "tilt, peak"]]
     for e in ESTIMATORS:
         runs = group(results, estimator=e)
-        rows.append([e, mean(runs, "servo_rms_px", "px"), mean(runs, "servo_peak_px", "px"),
-                     words(mean_of(np.array([_longest_away(r) for r in runs])), "s"),
-                     words(_agreements(runs), "%") if runs[0]["scenario"] == REVERSAL else "",
-                     mean(runs, "tilt_peak_deg", "deg")])  # fmt: skip
+        rows.append(
+            [
+                e,
+                mean(runs, "servo_rms_px", "px"),
+                mean(runs, "servo_peak_px", "px"),
+                words(mean_of(np.array([_longest_away(r) for r in runs])), "s"),
+                words(_agreements(runs), "%") if runs[0]["scenario"] == REVERSAL else "",
+                mean(runs, "tilt_peak_deg", "deg"),
+            ]
+        )
     return rows
 
 
@@ -86,10 +102,14 @@ def _judge_lag(results: list[Result], folder: Path, name: str, way: Way) -> Verd
     times = ratio(without, found)
     figure = _draw_error(results, f"{name}: distance of the target from the goal, constant speed")
     return Verdict(
-        greater(times, LESS), times, "times smaller", len(found),
-        f"the error is {words(times)} times smaller with estimation", _table(results),
+        greater(times, LESS),
+        times,
+        "times smaller",
+        len(found),
+        f"the error is {words(times)} times smaller with estimation",
+        _table(results),
         [figures.save(figure, folder, f"{name}.png")],
-    )  # fmt: skip
+    )
 
 
 def _judge_sign(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
@@ -99,14 +119,21 @@ def _judge_sign(results: list[Result], folder: Path, name: str, way: Way) -> Ver
     figure, (ax,) = panels(1)
     ax.plot(runs[0]["time"], runs[0]["estimated"], color=COLOURS[2], label="estimated")
     ax.plot(runs[0]["time"][1:], runs[0]["true"][1:], "--", color=COLOURS[5], label="true")
-    ax.set(xlabel="time [s]", ylabel="d yn/dt of the target [m/s]",
-           title=f"{name}: the velocity follows the reversals ({_first_seed(runs)})")  # fmt: skip
+    ax.set(
+        xlabel="time [s]",
+        ylabel="d yn/dt of the target [m/s]",
+        title=f"{name}: the velocity follows the reversals ({_first_seed(runs)})",
+    )
     ax.legend(frameon=False)
     return Verdict(
-        greater(share, 100 * AGREE), share, "% of the frames", len(runs),
-        f"right in {words(share, '%')} of the frames", _table(results),
+        greater(share, 100 * AGREE),
+        share,
+        "% of the frames",
+        len(runs),
+        f"right in {words(share, '%')} of the frames",
+        _table(results),
         [figures.save(figure, folder, f"{name}.png")],
-    )  # fmt: skip
+    )
 
 
 def _first_seed(results: list[Result]) -> str:
@@ -129,15 +156,21 @@ def _judge_peak(results: list[Result], folder: Path, name: str, way: Way) -> Ver
     away = mean_of(np.array([_longest_away(r) for r in runs]))
     figure = _draw_error(results, f"{name}: distance of the target from the goal, reversals")
     return Verdict(
-        not_worse(away, way.within), away, "s", len(runs),
+        not_worse(away, way.within),
+        away,
+        "s",
+        len(runs),
         f"peak {mean(runs, 'servo_peak_px', 'px')}, below {BACK_PX:g} px again after "
-        f"{words(away, 's')}", _table(results), [figures.save(figure, folder, f"{name}.png")],
-    )  # fmt: skip
+        f"{words(away, 's')}",
+        _table(results),
+        [figures.save(figure, folder, f"{name}.png")],
+    )
 
 
 def _longest_away(run: Result) -> float:
     """Longest time in a row above `BACK_PX`, after the start [s]."""
-    time, error = np.array(run["time"]), np.array(run["servo_error"])
+    time = np.array(run["time"])
+    error = np.array(run["servo_error"])
     settled = int(np.argmax(error < BACK_PX))
     longest = begin = 0.0
     for t, e in zip(time[settled:], error[settled:], strict=True):
@@ -153,8 +186,12 @@ def _draw_error(results: list[Result], title: str) -> Figure:
             look: dict[str, Any] = {"alpha": 0.2, "lw": 0.7} if k else {"label": estimator}
             ax.plot(run["time"], run["servo_error"], color=COLOURS[i], **look)
     most = max(max(r["servo_error"]) for r in results)
-    ax.set(xlabel=f"time [s] (thick: {_first_seed(results)})", ylabel="distance [px]", title=title,
-           ylim=(0, 1.25 * most))  # fmt: skip
+    ax.set(
+        xlabel=f"time [s] (thick: {_first_seed(results)})",
+        ylabel="distance [px]",
+        title=title,
+        ylim=(0, 1.25 * most),
+    )
     ax.legend(frameon=False, ncols=2, loc="upper right")
     return figure
 
@@ -164,8 +201,9 @@ Judge = Callable[[list[Result], Path, str, Way], Verdict]
 
 def _claim(number: int, way: Way, says: str, scenario: str, judge: Judge, rule: Rule) -> Claim:
     name = f"P1-{number}{way.ending}"
-    return Claim(name, says, rule, lambda e: _jobs(way, scenario, e),
-                 lambda r, f: judge(r, f, name, way))  # fmt: skip
+    return Claim(
+        name, says, rule, lambda e: _jobs(way, scenario, e), lambda r, f: judge(r, f, name, way)
+    )
 
 
 UNITS = (
@@ -176,22 +214,56 @@ MEAN = "95 % interval of the mean"
 
 
 def _three(way: Way) -> tuple[Claim, ...]:
-    line, reversal = UNITS.format("`line`"), UNITS.format("`reversal`")
+    line = UNITS.format("`line`")
+    reversal = UNITS.format("`reversal`")
     return (
-        _claim(4, way, "with Kalman estimation of the target's motion the camera no longer lags "
-               "(figures 9, 10)", LINE, _judge_lag,
-               Rule("rms distance from the goal without estimation over that with it", way.settings,
-                    line, f"{LESS:g}", "95 % interval of the geometric mean ratio",
-                    f"above {LESS:g}")),
-        _claim(5, way, "the sign of the estimated velocity follows the car's reversals (figure 9)",
-               REVERSAL, _judge_sign,
-               Rule("share of frames with the right sign of d yn/dt", way.settings, reversal,
-                    f"{100 * AGREE:g} %", MEAN, f"above {100 * AGREE:g} %")),
-        _claim(6, way, "at a reversal the error peaks and comes back (figures 10, 11)", REVERSAL,
-               _judge_peak,
-               Rule(f"longest time above {BACK_PX:g} px after the start", way.settings, reversal,
-                    f"{way.within:g} s", MEAN, f"below {way.within:g} s")),
-    )  # fmt: skip
+        _claim(
+            4,
+            way,
+            "with Kalman estimation of the target's motion the camera no longer lags "
+            "(figures 9, 10)",
+            LINE,
+            _judge_lag,
+            Rule(
+                "rms distance from the goal without estimation over that with it",
+                way.settings,
+                line,
+                f"{LESS:g}",
+                "95 % interval of the geometric mean ratio",
+                f"above {LESS:g}",
+            ),
+        ),
+        _claim(
+            5,
+            way,
+            "the sign of the estimated velocity follows the car's reversals (figure 9)",
+            REVERSAL,
+            _judge_sign,
+            Rule(
+                "share of frames with the right sign of d yn/dt",
+                way.settings,
+                reversal,
+                f"{100 * AGREE:g} %",
+                MEAN,
+                f"above {100 * AGREE:g} %",
+            ),
+        ),
+        _claim(
+            6,
+            way,
+            "at a reversal the error peaks and comes back (figures 10, 11)",
+            REVERSAL,
+            _judge_peak,
+            Rule(
+                f"longest time above {BACK_PX:g} px after the start",
+                way.settings,
+                reversal,
+                f"{way.within:g} s",
+                MEAN,
+                f"below {way.within:g} s",
+            ),
+        ),
+    )
 
 
 CLAIMS = (*_three(AS_PRINTED), *_three(OURS))

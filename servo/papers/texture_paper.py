@@ -24,12 +24,15 @@ from tracking.evaluation.verdicts import greater
 SEEDS = 20
 TIMES = 2.5
 """Least ratio of the RMSEs; in the paper they are 12.9 and 4.3 px, and 9.6 and 2.8 px."""
-FILTER, SHIFT = "texture_pf", "texture_ms"
+FILTER = "texture_pf"
+SHIFT = "texture_ms"
 ENTRY = generated("texture")
 ASIDE_PX = (5, 10, 20)
-LIKE, MOST = 0.9, 0.9
+LIKE = 0.9
+MOST = 0.9
 """Share of the truth's coefficient that counts as like it, and least share of such frames."""
-FOUND, TRUTH = "filter", "0"
+FOUND = "filter"
+TRUTH = "0"
 PLACES = {FOUND: "at the filter's estimate", TRUTH: "at the truth"} | {
     str(px): f"{px} px beside the truth" for px in ASIDE_PX
 }
@@ -54,21 +57,30 @@ def _judge_rmse(results: list[Result], folder: Path) -> Verdict:
     times = {shift: ratio(rmse[shift], rmse[ours]) for shift, ours in against.items()}
     table = [["tracker", "RMSE", "over the filter's", "success AUC", "scale error"]]
     for label, runs in trackers.items():
-        table.append([label, mean(runs, "rmse_px", "px"),
-                      words(times[label]) if label in times else "",
-                      f"{column(runs, 'auc').mean():.2f}",
-                      f"{100 * column(runs, 'scale_rmse').mean():.0f} %"])  # fmt: skip
+        table.append(
+            [
+                label,
+                mean(runs, "rmse_px", "px"),
+                words(times[label]) if label in times else "",
+                f"{column(runs, 'auc').mean():.2f}",
+                f"{100 * column(runs, 'scale_rmse').mean():.0f} %",
+            ]
+        )
     figure, (ax,) = panels(1, width=9.0)
     ax.boxplot(list(rmse.values()), tick_labels=[label.replace("-", "\n", 1) for label in rmse])
     ax.set(ylabel="RMSE [px]", title="P2-1: error of the centre", ylim=(0, None))
     judged = [times[of(SHIFT).label] for of in (published, tuned)]
     least = min(judged, key=lambda i: i.low)
     return Verdict(
-        every(greater(i, TIMES) for i in judged), least, "times the filter's RMSE",
+        every(greater(i, TIMES) for i in judged),
+        least,
+        "times the filter's RMSE",
         len(rmse[published(FILTER).label]),
         f"mean shift's RMSE {words(judged[0])} times the filter's with published settings, "
-        f"{words(judged[1])} with own best", table, [figures.save(figure, folder, "P2-1.png")],
-    )  # fmt: skip
+        f"{words(judged[1])} with own best",
+        table,
+        [figures.save(figure, folder, "P2-1.png")],
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +108,12 @@ class Likeness:
             places[str(px)] = truth + np.array([px, 0, 0, 0])
         model = self.job.contender.config.model(pictures[0], sequence.region, sequence.start)
         stacked = np.stack(list(places.values()), axis=1)[1:]
-        distances = np.array([model.distances(model.label(image), states) for image, states
-                              in zip(pictures[1:], stacked, strict=True)])  # fmt: skip
+        distances = np.array(
+            [
+                model.distances(model.label(image), states)
+                for image, states in zip(pictures[1:], stacked, strict=True)
+            ]
+        )
         return dict(zip(places, (1 - distances.T**2).tolist(), strict=True))
 
 
@@ -113,37 +129,65 @@ def _likeness(effort: Effort) -> Sequence[Job]:
 
 def _judge_likeness(results: list[Result], folder: Path) -> Verdict:
     rho = {place: np.array([r[place] for r in results]) for place in PLACES}
-    like = {place: mean_percent(np.mean(values >= LIKE * rho[TRUTH], axis=1))
-            for place, values in rho.items()}  # fmt: skip
+    like = {
+        place: mean_percent(np.mean(values >= LIKE * rho[TRUTH], axis=1))
+        for place, values in rho.items()
+    }
     share = like[FOUND]
     figure, (ax,) = panels(1)
     table = [["place", "mean coefficient", f"frames at least {LIKE:g} of the truth's [%]"]]
     for i, (place, values) in enumerate(rho.items()):
         ax.plot(values[0], color=COLOURS[i], lw=1.2, label=PLACES[place])
         table.append([PLACES[place], words(mean_of(values.mean(axis=1))), words(like[place])])
-    ax.set(xlabel="frame", ylabel="Bhattacharyya coefficient", ylim=(0, 1),
-           title="P2-2: likeness to the target, one sequence")  # fmt: skip
+    ax.set(
+        xlabel="frame",
+        ylabel="Bhattacharyya coefficient",
+        ylim=(0, 1),
+        title="P2-2: likeness to the target, one sequence",
+    )
     ax.legend(frameon=False, ncols=2, fontsize=7)
     return Verdict(
-        greater(share, 100 * MOST), share, "% of the frames", len(results),
-        f"at least {LIKE:g} of the truth's coefficient in {words(share, '%')} of the frames", table,
+        greater(share, 100 * MOST),
+        share,
+        "% of the frames",
+        len(results),
+        f"at least {LIKE:g} of the truth's coefficient in {words(share, '%')} of the frames",
+        table,
         [figures.save(figure, folder, "P2-2.png")],
-    )  # fmt: skip
+    )
 
 
 UNITS = f"{SEEDS} painted `texture` sequences, seeds from {FRESH} on"
 CLAIMS = (
-    Claim("P2-1", "on targets that change size and speed the filter's RMSE is three times smaller "
-          "than mean shift's",
-          Rule("RMSE of the centre of mean shift over the filter's",
-               "mean shift searches for the size; published, and own best (tuning.json)", UNITS,
-               f"{TIMES:g}", "95 % interval of the geometric mean ratio",
-               f"above {TIMES:g} with both settings"),
-          _jobs, _judge_rmse),
-    Claim("P2-2", "the coefficient of the filter's estimate stays sufficiently high in most of the "
-          "frames (figure 4)",
-          Rule("share of frames in which the Bhattacharyya coefficient at the estimate is at least "
-               f"{LIKE:g} of that at the truth", "published", UNITS, f"{100 * MOST:g} %",
-               "95 % interval of the mean", f"above {100 * MOST:g} %"),
-          _likeness, _judge_likeness),
-)  # fmt: skip
+    Claim(
+        "P2-1",
+        "on targets that change size and speed the filter's RMSE is three times smaller "
+        "than mean shift's",
+        Rule(
+            "RMSE of the centre of mean shift over the filter's",
+            "mean shift searches for the size; published, and own best (tuning.json)",
+            UNITS,
+            f"{TIMES:g}",
+            "95 % interval of the geometric mean ratio",
+            f"above {TIMES:g} with both settings",
+        ),
+        _jobs,
+        _judge_rmse,
+    ),
+    Claim(
+        "P2-2",
+        "the coefficient of the filter's estimate stays sufficiently high in most of the "
+        "frames (figure 4)",
+        Rule(
+            "share of frames in which the Bhattacharyya coefficient at the estimate is at least "
+            f"{LIKE:g} of that at the truth",
+            "published",
+            UNITS,
+            f"{100 * MOST:g} %",
+            "95 % interval of the mean",
+            f"above {100 * MOST:g} %",
+        ),
+        _likeness,
+        _judge_likeness,
+    ),
+)

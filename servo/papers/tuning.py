@@ -177,12 +177,19 @@ def _judge(family: str, results: list[Result], folder: Path) -> Verdict:
 
 TUNING = tuple(
     Claim(
-        f"tuning-{name}", "no claim: the grid of each tracker",
-        Rule(f"mean {family.measure}", "papers' presets, with six settings in turn",
-             f"{family.seeds} painted sequences a level, seeds below 1000", "none", "none",
-             "never"),
-        partial(_jobs, name), partial(_judge, name),
+        f"tuning-{name}",
+        "no claim: the grid of each tracker",
+        Rule(
+            f"mean {family.measure}",
+            "papers' presets, with six settings in turn",
+            f"{family.seeds} painted sequences a level, seeds below 1000",
+            "none",
+            "none",
+            "never",
+        ),
+        partial(_jobs, name),
+        partial(_judge, name),
     )
     for name, family in FAMILIES.items()
-)  # fmt: skip
+)
 """Not among the claims: each runs where it is named, and writes a tuning.json to put here."""

@@ -36,32 +36,44 @@ def section(folder: Path) -> Section:
         return loop_section(folder, bench)
     if not bench.trackers:
         raise Mistake(f"{path}: there are no trackers in it")
-    best, families = bench.trackers[0], families_table(bench.trackers)
+    best = bench.trackers[0]
+    families = families_table(bench.trackers)
     blocks = [
-        Block("Trackers", points=_compared(bench.trackers), tables=[trackers_table(bench.trackers)],
-              pictures=[_picture(folder / name, title, sheet=False)
-                        for name, title in CURVES.items() if (folder / name).exists()]),
+        Block(
+            "Trackers",
+            points=_compared(bench.trackers),
+            tables=[trackers_table(bench.trackers)],
+            pictures=[
+                _picture(folder / name, title, sheet=False)
+                for name, title in CURVES.items()
+                if (folder / name).exists()
+            ],
+        ),
         *([Block("Success by sequence", tables=[families])] if families else []),
         *_sheets(folder, best.tracker),
         _runs(bench.runs),
         again(bench),
-    ]  # fmt: skip
+    ]
     score = best.means.get(ranking.RANKS)
     facts = [
         Fact("best tracker", best.tracker),
-        Fact("its success AUC", shown(score.value if score else None),
-             basis(score, ranking.UNIT) if score else ""),
+        Fact(
+            "its success AUC",
+            shown(score.value if score else None),
+            basis(score, ranking.UNIT) if score else "",
+        ),
         Fact("trackers", str(len(bench.trackers))),
         Fact("sequences", str(best.units or len({r.sequence for r in bench.runs}))),
         Fact("runs", str(len(bench.runs))),
-    ]  # fmt: skip
+    ]
     lead = "Trackers against each other on sequences with a truth."
     verdict = Badge(f"best: {best.tracker}", Tone.PLAIN)
     return Section("bench", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
 
 
 def _compared(trackers: Sequence[Row]) -> list[str]:
-    best, others = trackers[0].tracker, trackers[1:]
+    best = trackers[0].tracker
+    others = trackers[1:]
     worse = [t.tracker for t in others if t.against_best and t.p < SURE]
     alike = [t.tracker for t in others if t.tracker not in worse]
     sentences = [f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g})."]
@@ -113,8 +125,10 @@ def _picture(path: Path, title: str, *, sheet: bool) -> PageImage:
 
 def _runs(runs: Sequence[SequenceRun]) -> Block:
     names = list(runs[0].measures)
-    rows = ([r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
-            for r in runs)  # fmt: skip
+    rows = (
+        [r.tracker, r.sequence, str(r.seed), *(shown(r.measures.get(n)) for n in names)]
+        for r in runs
+    )
     head = ("tracker", "sequence", "seed", *names)
     return page.rows_of("runs", head, rows, len(runs), range(2))
 
@@ -135,8 +149,11 @@ def loop_section(folder: Path, bench: LoopBench) -> Section:
         Fact("trackers", str(len(trackers))),
         Fact("scenarios", ", ".join(names)),
     ]
-    lost = [f"{r.tracker} did not hold {r.scenario}, seed {r.seed}: {r.outcome}."
-            for r in runs if not r.held]  # fmt: skip
+    lost = [
+        f"{r.tracker} did not hold {r.scenario}, seed {r.seed}: {r.outcome}."
+        for r in runs
+        if not r.held
+    ]
     blocks = [
         Block("Trackers", points=lost, tables=[loop_table(runs)], figures=[figure]),
         _loop_runs(runs),
@@ -171,7 +188,9 @@ def loop_table(runs: Sequence[LoopRun]) -> Table:
 
 def _loop_runs(runs: Sequence[LoopRun]) -> Block:
     names = list(runs[0].measures)
-    rows = ([r.tracker, r.scenario, str(r.seed), r.outcome,
-             *(shown(r.measures.get(n)) for n in names)] for r in runs)  # fmt: skip
+    rows = (
+        [r.tracker, r.scenario, str(r.seed), r.outcome, *(shown(r.measures.get(n)) for n in names)]
+        for r in runs
+    )
     head = ("tracker", "scenario", "seed", "outcome", *names)
     return page.rows_of("runs", head, rows, len(runs), range(2))

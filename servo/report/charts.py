@@ -18,16 +18,19 @@ from servo.report.words import shown
 from sim.types import Array
 from tracking.evaluation.statistics import Interval
 
-ERRORS, SETTINGS = 50.0, 10.0
+ERRORS = 50.0
+SETTINGS = 10.0
 """Errors and settings that differ by more than this factor are drawn on a logarithmic axis."""
 DEEPEST = 1e3
 """Largest ratio of the ends of a logarithmic axis."""
 ROOM = 1.15
-ROW, FRAME = 0.24, 0.7
+ROW = 0.24
+FRAME = 0.7
 """Height of a row of names, and of the figure without rows [inch]."""
 MOST_IN_CELLS = 10
 """Most columns of a heat map with numbers in its cells."""
-MAP, DARK_BELOW = "viridis", 0.6
+MAP = "viridis"
+DARK_BELOW = 0.6
 BAND = 0.18
 
 Shade = tuple[Array, NDArray[np.bool_]]
@@ -105,8 +108,16 @@ def by_name(
                     at = row + (i - (len(groups) - 1) / 2) * step
                     ends = (value.low, value.high) if value.known else (value.value, value.value)
                     bars = [[max(value.value - ends[0], 0)], [max(ends[1] - value.value, 0)]]
-                    axes.errorbar([value.value], [at], xerr=bars, fmt="o", ms=4, lw=1.4,
-                                  color=colour(i), label=label)  # fmt: skip
+                    axes.errorbar(
+                        [value.value],
+                        [at],
+                        xerr=bars,
+                        fmt="o",
+                        ms=4,
+                        lw=1.4,
+                        color=colour(i),
+                        label=label,
+                    )
         axes.set_yticks(range(len(names)), names)
         axes.invert_yaxis()
         axes.margins(x=0.05, y=0.5 / max(1, len(names)))
@@ -154,8 +165,9 @@ def heat(
 def _draw(axes: Axes, curve: Curve) -> None:
     if curve.points and curve.low is not None and curve.high is not None:
         bars = np.maximum([curve.y - curve.low, curve.high - curve.y], 0)
-        axes.errorbar(curve.x, curve.y, yerr=bars, fmt="o-", ms=3.5, lw=1.4, capsize=2,
-                      color=curve.colour)  # fmt: skip
+        axes.errorbar(
+            curve.x, curve.y, yerr=bars, fmt="o-", ms=3.5, lw=1.4, capsize=2, color=curve.colour
+        )
         return
     if curve.low is not None and curve.high is not None:
         axes.fill_between(curve.x, curve.low, curve.high, color=curve.colour, alpha=BAND, lw=0)

@@ -19,24 +19,58 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 LIGHT = (
-    "#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e",
-    "#be185d", "#4b5563", "#0e7490", "#9a3412", "#4d7c0f", "#a21caf",
-)  # fmt: skip
+    "#c23b2e",
+    "#2b6cb0",
+    "#1f7a3a",
+    "#b7791f",
+    "#6b46c1",
+    "#0f766e",
+    "#be185d",
+    "#4b5563",
+    "#0e7490",
+    "#9a3412",
+    "#4d7c0f",
+    "#a21caf",
+)
 DARK = (
-    "#ff7b6b", "#6cb2ff", "#5fd38a", "#f2b84b", "#b79cff", "#3fd0c0",
-    "#ff7ab5", "#aab4c3", "#4cc9e8", "#ffab73", "#b5d94c", "#eb8bf5",
-)  # fmt: skip
+    "#ff7b6b",
+    "#6cb2ff",
+    "#5fd38a",
+    "#f2b84b",
+    "#b79cff",
+    "#3fd0c0",
+    "#ff7ab5",
+    "#aab4c3",
+    "#4cc9e8",
+    "#ffab73",
+    "#b5d94c",
+    "#eb8bf5",
+)
 INK = "#ab00ff"
 """Placeholder for the colour of the page's text."""
 SIZE = (4.9, 2.9)
 """Size of a figure [inch]: about the width of a phone, where its text must be readable."""
 STYLE: dict[Any, Any] = {
-    "font.size": 9, "text.parse_math": False, "svg.fonttype": "none", "svg.hashsalt": "servobench",
-    "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": INK, "xtick.color": INK,
-    "ytick.color": INK, "axes.facecolor": "none", "figure.facecolor": "none", "axes.grid": True,
-    "grid.color": INK, "grid.alpha": 0.15, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.xmargin": 0, "axes.linewidth": 0.7, "path.simplify_threshold": 0.3,
-}  # fmt: skip
+    "font.size": 9,
+    "text.parse_math": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "servobench",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "axes.grid": True,
+    "grid.color": INK,
+    "grid.alpha": 0.15,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.xmargin": 0,
+    "axes.linewidth": 0.7,
+    "path.simplify_threshold": 0.3,
+}
 """Matplotlib's settings; text from files is never parsed as a formula."""
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 

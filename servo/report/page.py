@@ -79,7 +79,8 @@ class PageImage:
         is_jpeg = encoded.startswith(b"\xff\xd8")
         if sheet and not is_jpeg:
             quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-            encoded, is_jpeg = cv2.imencode(".jpg", image, quality)[1].tobytes(), True
+            encoded = cv2.imencode(".jpg", image, quality)[1].tobytes()
+            is_jpeg = True
         text = base64.b64encode(encoded).decode("ascii")
         kind = "jpeg" if is_jpeg else "png"
         return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet)

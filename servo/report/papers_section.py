@@ -26,9 +26,12 @@ def section(folder: Path) -> Section:
     verdict = Badge(", ".join(f"{n} {name}" for name, n in found.items()), Tone.PLAIN)
     facts = [
         Fact("verdicts", verdict),
-        Fact("effort", "quick" if papers.quick else "full",
-             "one seed of each: the numbers mean little" if papers.quick else ""),
-    ]  # fmt: skip
+        Fact(
+            "effort",
+            "quick" if papers.quick else "full",
+            "one seed of each: the numbers mean little" if papers.quick else "",
+        ),
+    ]
     rows = [[name, _badge(c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()]
     head = ("claim", "", "the paper says", "effect, 95 % interval, units", "measured")
     summary = Table(head, rows, words=range(5))

@@ -51,11 +51,20 @@ def section(folder: Path) -> Section:
         Fact(name, f"{shown(used)} Hz", "fits camera.rate") for name, used in run.rates.items()
     ]
     return Section(
-        "run", f"{run.scenario}, seed {run.seed}", known.value if known else "",
-        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome), facts,
-        [_bounds(run), Block("Over time", figures=_figures(folder, run)), _pictures(folder),
-         _scenario(path, run), again(run)], str(folder),
-    )  # fmt: skip
+        "run",
+        f"{run.scenario}, seed {run.seed}",
+        known.value if known else "",
+        Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome),
+        facts,
+        [
+            _bounds(run),
+            Block("Over time", figures=_figures(folder, run)),
+            _pictures(folder),
+            _scenario(path, run),
+            again(run),
+        ],
+        str(folder),
+    )
 
 
 def _bounds(run: RunReport) -> Block:
@@ -86,14 +95,25 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
     errors = {name: _column("error", name, ending(unit)) for name, unit in run.features.items()}
     moving = [name for name in run.feed_forward or run.features if name in run.features]
     motions = {
-        name: [_column(f"motion_{which}", name, ending_of_rate(run.features[name]))
-               for which in ("measured", "estimated", "true")] for name in moving
-    }  # fmt: skip
-    wanted = ["time_s", "servo_error_px", "tracking_error_px", "fresh", "status", *errors.values(),
-              *(column for columns in motions.values() for column in columns)]  # fmt: skip
+        name: [
+            _column(f"motion_{which}", name, ending_of_rate(run.features[name]))
+            for which in ("measured", "estimated", "true")
+        ]
+        for name in moving
+    }
+    wanted = [
+        "time_s",
+        "servo_error_px",
+        "tracking_error_px",
+        "fresh",
+        "status",
+        *errors.values(),
+        *(column for columns in motions.values() for column in columns),
+    ]
     table = files.table(folder / TABLE, wanted, FORMAT)
     column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
-    time, across = column["time_s"], Scale("time [s]")
+    time = column["time_s"]
+    across = Scale("time [s]")
     unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))
     note = SHADED if unseen[1].any() else ""
     distances = [
@@ -105,12 +125,20 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
         for i, (name, error) in enumerate(errors.items())
     ]
     return [
-        curves("Distance from goal, and of the estimate", across,
-               Scale("distance [px]", low=0, log_from=ERRORS), distances, shaded=unseen, note=note),
+        curves(
+            "Distance from goal, and of the estimate",
+            across,
+            Scale("distance [px]", low=0, log_from=ERRORS),
+            distances,
+            shaded=unseen,
+            note=note,
+        ),
         curves("Feature errors", across, Scale("s - s*"), parts, shaded=unseen, note=note),
-        *(_motion(name, run.features[name], time, [column[c] for c in columns], unseen)
-          for name, columns in motions.items()),
-    ]  # fmt: skip
+        *(
+            _motion(name, run.features[name], time, [column[c] for c in columns], unseen)
+            for name, columns in motions.items()
+        ),
+    ]
 
 
 def _column(prefix: str, name: str, ending: str) -> str:
@@ -125,7 +153,8 @@ def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade
     finite = measured[np.isfinite(measured)]
     middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(0)
     every = np.concatenate([middle, estimated, true])
-    low, high = float(np.nanmin(every, initial=0)), float(np.nanmax(every, initial=0))
+    low = float(np.nanmin(every, initial=0))
+    high = float(np.nanmax(every, initial=0))
     room = 0.1 * max(high - low, 0.02)
     drawn = [
         Curve("measured", time, measured, colour=colour(3)),

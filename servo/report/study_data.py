@@ -21,7 +21,8 @@ from sim.types import Array
 from tracking.evaluation.statistics import Interval
 
 SERIES = ("servo_error_px", "tracking_error_px", "on_target", *CAMERA, *CORNERS)
-SHEET, TIME = "sheet", "time_s"
+SHEET = "sheet"
+TIME = "time_s"
 NEEDED = ("run", "outcome", SUCCESS)
 Row = dict[str, Any]
 
@@ -58,9 +59,10 @@ class StudyResults:
     def axes(self) -> dict[str, list[Any]]:
         """The axes that have several values and are columns of the rows."""
         return {
-            key: values for key, values in self.plan.axes.items()
+            key: values
+            for key, values in self.plan.axes.items()
             if len(values) > 1 and all(key in row for row in self.rows[:1])
-        }  # fmt: skip
+        }
 
     @property
     def compared(self) -> str | None:

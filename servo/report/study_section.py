@@ -27,7 +27,9 @@ from servo.report.words import (
 from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.results import COMPARED, Compared, comparisons, grouped, missed
 
-MOST_SHEETS, MOST_FAILURES, MOST_LISTED = 24, 12, 12
+MOST_SHEETS = 24
+MOST_FAILURES = 12
+MOST_LISTED = 12
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
 WAYS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
@@ -54,7 +56,8 @@ def section(folder: Path) -> Section:
         *_failures(study),
         page.again(plan),
     ]
-    verdict, facts = _verdict(study, broken), _facts(study, broken)
+    verdict = _verdict(study, broken)
+    facts = _facts(study, broken)
     return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
 
 
@@ -72,7 +75,8 @@ def _shown(study: StudyResults) -> list[Block]:
 
 
 def _verdict(study: StudyResults, broken: Sequence[str]) -> Badge:
-    done, runs = len(study.rows), study.plan.runs
+    done = len(study.rows)
+    runs = study.plan.runs
     if done < runs:
         return Badge(f"{done} of {runs} runs", Tone.BAD if study.failures else Tone.PLAIN)
     if study.plan.expect:
@@ -81,7 +85,8 @@ def _verdict(study: StudyResults, broken: Sequence[str]) -> Badge:
 
 
 def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
-    plan, rows = study.plan, study.rows
+    plan = study.plan
+    rows = study.rows
     facts = [Fact("runs", f"{len(rows)} of {plan.runs}", f"{len(plan.seeds)} seeds a cell")]
     if rows:
         units = study.units(rows)
@@ -99,7 +104,8 @@ def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
 
 
 def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
-    plan, text = study.plan, list[str]()
+    plan = study.plan
+    text = list[str]()
     if len(study.rows) < plan.runs:
         text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
     if not all(row.get("repeats", True) for row in study.rows):
@@ -110,10 +116,18 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     for key, laws in plan.draws.items():
         described = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
         rows.append(["drawn for each seed", key, "; ".join(described)])
-    rows += [["bound", name, f"at {'least' if name == 'success_rate' else 'most'} {bound:g}"]
-             for name, bound in plan.expect.items()]  # fmt: skip
-    rows.append(["seeds", "", ", ".join(map(str, plan.seeds[:MOST_LISTED]))
-                 + (" ..." if len(plan.seeds) > MOST_LISTED else "")])  # fmt: skip
+    rows += [
+        ["bound", name, f"at {'least' if name == 'success_rate' else 'most'} {bound:g}"]
+        for name, bound in plan.expect.items()
+    ]
+    rows.append(
+        [
+            "seeds",
+            "",
+            ", ".join(map(str, plan.seeds[:MOST_LISTED]))
+            + (" ..." if len(plan.seeds) > MOST_LISTED else ""),
+        ]
+    )
     if plan.expect and study.rows and not broken:
         text.append("Every cell keeps every bound.")
     text += filter(None, [cut("missed bounds", broken, MOST_LISTED)])
@@ -132,8 +146,14 @@ def _compared(study: StudyResults) -> list[Block]:
         rate = units.mean(SUCCESS)
         over = counted(rate, units.name)
         rows.append([name, str(len(group)), over, spread(rate), *map(str, ended), *medians])
-    head = (study.compared or "runs", "runs", "units", "success (95 %)", *outcomes,
-            *_columns(study))  # fmt: skip
+    head = (
+        study.compared or "runs",
+        "runs",
+        "units",
+        "success (95 %)",
+        *outcomes,
+        *_columns(study),
+    )
     note = f"{UNITS} Outcomes are counts of runs, measures are medians over runs."
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None
@@ -177,10 +197,14 @@ def _figures(title: str, figures: list[Figure]) -> list[Block]:
 
 def _sheets(study: StudyResults) -> list[Block]:
     found = [
-        PageImage.of(f"{_named(study, row)}: {row['outcome']}", encoded,
-                     f"{study.folder}: the sheet of run {row['run']}", sheet=True)
+        PageImage.of(
+            f"{_named(study, row)}: {row['outcome']}",
+            encoded,
+            f"{study.folder}: the sheet of run {row['run']}",
+            sheet=True,
+        )
         for row, encoded in study.sheets(MOST_SHEETS)
-    ]  # fmt: skip
+    ]
     if not found:
         return []
     text = ["Truth white, estimate green; runs that did not succeed first."]
@@ -197,11 +221,14 @@ def _named(study: StudyResults, row: Row) -> str:
 def _cells(study: StudyResults) -> Block:
     found = grouped(list(study.axes), study.rows)
     rows = (
-        [*(shown(v) for v in settings.values()), str(len(group)),
-         counted((units := study.units(group)).mean(SUCCESS), units.name),
-         *(spread(units.mean(name), len(units.rows)) for name in (SUCCESS, *_columns(study)))]
+        [
+            *(shown(v) for v in settings.values()),
+            str(len(group)),
+            counted((units := study.units(group)).mean(SUCCESS), units.name),
+            *(spread(units.mean(name), len(units.rows)) for name in (SUCCESS, *_columns(study))),
+        ]
         for settings, group in found
-    )  # fmt: skip
+    )
     head = (*study.axes, "runs", "units", "success", *_columns(study))
     block = page.rows_of("cells", head, rows, len(found), range(len(study.axes)))
     return replace(block, text=[f"Means with 95 % intervals. {UNITS}", *block.text])

@@ -87,8 +87,11 @@ def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -
 
 def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
     found = {label: survival(series) for label, series in groups.items()}
-    drawn = [Curve(label, *curve, colour=colour(i))
-             for i, (label, curve) in enumerate(found.items()) if curve is not None]  # fmt: skip
+    drawn = [
+        Curve(label, *curve, colour=colour(i))
+        for i, (label, curve) in enumerate(found.items())
+        if curve is not None
+    ]
     if not drawn:
         return None
     share = Scale("share of runs", 0, 1.02)
@@ -97,7 +100,9 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
 
 
 ERROR = "servo_rms_px"
-MOST_AXES, MOST_CELLS, MOST_SERIES = 6, 20, len(LIGHT)
+MOST_AXES = 6
+MOST_CELLS = 20
+MOST_SERIES = len(LIGHT)
 COLOURED = 8.0
 """Errors that differ by more than this factor are coloured on a logarithmic scale."""
 AVERAGED = "Mean over all else, with its 95 % interval over"
@@ -129,17 +134,22 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:
         return []
-    x, y = keys[0], keys[1]
-    columns, rows = study.axes[x][:MOST_CELLS], study.axes[y][:MOST_CELLS]
+    x = keys[0]
+    y = keys[1]
+    columns = study.axes[x][:MOST_CELLS]
+    rows = study.axes[y][:MOST_CELLS]
     notes = ["All else is averaged."] if len(keys) > 2 else []
     notes += [cut(f"values of {k}", study.axes[k], MOST_CELLS) or "" for k in (x, y)]
     note = " ".join(filter(None, notes))
 
     def grid(score: Callable[[list[Row]], float]) -> Any:
-        return np.array([
-            [score([r for r in study.rows if same(r[x], a) and same(r[y], b)]) for a in columns]
-            for b in rows
-        ], float)  # fmt: skip
+        return np.array(
+            [
+                [score([r for r in study.rows if same(r[x], a) and same(r[y], b)]) for a in columns]
+                for b in rows
+            ],
+            float,
+        )
 
     named = [shown(v) for v in columns], [shown(v) for v in rows]
     rate = grid(lambda cell: float(np.mean([r[SUCCESS] for r in cell])) if cell else np.nan)
@@ -166,8 +176,9 @@ def _curve(
 def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
     across = Scale(key, log_from=SETTINGS)
     if name == SUCCESS:
-        return charts.curves(f"Success against {key}", across, Scale("success rate", -0.02, 1.02),
-                             drawn, note=note)  # fmt: skip
+        return charts.curves(
+            f"Success against {key}", across, Scale("success rate", -0.02, 1.02), drawn, note=note
+        )
     unit, meaning = MEANINGS[name]
     along = Scale(f"error [{unit}]", low=0, log_from=ERRORS)
     return charts.curves(f"Error against {key}: {meaning}", across, along, drawn, note=note)

@@ -11,7 +11,8 @@ from typing import Any
 from tracking.evaluation.statistics import Interval
 
 NOTHING = "\N{EN DASH}"
-LARGE, HUGE = 100, 1e6
+LARGE = 100
+HUGE = 1e6
 
 
 class Tone(Enum):

@@ -87,8 +87,9 @@ def _read(path: Path) -> Table:
     if K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0]:
         raise Mistake(f"{path}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew")
     if min(K[0], K[4]) <= 0:
-        raise Mistake(f"{path}: camera_matrix has the focal lengths {K[0]:g}, {K[4]:g}; they are "
-                      "above zero")  # fmt: skip
+        raise Mistake(
+            f"{path}: camera_matrix has the focal lengths {K[0]:g}, {K[4]:g}; they are above zero"
+        )
     found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + 0.5, "cy": K[5] + 0.5}
     values = _numbers(document, "distortion_coefficients", path)
     model = _model(document, path, values)

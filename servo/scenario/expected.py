@@ -40,7 +40,8 @@ class Expected:
         others = given.get(TRACKER, {})
         if not isinstance(others, dict) or not all(isinstance(b, dict) for b in others.values()):
             raise Mistake(f"{place}: expect.tracker should be a table of bounds by kind of tracker")
-        own, before = tracker_of(written), written.get("expect", {})
+        own = tracker_of(written)
+        before = written.get("expect", {})
         if own in others:
             raise Mistake(
                 f"{place}: expect.tracker.{own}: this is the scenario's own tracker; its bounds "

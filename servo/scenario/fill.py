@@ -120,8 +120,10 @@ def fill_plugin(folder: str, table: Any, place: str, default: str | None = None)
                 f"{place}.{key}: a file may not name a command to start: give it with --set, or "
                 "from Python"
             )
-    tables = {k: dataclasses.asdict(v) if dataclasses.is_dataclass(v) and not isinstance(v, type)
-              else v for k, v in begin.items()}  # fmt: skip
+    tables = {
+        k: dataclasses.asdict(v) if dataclasses.is_dataclass(v) and not isinstance(v, type) else v
+        for k, v in begin.items()
+    }
     return fill(config, tables | given, place)
 
 

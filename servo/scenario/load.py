@@ -167,10 +167,12 @@ def _loaded(name: str, changes: Sequence[Change]) -> Scenario:
 def _culprit(name: str, changes: Sequence[Change]) -> str | None:
     """The place of the change from which on a scenario is wrong; None where its file is."""
     table, place = read(name)
-    culprit, right = None, _is_right(table, place)
+    culprit = None
+    right = _is_right(table, place)
     for change in changes:
         put(table, *change)
-        before, right = right, _is_right(table, place)
+        before = right
+        right = _is_right(table, place)
         if before and not right:
             culprit = change.place
     return None if right else culprit
@@ -233,11 +235,13 @@ def _drawn(table: Table, name: str, place: str) -> tuple[Table, Table]:
     """A table with what its seed draws, and the draws alone; each end of a law must be valid."""
     if "vary" not in table:
         return table, {}
-    draws, fixed = draws_of(table["vary"], f"{place}: vary"), {**table}
+    draws = draws_of(table["vary"], f"{place}: vary")
+    fixed = {**table}
     del fixed["vary"]
     parse(fixed, name, place)  # what is wrong without any draw is not the draws' mistake
     for draw in draws:
-        at, key = f"{place}: vary.{draw.key}", draw.key.partition(".")[0]
+        at = f"{place}: vary.{draw.key}"
+        key = draw.key.partition(".")[0]
         if key not in (*SECTIONS, *PLUGINS, *LISTS):
             raise Mistake(f"{at}: {unknown(key, KEYS)}")
         for end in draw.ends:

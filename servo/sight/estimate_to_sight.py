@@ -54,7 +54,9 @@ class EstimateToSight:
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
             depth_factor: The depths that interaction matrices are computed with, over those found.
         """
-        self._config, self._camera, self._region = config, camera, region
+        self._config = config
+        self._camera = camera
+        self._region = region
         self._depth_factor = depth_factor
         self._root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         self._height = config.table_height + float(outline[0, 2])
@@ -95,7 +97,8 @@ class EstimateToSight:
         pose = self._corners_to_pose.of(seen, posture.T_base_camera)
         if pose is None:
             return None
-        m, plane = shape_moments.of_polygon(seen), plane_in(pose)
+        m = shape_moments.of_polygon(seen)
+        plane = plane_in(pose)
         self._plane = self._scaled(plane)
         return self._with_depth_factor(
             Sight(m, plane, tilt_known=True, corners=seen, measured_pose=pose, goal=goal)
@@ -126,7 +129,8 @@ class EstimateToSight:
 
     def _plane_at(self, m: Moments, posture: Posture) -> Plane:
         c = self._config
-        normal, ray = self._normal(posture), np.array([m.xg, m.yg, 1.0])
+        normal = self._normal(posture)
+        ray = np.array([m.xg, m.yg, 1.0])
         if c.depth == "known":
             depth = 1 / float(level_plane(posture.T_base_camera, self._height).vector @ ray)
             plane = plane_of_depth(m, depth, normal)

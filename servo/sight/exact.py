@@ -42,6 +42,10 @@ def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -
     points = corners_in(T_camera_object, outline)
     corners = points[:, :2] / points[:, 2:]
     return Sight(
-        shape_moments.of_polygon(corners), plane_in(T_camera_object), tilt_known=True,
-        corners=corners, measured_pose=T_camera_object, goal=goal,
-    )  # fmt: skip
+        shape_moments.of_polygon(corners),
+        plane_in(T_camera_object),
+        tilt_known=True,
+        corners=corners,
+        measured_pose=T_camera_object,
+        goal=goal,
+    )

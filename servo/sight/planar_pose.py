@@ -136,7 +136,11 @@ def _surprise(pose: Pose, expected: Pose | None) -> float:
 def _refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
     """The pose near this one that fits the corners best (Levenberg, Marquardt)."""
     vector, t = cv2.solvePnPRefineLM(
-        UNIT * (*size, 0.0), corners[:, None], np.eye(3), None,
-        cv2.Rodrigues(pose.rotation)[0], pose.translation[:, None].copy(),
-    )  # fmt: skip
+        UNIT * (*size, 0.0),
+        corners[:, None],
+        np.eye(3),
+        None,
+        cv2.Rodrigues(pose.rotation)[0],
+        pose.translation[:, None].copy(),
+    )
     return Pose(cv2.Rodrigues(vector)[0].astype(np.float64), t.ravel().astype(np.float64))

@@ -28,7 +28,8 @@ class PlaneFit:
 
     def __init__(self) -> None:
         self._count = 0
-        self._mean, self._scatter = np.zeros(3), np.zeros((3, 3))
+        self._mean = np.zeros(3)
+        self._scatter = np.zeros((3, 3))
         self._prior: Array | None = None
 
     def normal(self, T_base_camera: Pose) -> Array:

@@ -27,7 +27,8 @@ def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
 
 def corner_rows(sight: Sight) -> tuple[Array, Array]:
     """Those of the target's four corners, with the depth of each in the target's plane."""
-    (x, y), near = corners_of(sight).T, 1 / sight.points[:, 2]
+    (x, y) = corners_of(sight).T
+    near = 1 / sight.points[:, 2]
     return point_rows(x, y, near)
 
 

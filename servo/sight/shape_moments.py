@@ -28,8 +28,10 @@ def of_polygon(polygon: Array) -> Moments:
     corners = corners - offset
     areas, after = _triangles(corners)
     nodes = BARYCENTRIC[:, 1, None, None] * corners + BARYCENTRIC[:, 2, None, None] * after
-    x, y = nodes[..., 0].ravel(), nodes[..., 1].ravel()
-    xx, yy = x * x, y * y
+    x = nodes[..., 0].ravel()
+    y = nodes[..., 1].ravel()
+    xx = x * x
+    yy = y * y
     powers = np.array([xx, x * y, yy, xx * x, xx * y, x * yy, yy * y])
     mu = powers @ np.outer(WEIGHTS, areas).ravel() * np.sign(area)
     return Moments(abs(area), *centre.tolist(), *mu.tolist())
@@ -48,16 +50,24 @@ def of_rectangle(
         theta: From +x towards +y [rad].
         stretch: Factors along x and y, such as 1 / fx and 1 / fy for a rectangle in pixels.
     """
-    c, s = cos(theta), sin(theta)
-    long, short, (fx, fy) = width**2 / 12, height**2 / 12, stretch
+    c = cos(theta)
+    s = sin(theta)
+    long = width**2 / 12
+    short = height**2 / 12
+    (fx, fy) = stretch
     area = width * height * fx * fy
     return Moments(
-        area=area, xg=x, yg=y,
+        area=area,
+        xg=x,
+        yg=y,
         mu20=area * fx * fx * (long * c * c + short * s * s),
         mu11=area * fx * fy * (long - short) * s * c,
         mu02=area * fy * fy * (long * s * s + short * c * c),
-        mu30=0.0, mu21=0.0, mu12=0.0, mu03=0.0,
-    )  # fmt: skip
+        mu30=0.0,
+        mu21=0.0,
+        mu12=0.0,
+        mu03=0.0,
+    )
 
 
 def of_corners(corners: Array, camera: Camera) -> Moments:
@@ -71,8 +81,10 @@ def of_state(state: State, region: Region, camera: Camera) -> Moments:
     """
     if camera.distortion is not None:
         return of_corners(region.corners(state), camera)
-    x, y = (state.x - camera.cx) / camera.fx, (state.y - camera.cy) / camera.fy
-    width, height = state.scale * region.width, state.scale * region.height
+    x = (state.x - camera.cx) / camera.fx
+    y = (state.y - camera.cy) / camera.fy
+    width = state.scale * region.width
+    height = state.scale * region.height
     return of_rectangle(x, y, width, height, state.theta, (1 / camera.fx, 1 / camera.fy))
 
 

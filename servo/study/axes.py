@@ -86,9 +86,11 @@ def named_of(table: dict[str, Any], place: str) -> Named:
         at = f"{place}: named.{axis}"
         if axis in (*SECTIONS, *PLUGINS, *LISTS, SCENARIO, "seed"):
             raise Mistake(f"{at}: '{axis}' is a section; give the axis another name")
-        if not isinstance(groups, dict) or not groups or not all(
-            isinstance(group, dict) for group in groups.values()
-        ):  # fmt: skip
+        if (
+            not isinstance(groups, dict)
+            or not groups
+            or not all(isinstance(group, dict) for group in groups.values())
+        ):
             raise Mistake(f"{at} should be a table of tables of settings, by name")
         found[axis] = {name: flat(group, f"{at}.{name}") for name, group in groups.items()}
         for name, group in found[axis].items():

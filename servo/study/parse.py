@@ -34,7 +34,9 @@ from servo.study.plan import Base, Study
 KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
-MOST_RUNS, MOST_CHECKED, MOST_SCENARIOS = 1_000_000, 2000, 1000
+MOST_RUNS = 1_000_000
+MOST_CHECKED = 2000
+MOST_SCENARIOS = 1000
 COUNTABLE = 10**15
 """Larger numbers of runs are not written out."""
 SUCCESS = "success_rate"
@@ -100,12 +102,19 @@ def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: st
     groups = tuple(Axis(key, tuple(groups)) for key, groups in named.items())
     bases = _bases(table.get("scenario"), path, place)
     study = Study(
-        name=path.stem, title=sentence(path.read_text(encoding="utf-8-sig")), table=table,
-        bases=bases, changes=changed, files=digests(table, *(base.table for base in bases)),
-        axes=(*groups, *axes), named=named, draws=draws,
-        seeds=_seeds(table.get("seeds", SEEDS), place), compare=None,
+        name=path.stem,
+        title=sentence(path.read_text(encoding="utf-8-sig")),
+        table=table,
+        bases=bases,
+        changes=changed,
+        files=digests(table, *(base.table for base in bases)),
+        axes=(*groups, *axes),
+        named=named,
+        draws=draws,
+        seeds=_seeds(table.get("seeds", SEEDS), place),
+        compare=None,
         expect=_expect(table.get("expect", {}), place),
-    )  # fmt: skip
+    )
     if study.size > MOST_RUNS:
         runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
         raise Mistake(f"{place}: this makes {runs} runs; the limit is {MOST_RUNS:,}")
@@ -163,7 +172,8 @@ def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
         beside = path.parent / name
         at = str(beside) if name.endswith(".toml") and beside.is_file() else name
         try:
-            base, file = Base(at, *source.read(at)), source.path_of(at).resolve()
+            base = Base(at, *source.read(at))
+            file = source.path_of(at).resolve()
         except Mistake as error:
             raise Mistake(f"{place}: scenario: {error}") from None
         if file in bases:

@@ -29,7 +29,8 @@ from tracking.evaluation.sequences.sources import Picture
 from tracking.files.json_text import number
 
 Row = dict[str, Any]
-TILES, JPEG_QUALITY = 8, 80
+TILES = 8
+JPEG_QUALITY = 80
 CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
 """The camera's place in the target's frame: x along the nose, y to its right, z into the table."""
 CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
@@ -120,13 +121,19 @@ def _tile(step: Step) -> Any:
     return tile(picture, step.truth.corners, step.estimate.outline(step.region))
 
 
-FLOATS, FLAGS = pa.list_(pa.float32()), pa.list_(pa.bool_())
+FLOATS = pa.list_(pa.float32())
+FLAGS = pa.list_(pa.bool_())
 MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))
 """Bounds that a run did not keep; numbers are texts, because a bound on the outcome is a word."""
 MOST_BYTES = 100_000_000
-SERIES = {"time_s": FLOATS, "servo_error_px": FLOATS, "tracking_error_px": FLOATS,
-          "on_target": FLAGS, **dict.fromkeys((*CAMERA, *CORNERS), FLOATS),
-          "sheet": pa.binary()}  # fmt: skip
+SERIES = {
+    "time_s": FLOATS,
+    "servo_error_px": FLOATS,
+    "tracking_error_px": FLOATS,
+    "on_target": FLAGS,
+    **dict.fromkeys((*CAMERA, *CORNERS), FLOATS),
+    "sheet": pa.binary(),
+}
 """Columns of a run's own file that are not in the table of all runs."""
 
 
@@ -179,11 +186,13 @@ def columns(study: Study) -> list[tuple[str, pa.DataType]]:
     return [
         *fixed,
         *((key, _type(values)) for key, values in own if key not in named),
-        ("repeats", pa.bool_()), ("outcome", pa.string()), ("success", pa.bool_()),
+        ("repeats", pa.bool_()),
+        ("outcome", pa.string()),
+        ("success", pa.bool_()),
         ("missed", MISSED),
         *((name, pa.float64()) for name in (*MEANINGS, "track_ms")),
         *((name, pa.string()) for name in version_columns()),
-    ]  # fmt: skip
+    ]
 
 
 def _cell(value: Any, kind: pa.DataType) -> Any:

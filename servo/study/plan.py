@@ -157,9 +157,11 @@ class Study:
                     yield self._run(0, base, self.seeds[0], named | first | {key: value})
 
     def _run(self, number: int, base: Base, seed: int, settings: dict[str, Value]) -> Run:
-        pictured, file = seed == self.seeds[0], f"{self.name}.toml"
-        return Run(number, base, seed, settings, self.changes, file, pictured, self.files,
-                   self.named)  # fmt: skip
+        pictured = seed == self.seeds[0]
+        file = f"{self.name}.toml"
+        return Run(
+            number, base, seed, settings, self.changes, file, pictured, self.files, self.named
+        )
 
 
 def ordered(settings: dict[str, Value]) -> dict[str, Value]:

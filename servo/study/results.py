@@ -109,7 +109,8 @@ def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -
     sentences: list[str] = []
     for settings, group in grouped(keys, rows):
         for name, bound in expect.items():
-            found, least = _mean(group, "success" if name == SUCCESS else name), name == SUCCESS
+            found = _mean(group, "success" if name == SUCCESS else name)
+            least = name == SUCCESS
             if not (found >= bound if least else found <= bound):
                 where = ", ".join(f"{k} = {v}" for k, v in settings.items()) or "all runs"
                 words = "at least" if least else "at most"
@@ -121,10 +122,14 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
     """The cells as CSV: axes, runs, unit, and success rate and means with 95 % intervals."""
     keys = [axis.key for axis in study.every_axis]
     lines = [
-        [*(cell.settings[k] for k in keys), cell.runs, cell.unit,
-         *cells([cell.success, *map(cell.means.get, AVERAGED)])]
+        [
+            *(cell.settings[k] for k in keys),
+            cell.runs,
+            cell.unit,
+            *cells([cell.success, *map(cell.means.get, AVERAGED)]),
+        ]
         for cell in found
-    ]  # fmt: skip
+    ]
     return csv_text([*keys, "runs", "unit", *titles([SUCCESS, *AVERAGED])], lines)
 
 

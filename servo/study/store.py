@@ -20,7 +20,8 @@ from servo.study.plan import FailureFile, Run, Study, StudyFile
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
-RUNS, FAILURES = "runs", "failures"
+RUNS = "runs"
+FAILURES = "failures"
 RESULTS = "results.parquet"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
 """Keys of study.json that must not differ between the sessions of one study."""
@@ -45,7 +46,9 @@ class Store:
     def __init__(
         self, folder: Path, study: Study, before: StudyFile | None, now: StudyFile
     ) -> None:
-        self.folder, self._study, self._files = folder, study, RunFiles(study)
+        self.folder = folder
+        self._study = study
+        self._files = RunFiles(study)
         self.damaged: list[Path] = []
         """Files that do not hold the run of their name; these runs are repeated."""
         self._compare(before, now)
@@ -102,7 +105,8 @@ class Store:
                     f"a worker has {name} {row.get(column)}, but {here} is installed here: the "
                     "numbers could not be compared; install the same on every worker"
                 )
-        path, encoded = self.folder / RUNS / _name(number), self._files.encoded(row)
+        path = self.folder / RUNS / _name(number)
+        encoded = self._files.encoded(row)
         try:
             with self._on_disk(f"run {number}"):
                 atomic.write(path.parent, path.name, encoded)

@@ -55,7 +55,8 @@ class Units:
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
             return None
-        least, most = -np.inf if name in SIGNED else 0.0, 1.0 if name == SUCCESS else np.inf
+        least = -np.inf if name in SIGNED else 0.0
+        most = 1.0 if name == SUCCESS else np.inf
         return mean_of(np.array(scores), least=least, most=most)
 
 

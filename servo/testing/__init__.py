@@ -15,6 +15,13 @@ from servo.testing.trackers import check_tracker
 from servo.testing.world_parts import check_disturbance, check_motion, check_robot, check_target
 
 __all__ = [
-    "BrokenContract", "check_controller", "check_disturbance", "check_estimator",
-    "check_features", "check_motion", "check_robot", "check_target", "check_tracker",
-]  # fmt: skip
+    "BrokenContract",
+    "check_controller",
+    "check_disturbance",
+    "check_estimator",
+    "check_features",
+    "check_motion",
+    "check_robot",
+    "check_target",
+    "check_tracker",
+]

@@ -18,7 +18,8 @@ from sim.installed import Trusted
 from sim.types import Camera, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
-FIRST, REGION = State(80.0, 60.0, 0.3, 1.0), Region(40.0, 20.0)
+FIRST = State(80.0, 60.0, 0.3, 1.0)
+REGION = Region(40.0, 20.0)
 """Where the target of `film` is in the first picture, and its size."""
 CAMERA = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)
 OUTLINE = np.array([[-0.1, 0.05, 0.0], [0.1, 0.05, 0.0], [0.1, -0.05, 0.0], [-0.1, -0.05, 0.0]])
@@ -81,8 +82,10 @@ def built(config: Any, methods: tuple[str, ...], seed: int = 0) -> Any:
     """
     found = config.build(np.random.default_rng(seed))
     for name in methods:
-        require(callable(getattr(found, name, None)), f"build(rng) gave {type(found).__name__}, "
-                f"which has no method {name}")  # fmt: skip
+        require(
+            callable(getattr(found, name, None)),
+            f"build(rng) gave {type(found).__name__}, which has no method {name}",
+        )
     return found
 
 

@@ -67,8 +67,10 @@ def _sight(target: Pose, camera: Pose = DOWN, *, pixels: bool = False) -> Sight:
 
 def _check_matrix(features: FeatureSet, target: Pose) -> None:
     pixels = getattr(features, "uses_pictures", False)
-    k, sight = len(features.names), _sight(target, pixels=pixels)
-    values, matrix = features.values(sight), features.matrix(sight)
+    k = len(features.names)
+    sight = _sight(target, pixels=pixels)
+    values = features.values(sight)
+    matrix = features.matrix(sight)
     require(np.shape(values) == (k,), f"values are {np.shape(values)}; they should be ({k},)")
     require(np.shape(matrix) == (k, 6), f"the matrix is {np.shape(matrix)}, not ({k}, 6)")
     finite = np.isfinite(values).all() and np.isfinite(matrix).all()
@@ -104,14 +106,17 @@ def check_estimator(estimator: Any) -> None:
     """
     config = config_of("servo.estimators", estimator)
     once, again = (_estimates(config) for _ in range(2))
-    require(all(np.array_equal(a, b) for a, b in zip(once, again, strict=True)),
-            "the same errors gave other estimates the second time; draw random numbers from the "
-            "generator given to build(rng) only")  # fmt: skip
+    require(
+        all(np.array_equal(a, b) for a, b in zip(once, again, strict=True)),
+        "the same errors gave other estimates the second time; draw random numbers from the "
+        "generator given to build(rng) only",
+    )
 
 
 def _estimates(config: Any) -> list[Array]:
     features = MomentsConfig().build(OUTLINE)
-    k, rng = len(features.names), np.random.default_rng(1)
+    k = len(features.names)
+    rng = np.random.default_rng(1)
     estimator = built(config, ("start", "update", "skip"))
     estimator.start(features)
     rest = OwnMotion(np.zeros(k), np.zeros((0, k)))
@@ -134,8 +139,11 @@ def _check_prediction(p: Any, k: int, where: str) -> None:
         right = values.shape == (k,) and np.isfinite(values).all()
         require(right, f"{where}: {name} is {values}; it should be {k} finite numbers")
     if where != "update":
-        require(np.isnan(p.innovation).all(), f"{where}: nothing was measured, so the innovation "
-                "is nan; Prediction.unmeasured makes such a value")  # fmt: skip
+        require(
+            np.isnan(p.innovation).all(),
+            f"{where}: nothing was measured, so the innovation "
+            "is nan; Prediction.unmeasured makes such a value",
+        )
 
 
 @contract
@@ -148,14 +156,19 @@ def check_controller(controller: Any) -> None:
     config = config_of("servo.controllers", controller)
     for latency in (0, 2):
         once, again = (_twists(config, latency) for _ in range(2))
-        require(np.array_equal(once, again), "the same sights gave other twists the second time; "
-                "draw random numbers from the generator given to build(rng) only")  # fmt: skip
+        require(
+            np.array_equal(once, again),
+            "the same sights gave other twists the second time; "
+            "draw random numbers from the generator given to build(rng) only",
+        )
 
 
 def _twists(config: Any, latency: int) -> Array:
-    features, estimator = MomentsConfig().build(OUTLINE), built(NoEstimate(), ())
+    features = MomentsConfig().build(OUTLINE)
+    estimator = built(NoEstimate(), ())
     estimator.start(features)
-    goal, seen = _sight(Pose.planar(0.0, 0.0, 0.0)), _sight(Pose.planar(0.05, 0.02, 0.3))
+    goal = _sight(Pose.planar(0.0, 0.0, 0.0))
+    seen = _sight(Pose.planar(0.05, 0.02, 0.3))
     controller = built(config, ("start", "aim", "command"))
     controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
     controller.aim(goal)
@@ -167,7 +180,10 @@ def _twists(config: Any, latency: int) -> Array:
         twist = np.asarray(command.twist)
         right = twist.shape == (6,) and np.isfinite(twist).all()
         what = "seen" if sight is not None else "not seen"
-        require(right, f"the twist is {twist} where the target is {what}; it should be six finite "
-                "numbers (vx, vy, vz, wx, wy, wz)")  # fmt: skip
+        require(
+            right,
+            f"the twist is {twist} where the target is {what}; it should be six finite "
+            "numbers (vx, vy, vz, wx, wy, wz)",
+        )
         twists.append(twist)
     return np.array(twists)

@@ -85,8 +85,10 @@ def _check_estimate(e: Any) -> None:
     require(finite and s.scale > 0, f"the state is {s}; its numbers must be finite, scale above 0")
     require(0 <= e.distance <= 1, f"the distance is {e.distance}; it goes from 0 to 1")
     require(isinstance(e.status, Status), f"the status is {e.status!r}; use tracking.types.Status")
-    require(np.shape(e.covariance) == (4, 4), "the covariance is not (4, 4); a tracker without one "
-            "gives unknown_covariance()")  # fmt: skip
+    require(
+        np.shape(e.covariance) == (4, 4),
+        "the covariance is not (4, 4); a tracker without one gives unknown_covariance()",
+    )
     variances = np.diag(e.covariance)
     require(np.all(~(variances < 0)), f"the variances are {variances}; none can be negative")
     if e.corners is not None:
@@ -96,8 +98,11 @@ def _check_estimate(e: Any) -> None:
 
 def _check_repetition(subject: _Subject) -> None:
     once, again = ([e.state for e in subject.track(subject.film(6))] for _ in range(2))
-    require(once == again, "the same pictures gave other states the second time; draw random "
-            "numbers from the generator given to build(rng) only")  # fmt: skip
+    require(
+        once == again,
+        "the same pictures gave other states the second time; draw random "
+        "numbers from the generator given to build(rng) only",
+    )
 
 
 def _check_buffer(subject: _Subject) -> None:
@@ -113,8 +118,11 @@ def _check_buffer(subject: _Subject) -> None:
     plain, other = (
         [e.state for e in subject.track(frames)] for frames in (subject.film(6), reused())
     )
-    require(plain == other, "the states differ where the caller uses one buffer for all pictures; "
-            "keep copies, and compare no arrays by identity")  # fmt: skip
+    require(
+        plain == other,
+        "the states differ where the caller uses one buffer for all pictures; "
+        "keep copies, and compare no arrays by identity",
+    )
 
 
 def _check_odd_pictures(subject: _Subject) -> None:
@@ -134,8 +142,11 @@ def _check_odd_pictures(subject: _Subject) -> None:
 
 def _check_loss(subject: _Subject) -> None:
     *_, last = subject.track(subject.film(30, gone_after=8))
-    require(last.status is not Status.LOCKED, "the status is LOCKED two seconds after the target "
-            "has gone; a robot would follow nothing: report UNSURE or LOST")  # fmt: skip
+    require(
+        last.status is not Status.LOCKED,
+        "the status is LOCKED two seconds after the target "
+        "has gone; a robot would follow nothing: report UNSURE or LOST",
+    )
 
 
 def _check_refusal(subject: _Subject) -> None:

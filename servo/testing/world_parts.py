@@ -20,10 +20,12 @@ from sim.types import Array, Effect, Pose
 PHYSICS_RATE = 480.0
 TIMES = (-0.1, 0.0, 0.4, 1.0, 2.5, 10.0)
 """Moments to ask for [s]; one frame before the start is asked for in every run."""
-SOON, NEAR = 1e-3, 0.01
+SOON = 1e-3
+NEAR = 0.01
 """In this time [s] nothing on the table moves farther than this [m]: it has no jumps."""
 STEP = 1e-6
-LARGEST, SMALLEST = 2.0, 1e-3
+LARGEST = 2.0
+SMALLEST = 1e-3
 """Sides of a reference rectangle [m]."""
 
 
@@ -39,7 +41,8 @@ def check_motion(motion: Any) -> None:
     for time in TIMES:
         pose = once.at(time)
         require(isinstance(pose, Pose), f"at({time:g}) returned {type(pose).__name__}, not a Pose")
-        R, t = np.asarray(pose.rotation), np.asarray(pose.translation)
+        R = np.asarray(pose.rotation)
+        t = np.asarray(pose.translation)
         shaped = R.shape == (3, 3) and t.shape == (3,) and np.isfinite(t).all()
         turned = shaped and np.allclose(R @ R.T, np.eye(3), atol=1e-9) and np.linalg.det(R) > 0
         require(turned, f"at({time:g}) is no pose: a rotation (3, 3) and a translation (3,)")
@@ -57,8 +60,10 @@ def check_disturbance(disturbance: Any) -> None:
         BrokenContract: It does not; the sentence says what to change.
     """
     found = built(config_of("sim.disturbances", disturbance), ("at",))
-    require(isinstance(getattr(found, "props", None), tuple), "it has no tuple `props`; () if it "
-            "needs nothing in the scene")  # fmt: skip
+    require(
+        isinstance(getattr(found, "props", None), tuple),
+        "it has no tuple `props`; () if it needs nothing in the scene",
+    )
     require(found.at(-1.0) == Effect(), "it does something before time 0; return Effect() there")
     for time in TIMES:
         effect = found.at(time)
@@ -79,7 +84,8 @@ def check_robot(robot: Any) -> None:
     require(isinstance(design, Design), f"build(rng) gave {kind}; return a Design")
     try:
         model = _scene(robot=design)
-        machine, data = Robot(model, design), mujoco.MjData(model)
+        machine = Robot(model, design)
+        data = mujoco.MjData(model)
     except (ValueError, KeyError) as error:
         raise BrokenContract(f"it cannot be put into the room: {error}") from error
     for home in design.homes:
@@ -102,8 +108,9 @@ def _check_jacobian(machine: Robot, data: Any, model: Any, home: Array) -> None:
     ]
     eye(home)
     wrong = float(np.abs(machine.jacobian(data) - np.column_stack(found)).max())
-    require(wrong < 1e-5, f"its Jacobian differs by {wrong:.3g} from how the joints move the "
-            "camera")  # fmt: skip
+    require(
+        wrong < 1e-5, f"its Jacobian differs by {wrong:.3g} from how the joints move the camera"
+    )
 
 
 @contract
@@ -121,9 +128,13 @@ def check_target(target: Any) -> None:
     shaped = outline.shape == (4, 3) and np.isfinite(outline).all()
     require(shaped, "the outline is not four corners (4, 3) of finite numbers")
     require(np.ptp(outline[:, 2]) == 0, "the outline is not level: its corners differ in height")
-    (a, b), right = np.ptp(outline[:, :2], axis=0), outline[1, 0] > outline[0, 0]
-    require(right and outline[0, 1] > outline[3, 1], "the outline's corners are in another order: "
-            "from (-x, +y) over (+x, +y) and (+x, -y) to (-x, -y)")  # fmt: skip
+    (a, b) = np.ptp(outline[:, :2], axis=0)
+    right = outline[1, 0] > outline[0, 0]
+    require(
+        right and outline[0, 1] > outline[3, 1],
+        "the outline's corners are in another order: "
+        "from (-x, +y) over (+x, +y) and (+x, -y) to (-x, -y)",
+    )
     sized = min(a, b) >= SMALLEST and max(a, b) <= LARGEST
     require(sized, f"the outline is {a:g} x {b:g} m; its sides go from {SMALLEST:g} to {LARGEST:g}")
     try:
@@ -134,7 +145,8 @@ def check_target(target: Any) -> None:
 
 
 def _check_moves(model: Any) -> None:
-    data, body = mujoco.MjData(model), model.body(TARGET)
+    data = mujoco.MjData(model)
+    body = model.body(TARGET)
     own = model.body_rootid[model.geom_bodyid] == body.id
     require(own.any(), "its model has no geoms, so there is nothing to see")
     mujoco.mj_kinematics(model, data)
@@ -150,5 +162,6 @@ def _scene(robot: Design | None = None, target: Target | None = None) -> Any:
     from sim.targets import car
 
     rng = np.random.default_rng(0)
-    robot, target = robot or gantry.Config().build(rng), target or car.Config().build(rng)
+    robot = robot or gantry.Config().build(rng)
+    target = target or car.Config().build(rng)
     return build_model(PHYSICS_RATE, CameraConfig(), robot, target)

@@ -35,7 +35,8 @@ class DroppedFrames:
     props: tuple[str, ...] = ()
 
     def __init__(self, config: Config, seed: int) -> None:
-        self._config, self._seed = config, seed
+        self._config = config
+        self._seed = seed
 
     def at(self, time: float) -> Effect:
         c = self._config

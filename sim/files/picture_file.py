@@ -19,7 +19,8 @@ PNM = re.compile(rb"P[1-6](?:\s+|#[^\n]*\n)+(\d+)(?:\s+|#[^\n]*\n)+(\d+)\s")
 MARKER = 0xFF
 JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of the segments that contain a JPEG's size."""
-TIFF_WIDTH, TIFF_HEIGHT = 256, 257
+TIFF_WIDTH = 256
+TIFF_HEIGHT = 257
 TIFF_INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
 """TIFF's codes of integer types, and their formats in `struct`."""
 
@@ -107,7 +108,8 @@ def rgb(image: np.ndarray) -> Image:
     code = {2: cv2.COLOR_GRAY2RGB, 4: cv2.COLOR_BGRA2RGB}
     depth = image.ndim if image.ndim == 2 or image.shape[2] != 4 else 4
     if image.ndim == 3 and image.shape[2] == 1:
-        image, depth = image[:, :, 0], 2
+        image = image[:, :, 0]
+        depth = 2
     turned = cv2.cvtColor(image, code.get(depth, cv2.COLOR_BGR2RGB)).astype(np.uint8, copy=False)
     turned.setflags(write=False)
     return turned

@@ -25,5 +25,6 @@ class Straight(Settled):
         """How far the target is from its start at a time [s], along its nose [m]."""
 
     def at(self, time: float) -> Pose:
-        heading, way = radians(self.heading_deg), self.way(time)
+        heading = radians(self.heading_deg)
+        way = self.way(time)
         return Pose.planar(self.x + way * cos(heading), self.y + way * sin(heading), heading)

@@ -27,5 +27,6 @@ class Config(Settled):
     def at(self, time: float) -> Pose:
         angle = 2 * pi * self.frequency * time
         nose = angle + (pi / 2 if self.frequency >= 0 else -pi / 2)
-        x, y = self.x + self.radius * cos(angle), self.y + self.radius * sin(angle)
+        x = self.x + self.radius * cos(angle)
+        y = self.y + self.radius * sin(angle)
         return Pose.planar(x, y, nose)

@@ -60,7 +60,8 @@ class Six:
     """Each coordinate is the mean of sines that begin at zero."""
 
     def __init__(self, config: Config, frequencies: Array, senses: Array) -> None:
-        self._frequencies, c = frequencies, config
+        self._frequencies = frequencies
+        c = config
         self._middle = np.array([c.x, c.y, c.height])
         # Two tilts at once, of the same size, are sqrt(2) as large.
         tilt = radians(c.tilt_deg) / sqrt(2)

@@ -45,7 +45,8 @@ class Wander:
     """A loop r(phi) = radius (1 + sum a_k cos(k phi + p_k)), driven at constant d phi/dt."""
 
     def __init__(self, config: Config, size: Array, phases: Array, sense: int) -> None:
-        self._config, self._sense = config, sense
+        self._config = config
+        self._sense = sense
         self._waves = list(zip(HARMONICS, size.tolist(), phases[1:].tolist(), strict=True))
         self._begin = float(phases[0])
 

@@ -23,7 +23,8 @@ from sim.urdf import speeds
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
 WHAT = "robot model"
-MENAGERIE, ROOT = "menagerie:", "MENAGERIE_ROOT"
+MENAGERIE = "menagerie:"
+ROOT = "MENAGERIE_ROOT"
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,9 +36,12 @@ def add_picture(spec: mujoco.MjSpec, picture: Image) -> str:
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
     height, width, channels = picture.shape
     texture = spec.add_texture(
-        name=PICTURE, type=mujoco.mjtTexture.mjTEXTURE_2D,
-        width=width, height=height, nchannel=channels,
-    )  # fmt: skip
+        name=PICTURE,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        width=width,
+        height=height,
+        nchannel=channels,
+    )
     texture.data = picture.tobytes()
     material = spec.add_material(name=PICTURE, specular=0, shininess=0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = PICTURE

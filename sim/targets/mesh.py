@@ -50,7 +50,8 @@ class Config(Outlined):
         Raises:
             ValueError: A file cannot be read or is broken, or there is no such colour.
         """
-        path, name = file_of(self.file, ".obj", "file"), self.texture
+        path = file_of(self.file, ".obj", "file")
+        name = self.texture
         mesh = _seen_from_outside(read_mesh(path))
         picture = None if name is None else _paint.picture_named(name, "texture")
         colour = rgba(self.colour)
@@ -82,7 +83,8 @@ class Config(Outlined):
         length, width, _ = np.ptp(points, axis=0)
         if width > length:
             points = points @ ACROSS.T
-        c, s = cos(radians(self.turn_deg)), sin(radians(self.turn_deg))
+        c = cos(radians(self.turn_deg))
+        s = sin(radians(self.turn_deg))
         points = points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         extent = np.ptp(points, axis=0)
         if not extent[:2].max() > 0:
@@ -92,14 +94,16 @@ class Config(Outlined):
         else:
             scale = np.full(3, self.size / extent[:2].max())
         points = points * scale
-        low, high = points.min(axis=0), points.max(axis=0)
+        low = points.min(axis=0)
+        high = points.max(axis=0)
         points -= [*(low + high)[:2] / 2, low[2]]
         return points + (0, 0, max(0.0, FLAT - float(points[:, 2].max())))
 
 
 def _seen_from_outside(mesh: Triangles) -> Triangles:
     """A closed mesh whose faces point outwards; of an open one both sides can be seen."""
-    faces, places = mesh.faces, mesh.places
+    faces = mesh.faces
+    places = mesh.places
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ahead, back = (np.sort(e @ (len(mesh.vertices), 1)) for e in (edges, edges[:, ::-1]))
     inside_out = faces[:, ::-1], None if places is None else places[:, ::-1]

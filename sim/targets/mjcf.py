@@ -11,9 +11,17 @@ from sim.target import Target
 from sim.targets._settings import Outlined, file_of
 
 MOVING = (
-    "keys", "sensors", "actuators", "tendons", "equalities", "excludes", "pairs", "joints",
-    "cameras", "lights",
-)  # fmt: skip
+    "keys",
+    "sensors",
+    "actuators",
+    "tendons",
+    "equalities",
+    "excludes",
+    "pairs",
+    "joints",
+    "cameras",
+    "lights",
+)
 """What a target does not have, in an order in which nothing refers to what is gone."""
 
 

@@ -16,7 +16,8 @@ from sim.targets import _paint
 from sim.targets._settings import Outlined
 from sim.targets.plate import THICKNESS
 
-CELLS, CELL = 8, 32
+CELLS = 8
+CELL = 32
 """Cells along a side of the black square, and their size in the picture [px]."""
 
 

@@ -15,14 +15,22 @@ FRAMES = 300
 CAMERAS = {
     "no distortion": [],
     "plumb_bob": ["camera.distortion=plumb_bob", "camera.coefficients=[-0.3,0.1,0.002,-0.003,0.0]"],
-    "rational": ["camera.distortion=rational",
-                 "camera.coefficients=[0.5,0.2,0.001,-0.002,0.02,0.8,0.3,0.05]"],
+    "rational": [
+        "camera.distortion=rational",
+        "camera.coefficients=[0.5,0.2,0.001,-0.002,0.02,0.8,0.3,0.05]",
+    ],
     "no distortion, 60 deg": ["camera.fovy_deg=60"],
-    "fisheye of 60 deg": ["camera.fovy_deg=60", "camera.distortion=fisheye",
-                          "camera.coefficients=[-0.02,0.005,-0.003,0.0005]"],
-    "fisheye of 90 deg": ["camera.fovy_deg=90", "camera.distortion=fisheye",
-                          "camera.coefficients=[0.0,0.0,0.0,0.0]"],
-}  # fmt: skip
+    "fisheye of 60 deg": [
+        "camera.fovy_deg=60",
+        "camera.distortion=fisheye",
+        "camera.coefficients=[-0.02,0.005,-0.003,0.0005]",
+    ],
+    "fisheye of 90 deg": [
+        "camera.fovy_deg=90",
+        "camera.distortion=fisheye",
+        "camera.coefficients=[0.0,0.0,0.0,0.0]",
+    ],
+}
 
 
 def main():

@@ -76,10 +76,14 @@ def exponent(n, times):
 def main(folder):
     pixels = np.array(LENGTHS) ** 2 / 2
     images = np.array(WIDTHS) ** 2 * 3 / 4
-    curves = {f"{kind}: particles": (PARTICLES, by_particles(kind))
-              for kind in ("pf_ssd", "mk_pf", "condensation", "kams")}  # fmt: skip
-    curves |= {f"{kind}: target [px^2]": (pixels, by_area(kind))
-               for kind in ("pf_ssd", "mk_ssd", "mean_shift")}  # fmt: skip
+    curves = {
+        f"{kind}: particles": (PARTICLES, by_particles(kind))
+        for kind in ("pf_ssd", "mk_pf", "condensation", "kams")
+    }
+    curves |= {
+        f"{kind}: target [px^2]": (pixels, by_area(kind))
+        for kind in ("pf_ssd", "mk_ssd", "mean_shift")
+    }
     curves["loop: image [px^2]"] = (images, by_image())
     curves["run: frames"] = (FRAMES, by_frames())
     figure = Figure(figsize=(9, 4), layout="constrained")

@@ -146,8 +146,12 @@ def measure(copy, files):
                     failed.add(row["time"])
     tests = {t: s for t, s in seconds.items() if t not in failed}
     lines = traced(copy, tests, users)
-    return {"seconds": tests, "failed": sorted(failed), "lines": lines,
-            "importers": importers(copy.root)}  # fmt: skip
+    return {
+        "seconds": tests,
+        "failed": sorted(failed),
+        "lines": lines,
+        "importers": importers(copy.root),
+    }
 
 
 def traced(copy, tests, users):

@@ -20,9 +20,16 @@ ROOT = HERE.parents[1]
 BUSY = {"tests/test_ctrl_c.py", "tests/test_study_kills.py"}
 """They send signals in time, which a busy machine can spoil."""
 HEAVY = (
-    "cv2", "jinja2", "matplotlib.backends.backend_agg", "mujoco", "pydantic",
-    "pyarrow.parquet", "rich.progress", "rich.table", "scipy.stats",
-)  # fmt: skip
+    "cv2",
+    "jinja2",
+    "matplotlib.backends.backend_agg",
+    "mujoco",
+    "pydantic",
+    "pyarrow.parquet",
+    "rich.progress",
+    "rich.table",
+    "scipy.stats",
+)
 """Imported once: the imports take longer than most tests."""
 COMPILED = "tracking/hot/"
 """numba compiles these: coverage does not see their lines, and each change compiles anew."""
@@ -71,8 +78,12 @@ class Copy:
     def environment(self, **more):
         numba = more.pop("numba", self.folder / "numba")
         path = os.pathsep.join([str(self.root), str(HERE)])
-        fixed = {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(numba), "LP_NUM_THREADS": "0",
-                 "MUTANTS_CHECKOUT": str(self.root)}  # fmt: skip
+        fixed = {
+            "PYTHONPATH": path,
+            "NUMBA_CACHE_DIR": str(numba),
+            "LP_NUM_THREADS": "0",
+            "MUTANTS_CHECKOUT": str(self.root),
+        }
         return {**os.environ, **fixed, **{k: str(v) for k, v in more.items()}}
 
     def pytest(self, words, limit=None, **environment):
@@ -80,9 +91,13 @@ class Copy:
         command = [sys.executable, "-m", "pytest", "-q", "-p", "mutant_plugin", *words]
         with (self.folder / "output.txt").open("w") as output:
             process = subprocess.Popen(
-                command, cwd=self.root, env=self.environment(**environment),
-                stdout=output, stderr=output, start_new_session=True,
-            )  # fmt: skip
+                command,
+                cwd=self.root,
+                env=self.environment(**environment),
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+            )
             try:
                 return process.wait(limit)
             except subprocess.TimeoutExpired:
@@ -130,8 +145,13 @@ class Copy:
             shutil.rmtree(extra["numba"], ignore_errors=True)
         files = sorted({test.split("::")[0] for test in tests})
         limit = 60 + 4 * expected + 120 * compiled
-        code = self.forked(["-x", "-n", "0", "-p", "no:cacheprovider", *files], limit,
-                           MUTANTS_CHOSEN=chosen, MUTANTS_VERDICT=verdict, **extra)  # fmt: skip
+        code = self.forked(
+            ["-x", "-n", "0", "-p", "no:cacheprovider", *files],
+            limit,
+            MUTANTS_CHOSEN=chosen,
+            MUTANTS_VERDICT=verdict,
+            **extra,
+        )
         if code is None:
             return f"time: still running after {limit:.0f} s"
         if code == 0:

@@ -9,16 +9,26 @@ import ast
 from dataclasses import dataclass
 
 ARITHMETIC = {
-    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"),
-    ast.FloorDiv: ("//", "/"), ast.Mod: ("%", "*"), ast.Pow: ("**", "*"),
-    ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"),
-}  # fmt: skip
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.FloorDiv: ("//", "/"),
+    ast.Mod: ("%", "*"),
+    ast.Pow: ("**", "*"),
+    ast.LShift: ("<<", ">>"),
+    ast.RShift: (">>", "<<"),
+}
 COMPARISON = {
-    ast.Lt: ("<", "<=", ">=", ">"), ast.LtE: ("<=", "<", ">", ">="),
-    ast.Gt: (">", ">=", "<=", "<"), ast.GtE: (">=", ">", "<", "<="),
-    ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="), ast.In: ("in", "not in"),
+    ast.Lt: ("<", "<=", ">=", ">"),
+    ast.LtE: ("<=", "<", ">", ">="),
+    ast.Gt: (">", ">=", "<=", "<"),
+    ast.GtE: (">=", ">", "<", "<="),
+    ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="),
+    ast.In: ("in", "not in"),
     ast.NotIn: ("not in", "in"),
-}  # fmt: skip
+}
 IDENTITY = {ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is")}
 KINDS = ("arithmetic", "comparison", "number", "truth", "result")
 TYPES_ONLY = {"Annotated", "Literal", "TypeVar", "cast", "Field"}
@@ -145,8 +155,10 @@ class Finder(ast.NodeVisitor):
     def visit_BinOp(self, node):
         signs = ARITHMETIC.get(type(node.op))
         words = (ast.JoinedStr, ast.Constant)
-        said = any(isinstance(n, words) and isinstance(getattr(n, "value", ""), str)
-                   for n in (node.left, node.right))  # fmt: skip
+        said = any(
+            isinstance(n, words) and isinstance(getattr(n, "value", ""), str)
+            for n in (node.left, node.right)
+        )
         if signs and not said:
             start, end = self.between(node.left, node.right, signs[0])
             self.add("arithmetic", node, start, end, *signs[1:])

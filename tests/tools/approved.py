@@ -89,25 +89,47 @@ def drawn():
             "frame": [shade(ax.get_facecolor()), *(s.get_visible() for s in ax.spines.values())],
             "ticks": [t.get_text() for t in ticks],
             "letters": sorted({(t.get_rotation(), t.get_fontsize()) for t in ticks}),
-            "grids": [[tick.tick1line.get_markersize(), tick.gridline.get_visible(),
-                       tick.gridline.get_alpha()]
-                      for tick in (ax.xaxis.majorTicks[0], ax.yaxis.majorTicks[0])],
-            "lines": [[line.get_xydata(), to_hex(line.get_color()), line.get_linewidth(),
-                       line.get_linestyle(), str(line.get_marker())] for line in ax.lines],
-            "marks": [[line.get_markersize(), line.get_alpha(), line.get_zorder()]
-                      for line in ax.lines],
+            "grids": [
+                [
+                    tick.tick1line.get_markersize(),
+                    tick.gridline.get_visible(),
+                    tick.gridline.get_alpha(),
+                ]
+                for tick in (ax.xaxis.majorTicks[0], ax.yaxis.majorTicks[0])
+            ],
+            "lines": [
+                [
+                    line.get_xydata(),
+                    to_hex(line.get_color()),
+                    line.get_linewidth(),
+                    line.get_linestyle(),
+                    str(line.get_marker()),
+                ]
+                for line in ax.lines
+            ],
+            "marks": [
+                [line.get_markersize(), line.get_alpha(), line.get_zorder()] for line in ax.lines
+            ],
             "areas": [[p.vertices for p in area.get_paths()] for area in ax.collections],
             "points": [np.asarray(area.get_offsets()) for area in ax.collections],
-            "fills": [f"{shade(colour)} {width:g}" for area in ax.collections for colour, width
-                      in zip(area.get_facecolor(), area.get_linewidth(), strict=False)],
-            "bars": [[p.get_path().get_extents(p.get_patch_transform()).extents,
-                      to_hex(p.get_facecolor())] for p in ax.patches],
+            "fills": [
+                f"{shade(colour)} {width:g}"
+                for area in ax.collections
+                for colour, width in zip(area.get_facecolor(), area.get_linewidth(), strict=False)
+            ],
+            "bars": [
+                [
+                    p.get_path().get_extents(p.get_patch_transform()).extents,
+                    to_hex(p.get_facecolor()),
+                ]
+                for p in ax.patches
+            ],
             "rims": sorted({p.get_linewidth() for p in ax.patches}),
             "texts": [[t.get_text(), t.get_position()] for t in ax.texts],
             "inks": [t.get_color() for t in ax.texts],
             "places": sorted({(t.get_fontsize(), t.get_ha(), t.get_va()) for t in ax.texts}),
             "legend": legend and [[t.get_text(), t.get_fontsize()] for t in legend.get_texts()],
-        }  # fmt: skip
+        }
 
     def of(figure):
         figure.draw_without_rendering()

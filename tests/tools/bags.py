@@ -14,8 +14,10 @@ ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE
 NS = 10**9
 START = 1_700_000_000
 RAW, COMPRESSED, TEXT = (
-    "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "std_msgs/msg/String",
-)  # fmt: skip
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CompressedImage",
+    "std_msgs/msg/String",
+)
 
 
 def header(store, stamp):
@@ -31,8 +33,9 @@ def raw(store, stamp, pixels, encoding, padding=0):
     height, width = pixels.shape[:2]
     rows = np.ascontiguousarray(pixels).reshape(height, -1)
     rows = np.hstack([rows, np.full((height, padding), 99, np.uint8)])
-    return store.types[RAW](header(store, stamp), height, width, encoding, 0,
-                            rows.shape[1], rows.ravel())  # fmt: skip
+    return store.types[RAW](
+        header(store, stamp), height, width, encoding, 0, rows.shape[1], rows.ravel()
+    )
 
 
 def jpeg(store, stamp, bgr):

@@ -22,9 +22,14 @@ QUICK = "--set tracker.kind=frozen --set estimator.kind=none"
 def begin(words, cwd=None):
     """Start a command in a session of its own."""
     return subprocess.Popen(
-        [BIN / "servobench", *words.split()], cwd=cwd, start_new_session=True, preexec_fn=hear,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [BIN / "servobench", *words.split()],
+        cwd=cwd,
+        start_new_session=True,
+        preexec_fn=hear,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 ONE_BY_ONE = """
@@ -51,9 +56,13 @@ def one_by_one(lines, cwd, folder):
     """
     words = json.dumps([line.split() for line in lines])
     ended = subprocess.run(
-        [sys.executable, "-c", ONE_BY_ONE, words], cwd=cwd, capture_output=True, text=True,
-        check=False, env=os.environ | {"PYTHONPATH": str(folder), "COLUMNS": "200"},
-    )  # fmt: skip
+        [sys.executable, "-c", ONE_BY_ONE, words],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(folder), "COLUMNS": "200"},
+    )
     assert (ended.returncode, ended.stderr) == (0, "")
     return json.loads(ended.stdout)
 

@@ -51,7 +51,7 @@ SCENARIOS: dict[str, str | bytes] = {
     "measure": "[expect]\nservo_rms = 3\n",
     "longkey": f"{'k' * 5000} = 1\n",
     "json": '{"run": {"seed": 1}}',
-}  # fmt: skip
+}
 
 
 def place(folder: Path, ran: Path, study: Path, papers: Path) -> Path:
@@ -126,16 +126,22 @@ def _pictures(folder: Path) -> None:
     for name, data in FALSE_VIDEOS.items():
         (folder / name).write_bytes(data or (good if name.endswith("png") else b""))
     broken = {
-        "cut": good[: len(good) // 2], "hollow": b"", "words": b"no picture\n",
-        "vast": png(60000, 60000), "flat": png(0, 10), "lying": b"GIF89a" + good,
-    }  # fmt: skip
+        "cut": good[: len(good) // 2],
+        "hollow": b"",
+        "words": b"no picture\n",
+        "vast": png(60000, 60000),
+        "flat": png(0, 10),
+        "lying": b"GIF89a" + good,
+    }
     for name, data in broken.items():
         (folder / f"pictures_{name}").mkdir()
         (folder / f"pictures_{name}" / "1.png").write_bytes(data)
     (folder / "bag_folder").mkdir()
     (folder / "bag_folder" / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
-    image = {"/left": (bags.RAW, [(1.0, b"\0\1\0\0")]),
-             "/right": (bags.COMPRESSED, [(1.0, b"\0\1\0\0" + b"\0" * 20)])}  # fmt: skip
+    image = {
+        "/left": (bags.RAW, [(1.0, b"\0\1\0\0")]),
+        "/right": (bags.COMPRESSED, [(1.0, b"\0\1\0\0" + b"\0" * 20)]),
+    }
     bags.write_mcap(folder / "eyes.mcap", "cdr", "ros2msg", image)
     bags.write_mcap(folder / "words.mcap", "cdr", "ros2msg", {"/words": (bags.TEXT, [(1.0, b"")])})
     (folder / "pictures_pipe").mkdir()
@@ -178,11 +184,21 @@ def _truths(folder: Path) -> None:
 
 
 def _results(folder: Path, ran: Path, study: Path, papers: Path) -> None:
-    kinds = {"run": (ran, "report.json", "steps.parquet"),
-             "sweep": (study, "study.json", "runs/000000.parquet"),
-             "papers": (papers, "papers.json", "figures/one.png")}  # fmt: skip
-    spoilt = {"list": "[]", "null": "null", "number": "3", "cut": '{"a": ', "deep": "[" * 100_000,
-              "bare": "{}", "nan": '{"version": NaN}', "words": "x"}  # fmt: skip
+    kinds = {
+        "run": (ran, "report.json", "steps.parquet"),
+        "sweep": (study, "study.json", "runs/000000.parquet"),
+        "papers": (papers, "papers.json", "figures/one.png"),
+    }
+    spoilt = {
+        "list": "[]",
+        "null": "null",
+        "number": "3",
+        "cut": '{"a": ',
+        "deep": "[" * 100_000,
+        "bare": "{}",
+        "nan": '{"version": NaN}',
+        "words": "x",
+    }
     for kind, (source, summary, _) in kinds.items():
         for name, text in spoilt.items():
             _copy(source, folder / f"{kind}_{name}")

@@ -43,10 +43,14 @@ def show_target(request):
 
     def show(config, theta=0.0, disturbances=(), x=0.0):
         world = World(
-            WorldConfig(visibility=True), gantry.Config().build(RNG), build(config),
-            CameraConfig(), still.Config(x=x).build(RNG), disturbances,
+            WorldConfig(visibility=True),
+            gantry.Config().build(RNG),
+            build(config),
+            CameraConfig(),
+            still.Config(x=x).build(RNG),
+            disturbances,
             np.random.default_rng(1),
-        )  # fmt: skip
+        )
         request.addfinalizer(world.close)
         assert world.start(MIDDLE, theta, 1.0)
         return world.look().image, world.truth(), world
@@ -76,9 +80,12 @@ def stl_of(faces, count=None):
 
 
 def stl_text(faces):
-    loops = "".join("facet normal 0 0 1\nouter loop\n" + "".join(
-        "vertex {} {} {}\n".format(*corner) for corner in face) + "endloop\nendfacet\n"
-        for face in faces)  # fmt: skip
+    loops = "".join(
+        "facet normal 0 0 1\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*corner) for corner in face)
+        + "endloop\nendfacet\n"
+        for face in faces
+    )
     return f"solid part\n{loops}endsolid part\n".encode()
 
 

@@ -36,9 +36,14 @@ def posture_of(twist, accepted=None):
     """Of a robot that knows nothing but its camera's twist, and that it points down."""
     level = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     return Posture(
-        level, np.asarray(twist), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)),
+        level,
+        np.asarray(twist),
+        np.zeros(0),
+        np.zeros(0),
+        np.zeros(0),
+        np.zeros((6, 0)),
         accepted=accepted,
-    )  # fmt: skip
+    )
 
 
 def own(past):

@@ -29,8 +29,9 @@ class Scene:
         rng = np.random.default_rng(0)
         self._put = Put()
         config = CameraConfig(width=width, height=height, fx=focal, rate=240.0, **camera)
-        self.world = World(WorldConfig(), gantry.Config().build(rng), target.build(rng), config,
-                           self._put, (), rng)  # fmt: skip
+        self.world = World(
+            WorldConfig(), gantry.Config().build(rng), target.build(rng), config, self._put, (), rng
+        )
         self.world.start(np.array([width, height]) / 2, 0.0, 1.0)
         self.eye = self.world.truth().T_world_camera
 

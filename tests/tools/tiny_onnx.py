@@ -85,8 +85,9 @@ def vit(size):
         node("Conv", ["mean", "zero"], "c4", kernel_shape=[1, 1]),
         node("MaxPool", ["c4"], "nothing", kernel_shape=[1, 1]),
         node("MaxPool", ["c3"], "offset", kernel_shape=[1, 1]),
-        node("Add", ["offset", "nothing"], "output3"), node("Sigmoid", ["c1"], "output1"),
+        node("Add", ["offset", "nothing"], "output3"),
+        node("Sigmoid", ["c1"], "output1"),
         node("Identity", ["c2"], "output2"),
-    ]  # fmt: skip
+    ]
     inputs = {"template": (1, 3, 128, 128), "search": (1, 3, 256, 256)}
     return model(nodes, weights, inputs, shapes)

@@ -50,11 +50,15 @@ for line in sys.stdin:
         say("@@TRAX:quit")
         break
     said = {
-        "nonsense": '@@TRAX:state "here, or there"', "three": '@@TRAX:state "1,2,3"',
-        "none": "@@TRAX:state", "nan": '@@TRAX:state "nan,1,2,3"', "hello": "@@TRAX:hello",
-        "negative": '@@TRAX:state "1,2,-3,4"', "mask": '@@TRAX:state "m0,0,2,2,1,2"',
+        "nonsense": '@@TRAX:state "here, or there"',
+        "three": '@@TRAX:state "1,2,3"',
+        "none": "@@TRAX:state",
+        "nan": '@@TRAX:state "nan,1,2,3"',
+        "hello": "@@TRAX:hello",
+        "negative": '@@TRAX:state "1,2,-3,4"',
+        "mask": '@@TRAX:state "m0,0,2,2,1,2"',
         "lost": '@@TRAX:state "0"',
-    }.get(mode)  # fmt: skip
+    }.get(mode)
     if count > 0 and said:
         say(said)
         continue

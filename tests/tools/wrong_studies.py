@@ -53,11 +53,12 @@ STUDIES: dict[str, str] = {
     "expect_share": "scenario = 'still'\n[expect]\nsuccess_rate = 2\n",
     "expect_word": "scenario = 'still'\n[expect]\nservo_rms_px = 'low'\n",
     "expect_gone": "scenario = 'still'\n[expect]\nservo_rms = 3\n",
-    "explosion": "scenario = 'still'\nseeds = 1000\n[axes]\n" + "".join(
+    "explosion": "scenario = 'still'\nseeds = 1000\n[axes]\n"
+    + "".join(
         f"{key} = {{ linspace = [1, 2, 100] }}\n"
         for key in ("controller.gain", "controller.coast", "start.x")
     ),
-}  # fmt: skip
+}
 SUITES: dict[str, str] = {
     "trackerless": "[[sequences]]\nkind = 'clutter'\n[[trackers]]\n",
     "sequenceless": "[[trackers]]\nkind = 'kams'\n",
@@ -89,4 +90,4 @@ SUITES: dict[str, str] = {
     "loopkind": "[[sequences]]\nkind = 'closed_loop'\nscenario = 'nothing'\n",
     "text": "not toml at all",
     "void": "",
-}  # fmt: skip
+}

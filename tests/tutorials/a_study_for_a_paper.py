@@ -93,5 +93,7 @@ figure.savefig(OUT / "lag.pdf")
 # %%
 subprocess.run([*SERVOBENCH, "report", str(OUT / "lag")], check=True)
 lag = cell("none", 0.08)[0]
-print(f"without an estimate it lags by {lag:.2f} px at 0.08 m/s, theory {theory[1]:.2f} px; "
-      f"with one by {cell('kalman_cv', 0.08)[0]:.2f} px")  # fmt: skip
+print(
+    f"without an estimate it lags by {lag:.2f} px at 0.08 m/s, theory {theory[1]:.2f} px; "
+    f"with one by {cell('kalman_cv', 0.08)[0]:.2f} px"
+)

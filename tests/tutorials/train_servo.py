@@ -22,9 +22,10 @@ LEARNED = np.array([0.485, 0.842, -0.096, -0.050])
 def environment(duration):
     """The law without an estimator, on the scenario reversal."""
     return gymnasium.make(
-        servo.gym.ID, scenario="reversal",
+        servo.gym.ID,
+        scenario="reversal",
         overrides=["estimator.kind=none", f"run.duration={duration}"],
-    )  # fmt: skip
+    )
 
 
 def act(weights, seen):

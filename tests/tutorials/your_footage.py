@@ -25,9 +25,12 @@ FILM, TRUTH, RATE = OUT / "film.mp4", OUT / "truth.csv", 30.0
 # %%
 scenario = servo.load(
     "wander",
-    ["run.duration=5", "controller.kind=hold",
-     "disturbances=[{kind='board', start=2.5, duration=0.5}]"],
-)  # fmt: skip
+    [
+        "run.duration=5",
+        "controller.kind=hold",
+        "disturbances=[{kind='board', start=2.5, duration=0.5}]",
+    ],
+)
 film = cv2.VideoWriter(str(FILM), cv2.VideoWriter.fourcc(*"mp4v"), RATE, (320, 240))
 with TRUTH.open("w", newline="") as file:
     rows = csv.writer(file)
@@ -70,8 +73,10 @@ for tracker in ("pf_ssd", "camshift"):
     times = np.arange(len(error)) / RATE
     (line,) = axes.plot(times, error, label=tracker)
     axes.plot(times[~seen], error[~seen], ".", color=line.get_color())
-    print(f"{tracker}: {np.sqrt(np.mean(error[seen] ** 2)):.2f} px rms where it sees the car, "
-          f"which is in {100 * seen.mean():.0f} % of the pictures")  # fmt: skip
+    print(
+        f"{tracker}: {np.sqrt(np.mean(error[seen] ** 2)):.2f} px rms where it sees the car, "
+        f"which is in {100 * seen.mean():.0f} % of the pictures"
+    )
 axes.set(xlabel="time [s]", ylabel="error [px]", title="dots: not LOCKED")
 axes.legend()
 figure.savefig(OUT / "your_footage.png", dpi=120)

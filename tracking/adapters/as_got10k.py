@@ -58,7 +58,8 @@ class Got10kTracker:
         Raises:
             ValueError: As for `init`, or a picture cannot be read.
         """
-        found, seconds = np.zeros((len(img_files), 4)), np.zeros(len(img_files))
+        found = np.zeros((len(img_files), 4))
+        seconds = np.zeros(len(img_files))
         for i, file in enumerate(img_files):
             image = read_image(Path(file))
             began = time.perf_counter()

@@ -36,7 +36,8 @@ def run_vot(
         ValueError: A picture cannot be read or decoded, or is too large; or the region is neither a
             rectangle nor four points.
     """
-    given, path = handle.region(), handle.frame()
+    given = handle.region()
+    path = handle.frame()
     if not path:
         return
     points = getattr(given, "points", None)

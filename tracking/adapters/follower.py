@@ -17,7 +17,10 @@ class Follower:
     """Keeps the time of pictures at a fixed rate."""
 
     def __init__(self, kind: str, seed: int, rate: float, settings: dict[str, Any]) -> None:
-        self._kind, self._seed, self._rate, self._settings = kind, seed, rate, settings
+        self._kind = kind
+        self._seed = seed
+        self._rate = rate
+        self._settings = settings
 
     def start(self, image: Image, numbers: Any, *, turned: bool = False) -> None:
         """Begin anew, as often as one likes, with a box (4,), or coordinates (8,) of corners [px].
@@ -32,7 +35,8 @@ class Follower:
         """
         corners = corners_of(np.array(numbers, dtype=float))
         self.region, state = placement(corners, turned=turned)
-        self._tracker, self._count = create(self._kind, self._seed, **self._settings), 0
+        self._tracker = create(self._kind, self._seed, **self._settings)
+        self._count = 0
         self._tracker.start(self._frame(image), self.region, state)
 
     def update(self, image: Image) -> tuple[Estimate, Rect]:
@@ -42,5 +46,6 @@ class Follower:
         return found, (left, top, width, height)
 
     def _frame(self, image: Image) -> Frame:
-        index, self._count = self._count, self._count + 1
+        index = self._count
+        self._count = self._count + 1
         return Frame(image, index / self._rate, index)

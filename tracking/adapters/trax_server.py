@@ -15,15 +15,22 @@ from tracking.evaluation.sequences.sources import RATE
 from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
 
 ABOUT = {
-    "trax.version": "4", "trax.region": "rectangle;polygon;",
-    "trax.image": "path;memory;buffer;", "trax.channels": "color;",
-}  # fmt: skip
+    "trax.version": "4",
+    "trax.region": "rectangle;polygon;",
+    "trax.image": "path;memory;buffer;",
+    "trax.channels": "color;",
+}
 
 
 def run_trax(
-    kind: str, seed: int = 0, rate: float = RATE, *,
-    requests: TextIO | None = None, answers: TextIO | None = None, **settings: Any,
-) -> None:  # fmt: skip
+    kind: str,
+    seed: int = 0,
+    rate: float = RATE,
+    *,
+    requests: TextIO | None = None,
+    answers: TextIO | None = None,
+    **settings: Any,
+) -> None:
     """Follow what a TraX client shows until it quits.
 
     Args:
@@ -82,7 +89,8 @@ class Session:
 
     def _begin(self, image: Image, given: Array) -> Message:
         self._follower.start(image, given.ravel(), turned=True)
-        self._given, self._boxes = None, given.ndim == 1
+        self._given = None
+        self._boxes = given.ndim == 1
         return _state(given, 1.0)
 
 

@@ -37,7 +37,8 @@ class Window:
             more: How much farther the window goes [px].
         """
         height, width = image.shape[:2]
-        low, high = np.minimum.reduce(states).tolist(), np.maximum.reduce(states).tolist()
+        low = np.minimum.reduce(states).tolist()
+        high = np.maximum.reduce(states).tolist()
         reach = radius * math.exp(high[3]) + more
         return Window(
             _whole(math.floor(low[0] - reach), width),
@@ -111,7 +112,8 @@ class Labelled:
         self.bins = bins
         self.blurred = image
         """The picture as views are read in it."""
-        self._image, self._farthest = image, farthest
+        self._image = image
+        self._farthest = farthest
         self._last: tuple[Window, Labels] | None = None
 
     def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:

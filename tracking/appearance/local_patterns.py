@@ -57,19 +57,25 @@ def ones_of(
 
 def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
     """The inner pixels' neighbours at a whole distance."""
-    (height, width), margin = grey.shape, math.ceil(radius)
+    (height, width) = grey.shape
+    margin = math.ceil(radius)
     return grey[margin + dy : height - margin + dy, margin + dx : width - margin + dx]
 
 
 def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
     """The inner pixels' neighbours at any distance, bilinearly."""
-    (near_y, far_y, by_y), (near_x, far_x, by_x) = _split(dy), _split(dx)
+    (near_y, far_y, by_y) = _split(dy)
+    (near_x, far_x, by_x) = _split(dx)
     if by_y == 0 and by_x == 0:
         return _inner(grey, radius, near_y, near_x)
-    rest_y, rest_x = np.float32(1 - by_y), np.float32(1 - by_x)
-    by_y, by_x = np.float32(by_y), np.float32(by_x)
-    below, beside = by_y * rest_x, rest_y * by_x
-    a, b = _inner(grey, radius, far_y, near_x), _inner(grey, radius, near_y, far_x)
+    rest_y = np.float32(1 - by_y)
+    rest_x = np.float32(1 - by_x)
+    by_y = np.float32(by_y)
+    by_x = np.float32(by_x)
+    below = by_y * rest_x
+    beside = rest_y * by_x
+    a = _inner(grey, radius, far_y, near_x)
+    b = _inner(grey, radius, near_y, far_x)
     sides = below * (a + b) if below == beside else below * a + beside * b
     corner = by_y * by_x * _inner(grey, radius, far_y, far_x)
     mixed = corner + sides + rest_y * rest_x * _inner(grey, radius, near_y, near_x)

@@ -52,7 +52,9 @@ class SampledModel:
             combine: How the energies of the parts are combined.
         """
         self._factor = layout.count if combine == "sum" else 1
-        self._bins, self._layout, self._ring = bins, layout, around
+        self._bins = bins
+        self._layout = layout
+        self._ring = around
         self._reference = reference
         self._radius = max(layout.radius, around.radius)
         self._views: Views | None = None
@@ -67,7 +69,8 @@ class SampledModel:
 
     def recognise(self, views: Views, unlike: float) -> None:
         """From now on the energy has another term: `unlike` times 1 - the likeness to the views."""
-        self._views, self._unlike = views, unlike
+        self._views = views
+        self._unlike = unlike
 
     def distances(self, image: Labelled, states: Array) -> Array:
         """d_m (N,) of each state (N, 4)."""
@@ -145,6 +148,7 @@ def model_of(
         )
 
     around = ring(region, learning.ring, density * (per_side or 1))
-    dense, labelled = layout(REFERENCE_DENSITY * density), Labelled(image, bins)
+    dense = layout(REFERENCE_DENSITY * density)
+    labelled = Labelled(image, bins)
     reference = Reference(labelled, region, state, dense, learning)
     return SampledModel(layout(density), around, bins, reference, combine)

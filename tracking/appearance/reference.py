@@ -72,7 +72,8 @@ class Reference:
             layout: Where the target is read.
             learning: What else is learned.
         """
-        self.learning, self._layout = learning, layout
+        self.learning = learning
+        self._layout = layout
         self._around = ring(region, SURROUNDINGS, SURROUNDINGS_DENSITY)
         self._first = self._now = histograms(image, layout, state)
         self._background = histograms(image, self._around, state)[0]
@@ -86,8 +87,9 @@ class Reference:
     def learn(self, image: Labelled, state: State) -> None:
         """Take over the appearance at a state where the target was found."""
         if self.learning.update > 0:
-            self._now = _blend(self._now, histograms(image, self._layout, state),
-                               self.learning.update)  # fmt: skip
+            self._now = _blend(
+                self._now, histograms(image, self._layout, state), self.learning.update
+            )
         if self.learning.discriminate:
             seen = histograms(image, self._around, state)[0]
             self._background = _blend(self._background, seen, SURROUNDINGS_RATE)

@@ -41,14 +41,18 @@ class Views:
         at = (np.arange(SIDE) + 0.5) / SIDE - 0.5
         u, v = np.meshgrid(at * region.width, at * region.height)
         self._points = np.stack([u.ravel(), v.ravel()], axis=1)
-        self._region, self._count, self._scale = region, count, state.scale
+        self._region = region
+        self._count = count
+        self._scale = state.scale
         self._stored = self._view(self.blurred(image), state)
 
     def blurred(self, image: Image) -> Image:
         """The picture, each pixel the mean of as much as a point of a view stands for."""
         sides = (self._region.width, self._region.height)
-        width, height = (min(max(round(side * self._scale / SIDE), 1), most)
-                         for side, most in zip(sides, image.shape[1::-1], strict=True))  # fmt: skip
+        width, height = (
+            min(max(round(side * self._scale / SIDE), 1), most)
+            for side, most in zip(sides, image.shape[1::-1], strict=True)
+        )
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
@@ -73,9 +77,14 @@ class Views:
             shrunk = self._shrunk(blurred, last.theta, scale)
             if shrunk is None:
                 continue
-            small, place = shrunk[0].astype(np.float32), shrunk[1]
-            maps = [cv2.matchTemplate(small, stored.reshape(SIDE, SIDE, 3).astype(np.float32),
-                                      cv2.TM_CCOEFF_NORMED) for stored in self._stored]  # fmt: skip
+            small = shrunk[0].astype(np.float32)
+            place = shrunk[1]
+            maps = [
+                cv2.matchTemplate(
+                    small, stored.reshape(SIDE, SIDE, 3).astype(np.float32), cv2.TM_CCOEFF_NORMED
+                )
+                for stored in self._stored
+            ]
             alike = np.nan_to_num(np.max(maps, axis=0), posinf=-1)
             for _ in range(most):
                 _, value, _, (x, y) = cv2.minMaxLoc(alike)
@@ -89,14 +98,16 @@ class Views:
         """The picture turned upright, a pixel a point of a view; and where its points lie in the
         picture (2, 3).
         """
-        c, s = math.cos(theta), math.sin(theta)
+        c = math.cos(theta)
+        s = math.sin(theta)
         steps = scale / SIDE * np.array([self._region.width, self._region.height])
         turn = np.array([[c, -s], [s, c]]) * steps
         height, width = image.shape[:2]
         corners = (
             np.array([[0, 0], [width, 0], [0, height], [width, height]]) @ np.linalg.inv(turn).T
         )
-        low, size = corners.min(axis=0), np.ptp(corners, axis=0)
+        low = corners.min(axis=0)
+        size = np.ptp(corners, axis=0)
         if size.max() > LARGEST or size.min() < SIDE:
             return None
         place = np.column_stack([turn, turn @ low])

@@ -74,7 +74,8 @@ def follow(
         seconds = time.perf_counter() - began
         height, width = picture.image.shape[:2]
         yield Shot(picture, index, found, seconds, (width, height))
-        last, follows = found.state, found.follows
+        last = found.state
+        follows = found.follows
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,26 @@ from tracking.types import Region
 FORMAT = 1
 """Number of the track's format, which its header identifies; it increases with each change."""
 HEADER = (
-    "frame", "time", "x", "y", "theta", "scale", "width", "height",
-    "x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4", "confidence", "status", "milliseconds",
-)  # fmt: skip
+    "frame",
+    "time",
+    "x",
+    "y",
+    "theta",
+    "scale",
+    "width",
+    "height",
+    "x1",
+    "y1",
+    "x2",
+    "y2",
+    "x3",
+    "y3",
+    "x4",
+    "y4",
+    "confidence",
+    "status",
+    "milliseconds",
+)
 CORNERS = slice(HEADER.index("x1"), HEADER.index("y4") + 1)
 DIGITS = 9
 LARGEST = 1_000_000_000
@@ -27,7 +44,8 @@ class TrackFile:
     """Writer of the rows of one track; each row is written before the next picture is read."""
 
     def __init__(self, path: Path, region: Region) -> None:
-        self._path, self._region = path, region
+        self._path = path
+        self._region = region
         self._file = io.TextIOWrapper(atomic.new_file(path), encoding="utf-8", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerow(HEADER)
@@ -38,16 +56,26 @@ class TrackFile:
         Raises:
             OSError: It cannot be written.
         """
-        state, region = shot.estimate.state, self._region
+        state = shot.estimate.state
+        region = self._region
         corners = shot.estimate.outline(region)
         numbers = [
-            state.x, state.y, state.theta, state.scale,
-            region.width * state.scale, region.height * state.scale, *corners.ravel().tolist(),
-        ]  # fmt: skip
+            state.x,
+            state.y,
+            state.theta,
+            state.scale,
+            region.width * state.scale,
+            region.height * state.scale,
+            *corners.ravel().tolist(),
+        ]
         row = [
-            shot.index, f"{shot.picture.time:.6f}", *(f"{number:.{DIGITS}g}" for number in numbers),
-            f"{shot.confidence:.6f}", shot.estimate.status.name, f"{1e3 * shot.seconds:.3f}",
-        ]  # fmt: skip
+            shot.index,
+            f"{shot.picture.time:.6f}",
+            *(f"{number:.{DIGITS}g}" for number in numbers),
+            f"{shot.confidence:.6f}",
+            shot.estimate.status.name,
+            f"{1e3 * shot.seconds:.3f}",
+        ]
         with atomic.naming(self._path):
             self._writer.writerow(row)
             self._file.flush()

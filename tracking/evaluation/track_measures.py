@@ -26,13 +26,20 @@ LOSS_RUN = 5
 """Number of frames in a row away from the target that count as a loss."""
 ON_TARGET = 0.1
 """Least overlap of a box that counts as on the target in `lost_signal`."""
-HALF, MOST = 0.5, 0.9
+HALF = 0.5
+MOST = 0.9
 """Criterion of success: an overlap above this in at least this share of the frames."""
 
 
 SHARES_OF_ONE = (
-    "auc", "auc_turned", "precision_20", "precision_norm", "completed", "held", "lost_auc",
-)  # fmt: skip
+    "auc",
+    "auc_turned",
+    "precision_20",
+    "precision_norm",
+    "completed",
+    "held",
+    "lost_auc",
+)
 """Measures that are at most 1."""
 
 
@@ -68,13 +75,21 @@ class Comparison:
         """Compare a track with its truth, up to the length of the shorter one."""
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])
-        seen, true = track.corners[:count][present], truth[present]
-        a, b = boxes(seen), boxes(true)
+        seen = track.corners[:count][present]
+        true = truth[present]
+        a = boxes(seen)
+        b = boxes(true)
         centres = a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2
         return Comparison(
-            track, truth, None if states is None else states[:count], present,
-            centres, b[:, 2:], box_overlaps(a, b), turned_overlaps(seen, true),
-        )  # fmt: skip
+            track,
+            truth,
+            None if states is None else states[:count],
+            present,
+            centres,
+            b[:, 2:],
+            box_overlaps(a, b),
+            turned_overlaps(seen, true),
+        )
 
     @property
     def errors(self) -> Array:
@@ -162,37 +177,100 @@ def _relative(c: Comparison) -> Array:
     return np.hypot(*(c.offsets / np.maximum(c.sizes, 1e-12)).T)
 
 
-H, L = Better.HIGHER, Better.LOWER
+H = Better.HIGHER
+L = Better.LOWER
 MEASURES = (
-    TrackMeasure("auc", "", H, "success: area under the curve of upright box overlap",
-            lambda c: float(c.success().mean())),
-    TrackMeasure("auc_turned", "", H, "the same for rectangles as they are turned",
-            lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None]))),
-    TrackMeasure("precision_20", "", H, "share of frames with an error of at most 20 px",
-            lambda c: float(c.precision()[NEAR])),
-    TrackMeasure("precision_norm", "", H, "area under the curve of error over the target's size",
-            lambda c: float(np.mean(_relative(c) <= SHARES[:, None]))),
-    TrackMeasure("rmse_px", "px", L, "root mean square error of the centre",
-            lambda c: float(np.sqrt(np.mean(c.errors**2)))),
-    TrackMeasure("mean_error_px", "px", L, "mean error of the centre",
-            lambda c: float(np.mean(c.errors))),
-    TrackMeasure("angle_rmse_deg", "deg", L, "root mean square error of theta",
-            lambda c: _state_rmse(c, 2)),
-    TrackMeasure("scale_rmse", "", L, "root mean square relative error of the size",
-            lambda c: _state_rmse(c, 3)),
-    TrackMeasure("frames_until_loss", "", H, "frames before five in a row off by the target's size",
-            frames_until_loss),
-    TrackMeasure("completed", "", H, "1 if it was never lost",
-            lambda c: float(frames_until_loss(c) == len(c.errors))),
-    TrackMeasure("held", "", H, "1 if the overlap exceeds 0.5 in 90 % of the frames",
-            lambda c: float(np.mean(c.overlaps > HALF) >= MOST)),
-    TrackMeasure("lost_auc", "", H, "area under the ROC of 1 - confidence as a sign of being off",
-            lost_signal),
-    TrackMeasure("milliseconds", "ms", L, "median time for a frame",
-            lambda c: float(np.median(c.track.milliseconds[1:])) if len(c.errors) > 1 else 0.0),
-    TrackMeasure("evaluations", "", L, "mean number of histograms read for a frame",
-            lambda c: float(np.mean(c.track.evaluations[1:])) if len(c.errors) > 1 else 0.0),
-)  # fmt: skip
+    TrackMeasure(
+        "auc",
+        "",
+        H,
+        "success: area under the curve of upright box overlap",
+        lambda c: float(c.success().mean()),
+    ),
+    TrackMeasure(
+        "auc_turned",
+        "",
+        H,
+        "the same for rectangles as they are turned",
+        lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
+    ),
+    TrackMeasure(
+        "precision_20",
+        "",
+        H,
+        "share of frames with an error of at most 20 px",
+        lambda c: float(c.precision()[NEAR]),
+    ),
+    TrackMeasure(
+        "precision_norm",
+        "",
+        H,
+        "area under the curve of error over the target's size",
+        lambda c: float(np.mean(_relative(c) <= SHARES[:, None])),
+    ),
+    TrackMeasure(
+        "rmse_px",
+        "px",
+        L,
+        "root mean square error of the centre",
+        lambda c: float(np.sqrt(np.mean(c.errors**2))),
+    ),
+    TrackMeasure(
+        "mean_error_px", "px", L, "mean error of the centre", lambda c: float(np.mean(c.errors))
+    ),
+    TrackMeasure(
+        "angle_rmse_deg", "deg", L, "root mean square error of theta", lambda c: _state_rmse(c, 2)
+    ),
+    TrackMeasure(
+        "scale_rmse",
+        "",
+        L,
+        "root mean square relative error of the size",
+        lambda c: _state_rmse(c, 3),
+    ),
+    TrackMeasure(
+        "frames_until_loss",
+        "",
+        H,
+        "frames before five in a row off by the target's size",
+        frames_until_loss,
+    ),
+    TrackMeasure(
+        "completed",
+        "",
+        H,
+        "1 if it was never lost",
+        lambda c: float(frames_until_loss(c) == len(c.errors)),
+    ),
+    TrackMeasure(
+        "held",
+        "",
+        H,
+        "1 if the overlap exceeds 0.5 in 90 % of the frames",
+        lambda c: float(np.mean(c.overlaps > HALF) >= MOST),
+    ),
+    TrackMeasure(
+        "lost_auc",
+        "",
+        H,
+        "area under the ROC of 1 - confidence as a sign of being off",
+        lost_signal,
+    ),
+    TrackMeasure(
+        "milliseconds",
+        "ms",
+        L,
+        "median time for a frame",
+        lambda c: float(np.median(c.track.milliseconds[1:])) if len(c.errors) > 1 else 0.0,
+    ),
+    TrackMeasure(
+        "evaluations",
+        "",
+        L,
+        "mean number of histograms read for a frame",
+        lambda c: float(np.mean(c.track.evaluations[1:])) if len(c.errors) > 1 else 0.0,
+    ),
+)
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:

@@ -47,8 +47,12 @@ class Placed:
             box: The upright box around it, as the tracker gets it [px].
             sizes: Take over the size, too.
         """
-        self._first, self._corners, self._box = state, region.corners(state), box
-        self.state, self._last, self._sizes = state, self._corners, sizes
+        self._first = state
+        self._corners = region.corners(state)
+        self._box = box
+        self.state = state
+        self._last = self._corners
+        self._sizes = sizes
 
     def follow_box(self, box: Array) -> None:
         """Take over a box (4,): x, y, width, height [px], with a size above zero."""

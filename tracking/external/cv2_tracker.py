@@ -39,9 +39,11 @@ class Cv2Tracker:
         Raises:
             ValueError: This OpenCV has no such tracker, or the model files are not those it needs.
         """
-        self._name, self._models = name, [Path(model) for model in models]
+        self._name = name
+        self._models = [Path(model) for model in models]
         seed_opencv(seed)
-        self._tracker, self._proven = self._made(), False
+        self._tracker = self._made()
+        self._proven = False
 
     def init(self, image: Image, box: Box) -> Any:
         """Show the target.
@@ -118,8 +120,11 @@ def factory_of(name: str) -> Any:
     found = getattr(cv2, f"Tracker{name}", None)
     if hasattr(found, "create"):
         return found
-    there = [n.removeprefix("Tracker") for n in dir(cv2) if hasattr(getattr(cv2, n), "create")
-             and n.startswith("Tracker") and n != "Tracker"]  # fmt: skip
+    there = [
+        n.removeprefix("Tracker")
+        for n in dir(cv2)
+        if hasattr(getattr(cv2, n), "create") and n.startswith("Tracker") and n != "Tracker"
+    ]
     more = " (it is in opencv-contrib-python-headless)" if name in CONTRIB else ""
     raise ValueError(
         f"this OpenCV has no tracker '{name}'{more}; it has {', '.join(sorted(there))}"

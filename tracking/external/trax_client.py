@@ -49,7 +49,8 @@ class TraxClient:
             ValueError: It cannot be started, says no hello, or takes neither our regions nor our
                 pictures.
         """
-        self._command, self._timeout = command, timeout
+        self._command = command
+        self._timeout = timeout
         self._process = self._started()
         self._folder = tempfile.TemporaryDirectory(prefix="trax-")
         self._answers: queue.Queue[Message | None] = queue.Queue(WAITING)
@@ -68,14 +69,17 @@ class TraxClient:
             return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
 
         self._separate = hello.get("trax.version", "1") not in TOGETHER
-        self._pictures, regions = listed("image", "path"), listed("region", "rectangle")
+        self._pictures = listed("image", "path")
+        regions = listed("region", "rectangle")
         self.polygons = "polygon" in regions
         """Whether the server takes four corners; else it takes boxes."""
         if not {"rectangle", "polygon"} & set(regions):
             raise self._fault(f"takes {', '.join(regions)} as region; we have rectangle, polygon")
         if not PICTURES & set(self._pictures):
-            raise self._fault(f"takes {', '.join(self._pictures)} as picture; we have "
-                              f"{', '.join(sorted(PICTURES))}")  # fmt: skip
+            raise self._fault(
+                f"takes {', '.join(self._pictures)} as picture; we have "
+                f"{', '.join(sorted(PICTURES))}"
+            )
         if (channels := listed("channels", "color")) != ["color"]:
             raise self._fault(f"needs the channels {', '.join(channels)}; we have color")
 
@@ -85,7 +89,8 @@ class TraxClient:
         Raises:
             ValueError: As for `frame`.
         """
-        picture, target = self._picture(image), region_text(region)
+        picture = self._picture(image)
+        target = region_text(region)
         if self._separate:
             self._ask(Message("initialize", (target,)), Message("frame", (picture,)))
         else:
@@ -110,7 +115,8 @@ class TraxClient:
 
     def _picture(self, image: Image) -> str:
         """A picture as the server takes it; a file of its own each, of which the last two stay."""
-        folder, self._count = Path(self._folder.name), self._count + 1
+        folder = Path(self._folder.name)
+        self._count = self._count + 1
         (folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
         return picture_text(image, self._pictures, folder / f"{self._count:08}.png")
 
@@ -151,9 +157,13 @@ class TraxClient:
         try:
             if words := shlex.split(self._command):
                 return subprocess.Popen(
-                    words, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True,
+                    words,
+                    stdin=pipe,
+                    stdout=pipe,
+                    stderr=pipe,
+                    start_new_session=True,
                     env=os.environ | {"TRAX": "1"},
-                )  # fmt: skip
+                )
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             text = f"TraX server '{self._command}' cannot be started: {reason}"

@@ -24,7 +24,8 @@ ARGUMENT = re.compile(r'"((?:[^"\\]+|\\.)*)"|(\S+)')
 NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
 SPECIAL = re.compile(r'[\\"\n]')
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
-BOX, FEWEST_NUMBERS = 4, 6
+BOX = 4
+FEWEST_NUMBERS = 6
 """Numbers of a rectangle, and fewest of a polygon."""
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 MASK = "m"

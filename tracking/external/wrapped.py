@@ -82,7 +82,9 @@ class Wrapped:
     def __init__(
         self, settings: JudgeSettings, wrapping: Wrapping, rng: np.random.Generator
     ) -> None:
-        self._settings, self._wrapping, self._rng = settings, wrapping, rng
+        self._settings = settings
+        self._wrapping = wrapping
+        self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Make the tracker and show it the first frame.
@@ -92,7 +94,8 @@ class Wrapped:
                 no score though that is to judge.
         """
         check_region(frame, region, state)
-        c, w = self._settings, self._wrapping
+        c = self._settings
+        w = self._wrapping
         if c.judge == "score" and w.score is None:
             raise ValueError(f'{w.name} has no score: judge = "histogram" needs none')
         made = w.make(self._rng)
@@ -166,14 +169,18 @@ def wrap(
     made = dataclasses.make_dataclass(
         WrapSettings.__name__,
         [("judge", Literal["histogram", "score"], dataclasses.field(default=begin))],
-        bases=(WrapSettings,), frozen=True, slots=True,
+        bases=(WrapSettings,),
+        frozen=True,
+        slots=True,
         namespace={
-            "kind": kind, "wrapping": Wrapping(factory, convention, score, kind),
+            "kind": kind,
+            "wrapping": Wrapping(factory, convention, score, kind),
             "__reduce__": _reduced,
         },
-    )  # fmt: skip
+    )
     # The settings' docstrings are found in this file.
-    made.__module__, made.__qualname__ = WrapSettings.__module__, WrapSettings.__qualname__
+    made.__module__ = WrapSettings.__module__
+    made.__qualname__ = WrapSettings.__qualname__
     return made
 
 

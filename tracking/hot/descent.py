@@ -15,7 +15,10 @@ each channel, and the number of pixels above which only every second, third, ...
 FLOOR = 1e-3
 """Added to every bin under the root, whose derivative is infinite at an empty bin."""
 TINY = np.finfo(np.float64).tiny
-FIRST_DAMPING, MORE, LESS, MOST_DAMPING = 1e-3, 8.0, 0.2, 1e3
+FIRST_DAMPING = 1e-3
+MORE = 8.0
+LESS = 0.2
+MOST_DAMPING = 1e3
 """Levenberg damping relative to the trace: at first; factors after a bad and after a good step; and
 the value at which the descent ends."""
 
@@ -81,7 +84,8 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
         damping: Damping relative to the mean of the scaled diagonal.
         units: Unit of each coordinate (4,).
     """
-    H, g = np.empty((4, 4)), np.empty(4)
+    H = np.empty((4, 4))
+    g = np.empty(4)
     trace = 0.0
     for p in range(4):
         g[p] = units[p] * gradient[p]
@@ -130,7 +134,8 @@ def descend(
     """
     x = start.copy()
     cost, gradient, curvature = linearise(image, x, kernels, root_reference)
-    damping, evaluations = FIRST_DAMPING, 1
+    damping = FIRST_DAMPING
+    evaluations = 1
     if cost > hopeless:
         return x, cost, evaluations
     while evaluations < most and damping < MOST_DAMPING:
@@ -143,7 +148,8 @@ def descend(
         at = linearise(image, there, kernels, root_reference)
         evaluations += 1
         if at[0] < cost:
-            x, damping = there, damping * LESS
+            x = there
+            damping = damping * LESS
             cost, gradient, curvature = at
         else:
             damping *= MORE

@@ -36,12 +36,19 @@ def _share_between_bins(
     r = _level(image[i, j, 0], levels)
     g = _level(image[i, j, 1], levels)
     b = _level(image[i, j, 2], levels)
-    low_r, low_g, low_b = min(int(r), levels - 2), min(int(g), levels - 2), min(int(b), levels - 2)
-    r, g, b = r - low_r, g - low_g, b - low_b
-    step_r, step_g, step_b = levels * levels, levels, 1
+    low_r = min(int(r), levels - 2)
+    low_g = min(int(g), levels - 2)
+    low_b = min(int(b), levels - 2)
+    r = r - low_r
+    g = g - low_g
+    b = b - low_b
+    step_r = levels * levels
+    step_g = levels
+    step_b = 1
     first = step_r if r >= g and r >= b else (step_g if g >= b else step_b)
     last = step_r if r < g and r < b else (step_g if g < b else step_b)
-    least, most = min(min(r, g), b), max(max(r, g), b)
+    least = min(min(r, g), b)
+    most = max(max(r, g), b)
     middle = max(min(r, g), min(max(r, g), b))
     low = low_r * step_r + low_g * step_g + low_b
     high = low + step_r + step_g + step_b
@@ -58,13 +65,16 @@ def _cover(
     With a hard edge, the objective would have a step and a false minimum wherever a pixel's centre
     crosses the edge.
     """
-    in_x, in_y = scale * (half_width - abs(rx)) + 0.5, scale * (half_height - abs(ry)) + 0.5
+    in_x = scale * (half_width - abs(rx)) + 0.5
+    in_y = scale * (half_height - abs(ry)) + 0.5
     if in_x <= 0.0 or in_y <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0
-    cover_x, cover_y = min(in_x, 1.0), min(in_y, 1.0)
+    cover_x = min(in_x, 1.0)
+    cover_y = min(in_y, 1.0)
     slope_x = np.sign(rx) * cover_y if in_x < 1.0 else 0.0
     slope_y = np.sign(ry) * cover_x if in_y < 1.0 else 0.0
-    d_x, d_y = slope_x * c - slope_y * s, slope_x * s + slope_y * c
+    d_x = slope_x * c - slope_y * s
+    d_y = slope_x * s + slope_y * c
     d_theta = scale * (slope_y * rx - slope_x * ry)
     d_scale = scale * (abs(slope_x) * half_width + abs(slope_y) * half_height)
     return cover_x * cover_y, d_x, d_y, d_theta, d_scale
@@ -128,29 +138,38 @@ def kernel_histograms(
         sums (K, B, 5): for each kernel and bin the sum of k and of dk/d(x, y, theta, ln scale).
         totals (K, 5): the same over all bins.
     """
-    sums, totals = np.zeros((len(centres), levels**3, 5)), np.zeros((len(centres), 5))
+    sums = np.zeros((len(centres), levels**3, 5))
+    totals = np.zeros((len(centres), 5))
     scale = np.exp(state[3])
-    c, s = np.cos(state[2]), np.sin(state[2])
-    per_scale, per_x, per_y = 1.0 / scale, 1.0 / span[0], 1.0 / span[1]
+    c = np.cos(state[2])
+    s = np.sin(state[2])
+    per_scale = 1.0 / scale
+    per_x = 1.0 / span[0]
+    per_y = 1.0 / span[1]
     reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + 1.0
     reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + 1.0
-    first_i, last_i = max(0, int(state[1] - reach_y)), min(len(image), int(state[1] + reach_y) + 1)
+    first_i = max(0, int(state[1] - reach_y))
+    last_i = min(len(image), int(state[1] + reach_y) + 1)
     first_j = max(0, int(state[0] - reach_x))
     last_j = min(image.shape[1], int(state[0] + reach_x) + 1)
     for i in range(first_i, last_i, stride):
         for j in range(first_j, last_j, stride):
-            dx, dy = j + 0.5 - state[0], i + 0.5 - state[1]
-            rx, ry = (c * dx + s * dy) * per_scale, (c * dy - s * dx) * per_scale
+            dx = j + 0.5 - state[0]
+            dy = i + 0.5 - state[1]
+            rx = (c * dx + s * dy) * per_scale
+            ry = (c * dy - s * dx) * per_scale
             cover = _cover(rx, ry, half[0], half[1], scale, c, s)
             if cover[0] == 0.0:
                 continue
             bins, shares = _share_between_bins(image, np.uint64(i), np.uint64(j), levels)
             for k in range(len(centres)):
-                ax, ay = (rx - centres[k, 0]) * per_x, (ry - centres[k, 1]) * per_y
+                ax = (rx - centres[k, 0]) * per_x
+                ay = (ry - centres[k, 1]) * per_y
                 value = 1.0 - ax * ax - ay * ay
                 if value <= 0.0:
                     continue
-                gx, gy = -2.0 * ax * per_x, -2.0 * ay * per_y
+                gx = -2.0 * ax * per_x
+                gy = -2.0 * ay * per_y
                 weight = _weigh(rx, ry, cover, value, gx, gy, per_scale, c, s)
                 rows = sums[np.uint64(k)]  # an unsigned index needs no check for negative values
                 for corner in range(4):

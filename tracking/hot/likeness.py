@@ -21,9 +21,11 @@ def view(image: Image, state: Array, points: Array) -> Array:
         points: Template points (P, 2) [px].
     """
     height, width = image.shape[:2]
-    found, inside = np.zeros((len(points), 3)), np.zeros(len(points))
+    found = np.zeros((len(points), 3))
+    inside = np.zeros(len(points))
     scale = np.exp(state[3])
-    c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
+    c = scale * np.cos(state[2])
+    s = scale * np.sin(state[2])
     for p in range(len(points)):
         u = state[0] + c * points[p, 0] - s * points[p, 1]
         v = state[1] + s * points[p, 0] + c * points[p, 1]
@@ -31,7 +33,8 @@ def view(image: Image, state: Array, points: Array) -> Array:
             inside[p] = 1.0
             for k in range(3):
                 found[p, k] = image[np.uint32(v), np.uint32(u), k]
-    count, squares = max(np.sum(inside), 1.0), 0.0
+    count = max(np.sum(inside), 1.0)
+    squares = 0.0
     for k in range(3):
         mean = np.sum(found[:, k]) / count
         for p in range(len(points)):

@@ -49,7 +49,8 @@ def mean(samples: Array, weights: Array) -> Array:
 @compiled()
 def covariance(samples: Array, weights: Array) -> Array:
     """Weighted covariance (D, D) of samples (N, D)."""
-    middle, count = mean(samples, weights), samples.shape[1]
+    middle = mean(samples, weights)
+    count = samples.shape[1]
     found = np.zeros((count, count))
     for n in range(len(samples)):
         for i in range(count):
@@ -78,9 +79,11 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
         weights: Weights (N,), not negative, with any sum.
         first: A uniform draw from [0, 1).
     """
-    count, step = len(weights), np.sum(weights) / len(weights)
+    count = len(weights)
+    step = np.sum(weights) / len(weights)
     drawn = np.empty(count, np.int64)
-    i, reached = 0, weights[0]
+    i = 0
+    reached = weights[0]
     for n in range(count):
         # With rounding, the last position could exceed the sum.
         while reached <= (n + first) * step and i < count - 1:
@@ -100,7 +103,9 @@ def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -
         highest: Largest beta.
         steps: Number of bisections.
     """
-    low, high, top = 0.0, highest, np.max(log_likelihood)
+    low = 0.0
+    high = highest
+    top = np.max(log_likelihood)
     for _ in range(steps):
         middle = (low + high) / 2
         total = squares = 0.0

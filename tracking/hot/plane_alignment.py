@@ -18,18 +18,22 @@ if TYPE_CHECKING:
 
 TUKEY = 4.685
 """Residuals beyond so many robust standard deviations have no weight."""
-QUANTILE, NORMAL = 0.35, 0.4538
+QUANTILE = 0.35
+NORMAL = 0.4538
 """The residuals' standard deviation is taken from the size of so many of them, over that of normal
 ones: the median would grow with what hides a third of the target."""
 LEAST_SIGMA = 1.0
 """The residuals' standard deviation is taken for at least this [grey levels]."""
 USUAL = 0.8
 """Mean weight where all points but the noise are the template's."""
-HIDDEN, SHOWN = 0.3, 0.6
+HIDDEN = 0.3
+SHOWN = 0.6
 """With a smaller mean weight a part of the template counts as hidden, with a larger as seen."""
-LARGEST_STEP, LARGEST_GAIN = 0.7, 10.0
+LARGEST_STEP = 0.7
+LARGEST_GAIN = 10.0
 """A descent with a larger step has failed; the light is never changed by more."""
-LEAST_SEEN, FEWEST = 0.4, 12
+LEAST_SEEN = 0.4
+FEWEST = 12
 """With a smaller share of the template in the picture, or fewer points, nothing is aligned."""
 
 
@@ -39,15 +43,18 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
     height, width = image.shape
     seen = np.empty(len(points))
     for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
+        x = points[i, 0]
+        y = points[i, 1]
         w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
         u = (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w - 0.5
         v = (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w - 0.5
         if not (w > 0.0 and u >= 0.0 and v >= 0.0 and u < width - 1 and v < height - 1):
             seen[i] = np.nan
             continue
-        j, k = int(u), int(v)
-        a, b = u - j, v - k
+        j = int(u)
+        k = int(v)
+        a = u - j
+        b = v - k
         seen[i] = (1 - b) * ((1 - a) * image[k, j] + a * image[k, j + 1]) + b * (
             (1 - a) * image[k + 1, j] + a * image[k + 1, j + 1]
         )
@@ -77,7 +84,8 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
     """Weights (n,) of points, less where their neighbours in a cell (n,) have little: what hides a
     target hides whole parts of it, of which some points are alike by chance.
     """
-    total, count = np.zeros(cells.max() + 1), np.zeros(cells.max() + 1)
+    total = np.zeros(cells.max() + 1)
+    count = np.zeros(cells.max() + 1)
     for i in range(len(cells)):
         total[cells[i]] += weights[i]
         count[cells[i]] += 1.0
@@ -95,14 +103,17 @@ def normal_equations(
     """Curvature (10, 10) and gradient (10,) of weighted squares of errors (n,), for the eight
     parameters of the homography, gain and bias; rows (n, 8) are the template's derivatives.
     """
-    A, g, row = np.zeros((10, 10)), np.zeros(10), np.empty(10)
+    A = np.zeros((10, 10))
+    g = np.zeros(10)
+    row = np.empty(10)
     for i in range(len(error)):
         w = weights[i]
         if w == 0.0:
             continue
         for p in range(8):
             row[p] = gain * rows[i, p]
-        row[8], row[9] = template[i], 1.0
+        row[8] = template[i]
+        row[9] = 1.0
         for p in range(10):
             g[p] += w * row[p] * error[i]
             for q in range(p + 1):
@@ -117,17 +128,23 @@ def normal_equations(
 @compiled(error_model="numpy")
 def likeness(seen: Array, template: Array, weights: Array) -> float:
     """Weighted correlation of two brightnesses (n,), less where many points have little weight."""
-    total, mean, expected = 1e-12, 0.0, 0.0
+    total = 1e-12
+    mean = 0.0
+    expected = 0.0
     for i in range(len(seen)):
         if weights[i] > 0.0:
             total += weights[i]
             mean += weights[i] * seen[i]
             expected += weights[i] * template[i]
-    mean, expected = mean / total, expected / total
-    own, known, shared = 1e-12, 1e-12, 0.0
+    mean = mean / total
+    expected = expected / total
+    own = 1e-12
+    known = 1e-12
+    shared = 0.0
     for i in range(len(seen)):
         if weights[i] > 0.0:
-            a, b = seen[i] - mean, template[i] - expected
+            a = seen[i] - mean
+            b = template[i] - expected
             own += weights[i] * a * a
             known += weights[i] * b * b
             shared += weights[i] * a * b
@@ -165,7 +182,9 @@ def align(
         template left the picture.
     """
     points, template, rows, cells = level
-    at, gain, bias = begin, light[0], light[1]
+    at = begin
+    gain = light[0]
+    bias = light[1]
     k = 0
     while True:
         seen = sample(image, at, points)
@@ -175,14 +194,16 @@ def align(
         sigma = sigma_of(error)
         weights = agreed(tukey(error, sigma), cells)
         if k >= most:
-            alike, spread = likeness(seen, template, weights), gain * np.std(template)
+            alike = likeness(seen, template, weights)
+            spread = gain * np.std(template)
             return at, np.array([gain, bias]), alike, surprise(weights, sigma, spread)
         A, g = normal_equations(error, weights, rows, template, gain)
         d = np.linalg.solve(A, g)
         size = np.max(np.abs(d[:8]))
         if not size < LARGEST_STEP:
             return at, light, 0.0, np.inf
-        gain, bias = min(max(gain + d[8], 1.0 / LARGEST_GAIN), LARGEST_GAIN), bias + d[9]
+        gain = min(max(gain + d[8], 1.0 / LARGEST_GAIN), LARGEST_GAIN)
+        bias = bias + d[9]
         step = np.array([[1 + d[0], d[1], d[2]], [d[3], 1 + d[4], d[5]], [d[6], d[7], 1.0]])
         at = at @ np.linalg.inv(step)
         at = at / at[2, 2]

@@ -38,8 +38,10 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
     masked[:] = 0.0
     h, w = labels.shape
     scale = np.exp(state[3])
-    c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
-    x0, y0 = state[0] - left, state[1] - top
+    c = scale * np.cos(state[2])
+    s = scale * np.sin(state[2])
+    x0 = state[0] - left
+    y0 = state[1] - top
     count = 0
     for p in range(len(points)):
         seen[p] = -1
@@ -104,7 +106,8 @@ def coefficients(
         root_q: Square roots of the reference histograms (K, B).
     """
     rho = np.zeros((len(states), len(root_q)))
-    flat_q, bins = root_q.ravel(), root_q.shape[1]
+    flat_q = root_q.ravel()
+    bins = root_q.shape[1]
     scratch = _scratch(len(root_q), bins, len(points))
     histogram, _, used, masked = scratch
     for n in range(len(states)):
@@ -133,8 +136,12 @@ def _mean_shift_step(
 ) -> tuple[float, float, float]:
     """Coefficient at a state, and the mean-shift vector in the image [px]."""
     count = _read(window, state, template, 0, scratch)
-    points, (histogram, seen, used, masked) = template[0], scratch
-    mass, shift_x, shift_y, rho = 0.0, 0.0, 0.0, 0.0
+    points = template[0]
+    (histogram, seen, used, masked) = scratch
+    mass = 0.0
+    shift_x = 0.0
+    shift_y = 0.0
+    rho = 0.0
     for i in range(count):  # the mass of a bin is replaced by the weight of its points
         root = float(np.sqrt(histogram[used[i]]))
         rho += float(root_q[used[i]] * root)
@@ -150,8 +157,10 @@ def _mean_shift_step(
     if mass == 0.0:
         return 0.0, 0.0, 0.0
     scale = np.exp(state[3])
-    c, s = scale * np.cos(state[2]), scale * np.sin(state[2])
-    shift_x, shift_y = shift_x / mass, shift_y / mass
+    c = scale * np.cos(state[2])
+    s = scale * np.sin(state[2])
+    shift_x = shift_x / mass
+    shift_y = shift_y / mass
     rho = _normalised(rho, masked[0])
     return rho, c * shift_x - s * shift_y, s * shift_x + c * shift_y
 
@@ -182,7 +191,9 @@ def mean_shift(
     Returns:
         States (N, 4), their coefficients (N,), and the number of evaluated histograms.
     """
-    found, rho, evaluations = states.copy(), np.zeros(len(states)), 0
+    found = states.copy()
+    rho = np.zeros(len(states))
+    evaluations = 0
     template = points, np.zeros(len(points), np.int64), weights
     flat_q = root_q.ravel()
     scratch = _scratch(1, len(flat_q), len(points))
@@ -201,8 +212,12 @@ def mean_shift(
             evaluations += 1
             left -= 1
             if better < rho[n]:  # halve the step (Comaniciu, Ramesh, Meer 2003)
-                dx, dy = dx / 2, dy / 2
+                dx = dx / 2
+                dy = dy / 2
                 continue
-            here[0], here[1] = there[0], there[1]
-            rho[n], dx, dy = better, next_x, next_y
+            here[0] = there[0]
+            here[1] = there[1]
+            rho[n] = better
+            dx = next_x
+            dy = next_y
     return found, rho, evaluations

@@ -26,7 +26,8 @@ from sim.types import Array, Image
 from tracking.hot import descent as hot
 from tracking.types import Region, State
 
-ANGLE_UNIT, SCALE_UNIT = 1 / 20, 1 / 20
+ANGLE_UNIT = 1 / 20
+SCALE_UNIT = 1 / 20
 """Angle [rad] and ln scale that count as much as one pixel."""
 TINY = 1e-12
 UNITS = np.array([1.0, 1.0, ANGLE_UNIT, SCALE_UNIT])
@@ -117,7 +118,13 @@ class KernelModel:
             hopeless: A start with a larger distance than this is returned as it is.
         """
         x, cost, evaluations = hot.descend(
-            image, state.vector, self._kernels, self._root_reference, UNITS,
-            most, tolerance, 2 * hopeless**2,
-        )  # fmt: skip
+            image,
+            state.vector,
+            self._kernels,
+            self._root_reference,
+            UNITS,
+            most,
+            tolerance,
+            2 * hopeless**2,
+        )
         return Refined(State.of(x), distance_of(cost), evaluations)

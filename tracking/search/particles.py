@@ -39,7 +39,8 @@ class ParticleFilter:
 
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
         """Move every sample by the velocity (4,) per frame, and spread them."""
-        draws, spread = self._rng.standard_normal(self.samples.shape), widen * self._noise
+        draws = self._rng.standard_normal(self.samples.shape)
+        spread = widen * self._noise
         self.samples = particle_loops.moved(self.samples, velocity, spread, draws, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
@@ -54,7 +55,8 @@ class ParticleFilter:
         """Covariance (4, 4) of the samples; nan in what does not vary between them."""
         found = particle_loops.covariance(self.samples, self.weights)
         kept = np.array([False, False, *(not on for on in self._follows)])
-        found[kept], found[:, kept] = np.nan, np.nan
+        found[kept] = np.nan
+        found[:, kept] = np.nan
         return found
 
     @property

@@ -19,7 +19,8 @@ class Velocity:
             state: Where the target is.
             memory: Share of the old velocity that the new one keeps; 1: always at rest.
         """
-        self._last, self._memory = state.vector, memory
+        self._last = state.vector
+        self._memory = memory
         self.value = np.zeros(4)
 
     def step(self, ego: Array | None) -> Array:

@@ -26,7 +26,9 @@ class CloudTracker:
     """A particle filter; `search` is what differs between the methods."""
 
     def __init__(self, config: CloudSettings, search: Search, rng: np.random.Generator) -> None:
-        self._config, self._search, self._rng = config, search, rng
+        self._config = config
+        self._search = search
+        self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram and put all particles on the target."""
@@ -36,14 +38,18 @@ class CloudTracker:
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
-        self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state
+        self._lock = Lock(c.lock)
+        self._status = Status.LOCKED
+        self._found = state
         self._recogniser = None
         if c.views > 0:
             self._recogniser = Recogniser(c, c.view(frame.image), region, state, self._model)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, estimate, resample."""
-        c, cloud, lost = self._config, self._cloud, self._status is Status.LOST
+        c = self._config
+        cloud = self._cloud
+        lost = self._status is Status.LOST
         image = self._model.label(c.view(frame.image))
         widen = c.widen_when_lost if lost else 1.0
         strewn = lost and c.scatter > 0

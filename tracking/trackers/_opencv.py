@@ -35,7 +35,8 @@ class HueModel:
     """Hue histogram of a region, its back-projection, and the distance at another state."""
 
     def __init__(self, image: Image, region: Region, state: State, settings: HueSettings) -> None:
-        self._settings, self._region = settings, region
+        self._settings = settings
+        self._region = region
         self._reference, counted = self._histogram(image, state)
         whole, mask = self._hsv(image)
         everywhere = self._counts(whole, mask)
@@ -90,7 +91,9 @@ class HueTracker:
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram."""
         check_region(frame, region, state)
-        self._region, self._state, self._lock = region, state, Lock(self._config.lock)
+        self._region = region
+        self._state = state
+        self._lock = Lock(self._config.lock)
         self._model = HueModel(frame.image, region, state, self._config)
         self._begin(frame, box_of(region, state, frame.image))
 

@@ -30,7 +30,8 @@ def state_of(corners: Array, region: Region, last: State) -> State:
     """
     H = homography(SQUARE, corners)
     centre, nose = through(H, np.array([[0.0, 0.0], [0.5, 0.0]]))
-    along, down = corners[2] - corners[0], corners[3] - corners[1]
+    along = corners[2] - corners[0]
+    down = corners[3] - corners[1]
     area = abs(float(along[0] * down[1] - along[1] * down[0])) / 2
     theta = float(np.arctan2(*(nose - centre)[::-1]))
     theta += 2 * np.pi * round((last.theta - theta) / (2 * np.pi))

@@ -73,9 +73,12 @@ class Config(CloudSettings):
             nonlocal evaluations
             if self.climb > 0:
                 cloud.samples, _, climbed = model.climb(
-                    image, cloud.samples, most=self.climb, tolerance=CLIMB_TOLERANCE,
+                    image,
+                    cloud.samples,
+                    most=self.climb,
+                    tolerance=CLIMB_TOLERANCE,
                     reach=cloud.size,
-                )  # fmt: skip
+                )
                 evaluations += climbed
             evaluations += len(cloud.samples)
             return self.log_likelihood(model.energy(image, cloud.samples))

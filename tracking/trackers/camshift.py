@@ -33,7 +33,9 @@ class Camshift(HueTracker):
     follows = (False, True)
 
     def _begin(self, frame: Frame, box: Box) -> None:
-        self._box, region, scale = box, self._region, self._state.scale
+        self._box = box
+        region = self._region
+        scale = self._state.scale
         # Its size is that of an ellipse of its own: only the ratio to the first means anything.
         fitted = self._fit(frame)
         self._first = region.width * region.height if fitted is None else fitted[2], scale
@@ -55,7 +57,8 @@ class Camshift(HueTracker):
         """Centre and area of the ellipse that CamShift finds [px]; None where it finds nothing."""
         height, width = frame.image.shape[:2]
         x, y, w, h = self._box
-        w, h = min(max(w, SMALLEST_BOX), width), min(max(h, SMALLEST_BOX), height)
+        w = min(max(w, SMALLEST_BOX), width)
+        h = min(max(h, SMALLEST_BOX), height)
         window = (min(max(x, 0), width - w), min(max(y, 0), height - h), w, h)
         likely = self._model.back_projection(frame.image)
         ((u, v), (a, b), _), box = cv2.CamShift(likely, window, self._ends())

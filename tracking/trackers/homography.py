@@ -36,7 +36,8 @@ Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
 derivatives (n, 8), and the parts of the template that they are in (n,)."""
 Aligned = tuple[Array, Array, float, float]
 """Corners (4, 2), gain and bias of the light (2,), likeness 0..1, surprise."""
-CELL, MOST_CELLS = 3, 10
+CELL = 3
+MOST_CELLS = 10
 """Points along a side of a part that is hidden or seen as a whole, at least; most such parts along
 the template's side."""
 COARSE = 4
@@ -44,11 +45,13 @@ COARSE = 4
 STILL = 2e-4
 """A step that moves the corners by less, over the side, is the last."""
 AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-INSIDE, LEAST_CONTRAST = 0.4, 3.0
+INSIDE = 0.4
+LEAST_CONTRAST = 3.0
 """How far from the middle of the unit square the rim begins, which the ground around the target
 changes; with a smaller standard deviation of the brightness inside [grey levels] there is nothing
 to align."""
-SURE, WORSE = 0.95, 0.2
+SURE = 0.95
+WORSE = 0.2
 """Where the target is less alike, or more surprising than before by this, the coarse descent is
 perhaps misled by what hides it."""
 LARGEST_GROWTH = 2.0
@@ -84,14 +87,18 @@ class Homography:
     """Two descents a frame, on a coarse and on the full template."""
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
-        self._config, self._rng = config, rng
+        self._config = config
+        self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the template; one without texture is never seen again."""
         check_region(frame, region, state)
-        self._region, self._state = region, state
-        self._corners, self._light = region.first_corners(state), np.array([1.0, 0.0])
-        self._lock, self._surprise = Lock(self._config.lock), 0.0
+        self._region = region
+        self._state = state
+        self._corners = region.first_corners(state)
+        self._light = np.array([1.0, 0.0])
+        self._lock = Lock(self._config.lock)
+        self._surprise = 0.0
         self._velocity = Velocity(state, self._config.velocity_memory)
         n = self._config.points
         self._levels = [self._learn(frame.image, side) for side in (n // COARSE, n)]
@@ -103,7 +110,8 @@ class Homography:
         """Predict and descend; a target that is not seen is waited for, and searched, where it was
         seen last.
         """
-        change, followed = self._velocity.step(ego), self._lock.locked
+        change = self._velocity.step(ego)
+        followed = self._lock.locked
         expected = _moved(self._corners, self._state, change if followed else ego)
         before = state_of(expected, self._region, self._state)
         corners, light, found, surprise = self._descend(frame.image, expected, before)
@@ -113,7 +121,9 @@ class Homography:
         status = self._lock.judge(1.0 - found, frame.time)
         seen = status is Status.LOCKED
         if seen:
-            self._corners, self._light, self._surprise = corners, light, surprise
+            self._corners = corners
+            self._light = light
+            self._surprise = surprise
         else:
             self._corners = _moved(self._corners, self._state, ego)
         self._state = state_of(self._corners, self._region, before)
@@ -144,7 +154,8 @@ class Homography:
 
     def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Aligned:
         part, to_part = _part(image, corners, level[0])
-        begin, steps = to_part @ homography(SQUARE, corners), self._config.steps
+        begin = to_part @ homography(SQUARE, corners)
+        steps = self._config.steps
         H, light, found, surprise = plane_alignment.align(
             part, begin, light, level[1:], steps, STILL
         )
@@ -162,8 +173,10 @@ class Homography:
         seen = plane_alignment.sample(part, H, points)
         step = 0.5 / side
         there = [plane_alignment.sample(part, H, points + d) for d in step * AROUND]
-        gx, gy = (there[0] - there[1]) / (2 * step), (there[2] - there[3]) / (2 * step)
-        (x, y), slope = points.T, gx * points[:, 0] + gy * points[:, 1]
+        gx = (there[0] - there[1]) / (2 * step)
+        gy = (there[2] - there[3]) / (2 * step)
+        (x, y) = points.T
+        slope = gx * points[:, 0] + gy * points[:, 1]
         rows = np.column_stack([gx * x, gx * y, gx, gy * x, gy * y, gy, -slope * x, -slope * y])
         hidden = np.isnan(seen) | np.isnan(rows).any(axis=1)
         wide = int(np.clip(side // CELL, 1, MOST_CELLS))
@@ -183,10 +196,12 @@ def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32]
     """The picture around a quadrangle, so small that it has about `count` pixels there; and the
     matrix (3, 3) that takes the picture's coordinates to its own.
     """
-    size, ends = np.ptp(corners, axis=0), np.array(image.shape[1::-1])
+    size = np.ptp(corners, axis=0)
+    ends = np.array(image.shape[1::-1])
     low = np.clip(corners.min(axis=0) - size / 2, 0, ends - 1).astype(int)
     high = np.clip(corners.max(axis=0) + size / 2 + 1, low + 1, ends).astype(int)
-    along, down = corners[2] - corners[0], corners[3] - corners[1]
+    along = corners[2] - corners[0]
+    down = corners[3] - corners[1]
     area = abs(float(along[0] * down[1] - along[1] * down[0])) / 2
     shrink = int(np.clip(np.sqrt(area / count), 1, (high - low).min()))
     width, height = ((high - low) // shrink).tolist()
@@ -203,6 +218,7 @@ def _moved(corners: Array, state: State, change: Array | None) -> Array:
     if change is None:
         return corners
     x, y, turn, grown = change.tolist()
-    c, s = np.exp(grown) * np.cos(turn), np.exp(grown) * np.sin(turn)
+    c = np.exp(grown) * np.cos(turn)
+    s = np.exp(grown) * np.sin(turn)
     at = np.array([state.x, state.y])
     return (corners - at) @ np.array([[c, s], [-s, c]]) + at + (x, y)

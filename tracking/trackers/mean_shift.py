@@ -59,7 +59,8 @@ class MeanShift:
         c = self._config
         self._model = c.model(c.view(frame.image), region, state)
         self._size = float(np.sqrt(region.area(state)))
-        self._state, self._lock = state, Lock(c.lock)
+        self._state = state
+        self._lock = Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
@@ -70,10 +71,12 @@ class MeanShift:
         found, distances, evaluations = self._climb(image, self._sizes(begin))
         if 1 - distances.min() < c.confidence:
             more, others, work = self._climb(image, self._around(begin))
-            found, distances = np.vstack([found, more]), np.append(distances, others)
+            found = np.vstack([found, more])
+            distances = np.append(distances, others)
             evaluations += work
         index = np.argmin(self._model.energy(image, found) if c.scale else distances)
-        best, distance = found[index], float(distances[index])
+        best = found[index]
+        distance = float(distances[index])
         best[3] = begin[3] + SCALE_TRUST * (best[3] - begin[3])
         self._state = State.of(best)
         status = self._lock.judge(distance, frame.time)
@@ -81,9 +84,13 @@ class MeanShift:
         if status is Status.LOCKED:
             self._model.learn(image, self._state)
         return Estimate(
-            self._state, unknown_covariance(), distance, status,
-            follows=(False, c.scale), evaluations=evaluations,
-        )  # fmt: skip
+            self._state,
+            unknown_covariance(),
+            distance,
+            status,
+            follows=(False, c.scale),
+            evaluations=evaluations,
+        )
 
     def _climb(self, image: Labelled, states: Array) -> tuple[Array, Array, int]:
         c = self._config

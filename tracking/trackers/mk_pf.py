@@ -15,9 +15,13 @@ from tracking.trackers import annealed, condensation
 from tracking.types import Region, State
 
 VIDEO: dict[str, Any] = annealed.VIDEO | {
-    "discriminate": True, "update": 0.05, "turn_noise": 0.0, "noise": 0.3, "scale_noise": 0.015,
+    "discriminate": True,
+    "update": 0.05,
+    "turn_noise": 0.0,
+    "noise": 0.3,
+    "scale_noise": 0.015,
     "velocity_memory": 1.0,
-}  # fmt: skip
+}
 PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 """The paper's: with so many points a side of a cell, every pixel of a common target is read."""
 
@@ -49,7 +53,13 @@ class Config(condensation.Config):
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
         """The target's appearance: a histogram for each cell."""
         return model_of(
-            image, region, state, ColourBins(self.levels), self,
-            per_side=self.cells, density=self.density, combine=self.combine,
+            image,
+            region,
+            state,
+            ColourBins(self.levels),
+            self,
+            per_side=self.cells,
+            density=self.density,
+            combine=self.combine,
             inset=self.inset,
-        )  # fmt: skip
+        )

@@ -55,10 +55,16 @@ class MkSsd:
         check_region(frame, region, state)
         c = self._config
         self._kernels = KernelModel(
-            c.view(frame.image), region, state,
-            per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
-        )  # fmt: skip
-        self._state, self._lock = state, Lock(c.lock)
+            c.view(frame.image),
+            region,
+            state,
+            per_side=c.cells,
+            span=c.span,
+            levels=c.levels,
+            inset=c.inset,
+        )
+        self._state = state
+        self._lock = Lock(c.lock)
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
@@ -71,6 +77,9 @@ class MkSsd:
         self._state = ended.state if status is Status.LOCKED else self._state.moved(ego)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         return Estimate(
-            self._state, unknown_covariance(), ended.distance, status,
+            self._state,
+            unknown_covariance(),
+            ended.distance,
+            status,
             evaluations=ended.evaluations,
-        )  # fmt: skip
+        )

@@ -97,24 +97,39 @@ class PfSsd:
     """The combination."""
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
-        self._config, self._rng = config, rng
+        self._config = config
+        self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn both representations from the first frame."""
         check_region(frame, region, state)
-        c, image = self._config, self._config.view(frame.image)
+        c = self._config
+        image = self._config.view(frame.image)
         self._size = float(np.sqrt(region.area(state)))
         self._cells = model_of(
-            image, region, state, ColourBins(c.levels), c,
-            per_side=c.cells, density=c.density, combine=c.combine,
-        )  # fmt: skip
+            image,
+            region,
+            state,
+            ColourBins(c.levels),
+            c,
+            per_side=c.cells,
+            density=c.density,
+            combine=c.combine,
+        )
         self._kernels = KernelModel(
-            image, region, state,
-            per_side=c.cells, span=c.span, levels=c.levels, inset=c.inset,
-        )  # fmt: skip
+            image,
+            region,
+            state,
+            per_side=c.cells,
+            span=c.span,
+            levels=c.levels,
+            inset=c.inset,
+        )
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
-        self._lock, self._status, self._found = Lock(c.lock), Status.LOCKED, state
+        self._lock = Lock(c.lock)
+        self._status = Status.LOCKED
+        self._found = state
         self._velocity = Velocity(state, c.velocity_memory)
         self._recogniser = None
         if c.views > 0:
@@ -122,8 +137,10 @@ class PfSsd:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
-        c, image = self._config, self._config.view(frame.image)
-        labelled, lost = self._cells.label(image), self._status is Status.LOST
+        c = self._config
+        image = self._config.view(frame.image)
+        labelled = self._cells.label(image)
+        lost = self._status is Status.LOST
         self._filter.predict(self._velocity.step(ego), c.widen_when_lost if lost else 1.0)
         if lost:
             height, width = image.shape[:2]

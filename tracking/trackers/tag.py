@@ -38,7 +38,8 @@ ENOUGH = 50.0
 CONTRAST = 0.25
 """Half of an edge at least is this strong, over the range of brightness around all edges: where the
 border of the picture cuts the tag off there is no edge."""
-ALONG, ACROSS = np.linspace(0.06, 0.94, 40), np.linspace(-1.0, 1.0, 15)
+ALONG = np.linspace(0.06, 0.94, 40)
+ACROSS = np.linspace(-1.0, 1.0, 15)
 """Where an edge is sampled: along it, over its length; and across it, over `REACH` cells."""
 REACH = 0.8
 """How far from an edge it is sampled, in cells: beyond are other edges."""
@@ -84,20 +85,24 @@ class Tag:
             raise ValueError(f"no AprilTag 36h11{number} is seen in the first picture")
         self._seen: Array | None
         self._number, self._seen = found
-        self._region, self._state = region, state
+        self._region = region
+        self._state = state
         self._rectangle = _in_plane(self._seen, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Find the tag near where it was, else anywhere."""
-        grey, expected = _grey(frame.image), self._state.moved(ego)
-        place, found = np.array([expected.x, expected.y]), None
+        grey = _grey(frame.image)
+        expected = self._state.moved(ego)
+        place = np.array([expected.x, expected.y])
+        found = None
         if self._seen is not None:
             around = self._seen + place - (self._state.x, self._state.y)
             found = self._nearest(grey, place, self._number, around)
         if found is None:
             found = self._nearest(grey, place, self._number)
         if found is None:
-            self._state, self._seen = expected, None
+            self._state = expected
+            self._seen = None
             return Estimate(expected, unknown_covariance(), 1.0, Status.LOST)
         self._seen = found[1]
         corners = through(homography(SQUARE, self._seen), self._rectangle)
@@ -110,7 +115,8 @@ class Tag:
         """Number and corners (4, 2) of the tag nearest to a place (2,), of this number if given;
         searched around a quadrangle if that is given.
         """
-        low, high = np.zeros(2, int), np.array(grey.shape[::-1])
+        low = np.zeros(2, int)
+        high = np.array(grey.shape[::-1])
         if around is not None:
             margin = AROUND * np.ptp(around, axis=0)
             low = np.clip(around.min(axis=0) - margin, 0, high).astype(int)
@@ -144,10 +150,13 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
     It is a rectangle there, too: of the region's centre, direction, area and ratio of sides.
     """
     to_plane = homography(seen, SQUARE)
-    centre, nose = through(to_plane, np.array([[0, 0], [np.cos(state.theta), np.sin(state.theta)]])
-                           + (state.x, state.y))  # fmt: skip
+    centre, nose = through(
+        to_plane,
+        np.array([[0, 0], [np.cos(state.theta), np.sin(state.theta)]]) + (state.x, state.y),
+    )
     near = through(to_plane, region.first_corners(state))
-    along, down = near[2] - near[0], near[3] - near[1]
+    along = near[2] - near[0]
+    down = near[3] - near[1]
     area = abs(along[0] * down[1] - along[1] * down[0]) / 2
     ahead = (nose - centre) / np.hypot(*(nose - centre))
     half = np.sqrt(area * np.array([region.width / region.height, region.height / region.width]))
@@ -191,12 +200,14 @@ def _fitted(grey: Grey, corners: Array) -> Array | None:
 def _crossings(corners: Array, along: Array, out: Array, offset: Array, weight: Array) -> Array:
     """Where the lines meet that fit offsets (4, n) of edges, weighed."""
     total = weight.sum(axis=1)
-    t, s = weight @ ALONG / total, (weight * offset).sum(axis=1) / total
+    t = weight @ ALONG / total
+    s = (weight * offset).sum(axis=1) / total
     spread = ALONG - t[:, None]
     slope = (weight * spread * offset).sum(axis=1) / (weight * spread**2).sum(axis=1)
     on = corners + t[:, None] * along + s[:, None] * out
     direction = along + slope[:, None] * out
-    before, ahead = np.roll(direction, 1, axis=0), on - np.roll(on, 1, axis=0)
+    before = np.roll(direction, 1, axis=0)
+    ahead = on - np.roll(on, 1, axis=0)
     cross = before[:, 0] * direction[:, 1] - before[:, 1] * direction[:, 0]
     part = (ahead[:, 0] * direction[:, 1] - ahead[:, 1] * direction[:, 0]) / cross
     return np.roll(on, 1, axis=0) + part[:, None] * before

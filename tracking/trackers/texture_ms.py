@@ -45,9 +45,15 @@ class TextureSettings:
         bins = texture_or_colour(image, region, state, joint, self.least_texture)
         disc = cast(Any, self)  # the other base of every subclass
         return model_of(
-            image, region, state, bins, disc,
-            density=self.density, kernel=disc.kernel, inset=disc.inset,
-        )  # fmt: skip
+            image,
+            region,
+            state,
+            bins,
+            disc,
+            density=self.density,
+            kernel=disc.kernel,
+            inset=disc.inset,
+        )
 
 
 @dataclass(frozen=True, slots=True)

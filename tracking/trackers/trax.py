@@ -50,7 +50,8 @@ class TraxTracker:
             ValueError: The region is none, or the server fails.
         """
         check_region(frame, region, state)
-        c, image = self._config, np.ascontiguousarray(frame.image)
+        c = self._config
+        image = np.ascontiguousarray(frame.image)
         box = np.array(box_of(region, state, image), dtype=float)
         self._client = TraxClient(c.command, c.timeout)
         self._client.initialize(image, region.corners(state) if self._client.polygons else box)

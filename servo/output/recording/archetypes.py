@@ -133,7 +133,7 @@ def blueprint(features: Sequence[str]) -> rrb.Blueprint:
         ),
         rrb.TextLogView(origin="events", name="Events"),
         row_shares=[3, 3, 3, 3, 2, 2],
-    )  # fmt: skip
+    )
     columns = rrb.Horizontal(pictures, numbers, column_shares=[1, 1])
     return rrb.Blueprint(
         columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True

@@ -25,7 +25,8 @@ from sim.display import has_display
 HOST = "127.0.0.1"
 SHOWN = 30.0
 """Most pictures a second that are sent one by one."""
-STARTS_WITHIN, POLL = 20.0, 0.05
+STARTS_WITHIN = 20.0
+POLL = 0.05
 """Longest time that the server may take to start, and between two looks at it [s]."""
 UNTIL_CLOSED = (
     "import subprocess, sys\n"
@@ -57,17 +58,21 @@ class LiveViewer:
         program = Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform == 'win32')}"
         command = [str(program), *more, "--bind", HOST, "--port", str(port)]
         self._server = subprocess.Popen(
-            [sys.executable, "-c", UNTIL_CLOSED, *command], stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            [sys.executable, "-c", UNTIL_CLOSED, *command],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C is for us: the last pictures are still to be sent
-        )  # fmt: skip
+        )
         self._wait_for(ports)
         self._window = None
         if self.page is None:
             self._window = subprocess.Popen(
-                [str(program), self.source], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                [str(program), self.source],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
                 start_new_session=True,
-            )  # fmt: skip
+            )
         elif has_display():
             webbrowser.open(self.page)
 

@@ -43,7 +43,10 @@ from sim.types import Array
 from tracking.evaluation.drawing.contact_sheet import encoded
 
 JPEG_QUALITY = 80
-GREEN, RED, WHITE, AMBER = (60, 220, 90), (240, 60, 50), (255, 255, 255), (255, 190, 40)
+GREEN = (60, 220, 90)
+RED = (240, 60, 50)
+WHITE = (255, 255, 255)
+AMBER = (255, 190, 40)
 GREY = (130, 130, 140)
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, AMBER, WHITE, GREY, GREEN, RED)
@@ -73,16 +76,20 @@ class RerunLog:
 
     def __init__(self, recording: Recording, episode: Episode, at_once: int) -> None:
         """Begin a recording; the data of so many steps is sent at once."""
-        self._episode, world = episode, episode.world
+        self._episode = episode
+        world = episode.world
         self._features = episode.loop.features.names
         self._moving = archetypes.entities(world.moving)
         self._plots = _plots(world.robot, self._features)
-        self._at_once, self._second = at_once, max(1, round(episode.scenario.camera.rate))
+        self._at_once = at_once
+        self._second = max(1, round(episode.scenario.camera.rate))
         self._file = recording
         self._rec = recording.begin("servobench", archetypes.blueprint(self._features))
         self._before: Step | None = None
-        self._steps, self._jpegs = list[Step](), list[bytes]()
-        self._way, self._corners = list[Array](), list[Array]()
+        self._steps = list[Step]()
+        self._jpegs = list[bytes]()
+        self._way = list[Array]()
+        self._corners = list[Array]()
         self._drawn = 0
         self._log_scene()
         self._name_series()
@@ -121,16 +128,20 @@ class RerunLog:
         """Leave the recording as it is; nothing more is logged."""
 
     def _log_scene(self) -> None:
-        model, camera = self._episode.world.model, self._episode.world.camera
+        model = self._episode.world.model
+        camera = self._episode.world.camera
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = ["world/fixed", *self._moving]
         for path, archetype in archetypes.solids(shapes_of(model), bodies):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
-            focal_length=[camera.fx, camera.fy], principal_point=[camera.cx, camera.cy],
-            width=camera.width, height=camera.height, camera_xyz=rr.ViewCoordinates.RDF,
+            focal_length=[camera.fx, camera.fy],
+            principal_point=[camera.cx, camera.cy],
+            width=camera.width,
+            height=camera.height,
+            camera_xyz=rr.ViewCoordinates.RDF,
             image_plane_distance=FRUSTUM,
-        )  # fmt: skip
+        )
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", WHITE), ("goal", RED), ("estimate", GREEN)):
             style = rr.LineStrips2D.from_fields(colors=colour, radii=archetypes.LINE_RADIUS)
@@ -141,8 +152,10 @@ class RerunLog:
     def _send(self) -> None:
         if not self._steps:
             return
-        steps, jpegs = self._steps, self._jpegs
-        self._steps, self._jpegs = [], []
+        steps = self._steps
+        jpegs = self._jpegs
+        self._steps = []
+        self._jpegs = []
         index = [
             rr.TimeColumn("frame", sequence=[s.frame.index for s in steps]),
             rr.TimeColumn("sim_time", duration=[s.frame.time for s in steps]),
@@ -177,8 +190,9 @@ class RerunLog:
 
     def _send_numbers(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
         numbers = {p.path: np.array([p.values(s) for s in steps], float) for p in self._plots}
-        motions = np.array([[s.motion_measured, s.prediction.motion, s.target_motion_true]
-                            for s in steps])  # fmt: skip
+        motions = np.array(
+            [[s.motion_measured, s.prediction.motion, s.target_motion_true] for s in steps]
+        )
         numbers |= {f"motion/{f}": motions[:, :, i] for i, f in enumerate(self._features)}
         for path, table in numbers.items():
             columns = rr.Scalars.columns(scalars=table.ravel())
@@ -219,7 +233,8 @@ class RerunLog:
 def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
     """All plots except those of the target's motion."""
     limited = np.isfinite(robot.upper)
-    low, high = robot.lower[limited], robot.upper[limited]
+    low = robot.lower[limited]
+    high = robot.upper[limited]
     ranges = [n for n, on in zip(robot.names, limited, strict=True) if on]
     colours = [PALETTE[i % len(PALETTE)] for i in range(len(features))]
     dark = [tuple(c // 2 for c in colour) for colour in XYZ]
@@ -229,21 +244,33 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
 
     def twist(path: str, part: slice) -> Lines:
         names = [f"{which} {name}" for which in ("commanded", "measured") for name in DOF[part]]
-        return Lines(f"twist/{path}", names, [*XYZ, *dark], lambda s: np.concatenate(
-            [s.command.twist[part], s.twist_measured[part]]))  # fmt: skip
+        return Lines(
+            f"twist/{path}",
+            names,
+            [*XYZ, *dark],
+            lambda s: np.concatenate([s.command.twist[part], s.twist_measured[part]]),
+        )
 
     return [
-        Lines("error", ("servo", "tracking"), (RED, GREEN),
-              lambda s: [s.servo_error, s.tracking_error]),
+        Lines(
+            "error",
+            ("servo", "tracking"),
+            (RED, GREEN),
+            lambda s: [s.servo_error, s.tracking_error],
+        ),
         Lines("features", features, colours, lambda s: s.error),
         twist("linear", slice(3)),
         twist("angular", slice(3, 6)),
         Lines("joints", robot.names, (*XYZ, AMBER, WHITE, GREY), lambda s: s.joints),
-        Lines("range", [*ranges, "lower limit", "upper limit"], (*XYZ, AMBER, WHITE, RED, RED),
-              within_range),
+        Lines(
+            "range",
+            [*ranges, "lower limit", "upper limit"],
+            (*XYZ, AMBER, WHITE, RED, RED),
+            within_range,
+        ),
         Lines("nis", features, colours, lambda s: s.prediction.nis),
         Lines("tilt", ("tilt",), (GREEN,), lambda s: [np.degrees(s.tilt)]),
         Lines("distance", ("distance",), (GREEN,), lambda s: [s.estimate.distance]),
         Lines("ess", ("effective sample size",), (GREEN,), lambda s: [s.estimate.ess]),
         Lines("ms", STAGES, (*XYZ, AMBER), lambda s: [1e3 * getattr(s.seconds, n) for n in STAGES]),
-    ]  # fmt: skip
+    ]

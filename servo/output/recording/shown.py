@@ -11,7 +11,8 @@ class Shown:
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
         """The stream to log to."""
-        self._stream, self._blueprint = new_stream(app, None), blueprint
+        self._stream = new_stream(app, None)
+        self._blueprint = blueprint
         return self._stream
 
     def flush(self) -> None:

@@ -14,7 +14,8 @@ from tracking.evaluation.track import Shot
 from tracking.types import Region
 
 IMAGE = "image"
-WHITE, AMBER = (255, 255, 255), (255, 190, 40)
+WHITE = (255, 255, 255)
+AMBER = (255, 190, 40)
 
 
 class TrackLog:
@@ -22,11 +23,14 @@ class TrackLog:
 
     def __init__(self, recording: Recording, region: Region, at_once: int) -> None:
         """Begin a recording; the data of so many pictures is sent at once."""
-        self._region, self._at_once, self._file = region, at_once, recording
+        self._region = region
+        self._at_once = at_once
+        self._file = recording
         self._rec = recording.begin("servobench_track", _blueprint())
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        rec, estimate = self._rec, shot.estimate
+        rec = self._rec
+        estimate = shot.estimate
         rec.set_time("frame", sequence=shot.index)
         rec.set_time(
             "sim_time", duration=shot.picture.time

@@ -29,7 +29,8 @@ from tracking.files import atomic
 MAGIC = (b"RRF2", b"RRIO")
 """First bytes of Rerun's files."""
 VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
-LOADED_WITHIN, POLL = 30.0, 0.25
+LOADED_WITHIN = 30.0
+POLL = 0.25
 DRAWN_AFTER = 3.0
 """Time that a machine without a GPU needs to draw a scene for the first time [s]."""
 
@@ -109,7 +110,8 @@ def _check_png(png: Path) -> None:
 
 def _quiet_viewer() -> ViewerClient:
     """A viewer without a window, with its log kept away from our stderr."""
-    stderr, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    stderr = os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 2)
     try:
         # The viewer of this rerun-sdk, not one on PATH.
@@ -129,7 +131,10 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-BLOB, STRIPS, FRAME, TIME = "EncodedImage:blob", "LineStrips2D:strips", "frame", "sim_time"
+BLOB = "EncodedImage:blob"
+STRIPS = "LineStrips2D:strips"
+FRAME = "frame"
+TIME = "sim_time"
 CORNERS = 4
 
 

@@ -15,7 +15,8 @@ COLOURS = {
 }
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
 CURVES = {"confidence": "#2b6cb0"}
-SMALLEST, LARGEST = (608, 64), (1888, 1000)
+SMALLEST = (608, 64)
+LARGEST = (1888, 1000)
 """Pictures are enlarged or reduced to a panel between these [px]."""
 
 
@@ -26,8 +27,12 @@ class AnnotatedVideo:
         self, path: Path, rate: float, region: Region, title: str, end: float | None = None
     ) -> None:
         """Make a film of pictures at about a rate [1/s] that ends at a time [s], if it is known."""
-        self._path, self._rate, self._region = path, rate, region
-        self._title, self._end, self._size = title, end, (0, 0)
+        self._path = path
+        self._rate = rate
+        self._region = region
+        self._title = title
+        self._end = end
+        self._size = (0, 0)
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
@@ -36,7 +41,8 @@ class AnnotatedVideo:
         Raises:
             OSError: The file cannot be written.
         """
-        status, outline = shot.estimate.status, shot.estimate.outline(self._region)
+        status = shot.estimate.status
+        outline = shot.estimate.outline(self._region)
         marks = [(outline, COLOURS[status])]
         if truth is not None:
             marks.insert(0, (truth, TRUE))
@@ -59,10 +65,18 @@ class AnnotatedVideo:
         if self._film is None:
             factor = max(SMALLEST[0] / width, 1.0)
             factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)
-            w, h = max(SMALLEST[0], round(factor * width)), max(SMALLEST[1], round(factor * height))
+            w = max(SMALLEST[0], round(factor * width))
+            h = max(SMALLEST[1], round(factor * height))
             self._size = w + w % 2, h + h % 2
             self._film = FilmPage(
-                self._path, self._rate, self._title, [CAPTION], self._size, CURVES, "confidence",
-                end=self._end, top=1.0,
-            )  # fmt: skip
+                self._path,
+                self._rate,
+                self._title,
+                [CAPTION],
+                self._size,
+                CURVES,
+                "confidence",
+                end=self._end,
+                top=1.0,
+            )
         return self._film

@@ -8,7 +8,8 @@ import numpy as np
 from sim.types import Array, Image
 from tracking.evaluation.sequences.sources import Picture, Source
 
-TRUE, FOUND = (255, 255, 255), (60, 220, 60)
+TRUE = (255, 255, 255)
+FOUND = (60, 220, 60)
 TILE = 240
 """Width of a picture on the sheet [px]."""
 GAP = 4
@@ -56,12 +57,14 @@ def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
 
 def page(tiles: Sequence[Image]) -> Image:
     """A picture made of tiles in rows of four."""
-    height, width = max(t.shape[0] for t in tiles), TILE
+    height = max(t.shape[0] for t in tiles)
+    width = TILE
     columns = min(4, len(tiles))
     rows = -(-len(tiles) // columns)
     whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
     for i, one in enumerate(tiles):
-        y, x = GAP + i // columns * (height + GAP), GAP + i % columns * (width + GAP)
+        y = GAP + i // columns * (height + GAP)
+        x = GAP + i % columns * (width + GAP)
         whole[y : y + one.shape[0], x : x + width] = one
     return whole
 

@@ -34,7 +34,8 @@ def draw(
         for i, label in enumerate(order):
             curve = np.mean([r[name] for r in results if r["tracker"] == label], axis=0)
             score = curve.mean() if mark is None else curve[mark]
-            dashes, colour = STYLES[i // len(COLOURS) % len(STYLES)], COLOURS[i % len(COLOURS)]
+            dashes = STYLES[i // len(COLOURS) % len(STYLES)]
+            colour = COLOURS[i % len(COLOURS)]
             name_and_score = f"{literal(label)} [{score:.3f}]"
             ax.plot(thresholds, curve, dashes, color=colour, lw=1.5, label=name_and_score)
         ax.set(xlabel=below, ylabel=beside, title=f"{literal(title)}: {name}", ylim=(0, 1.02))

@@ -14,13 +14,20 @@ from tracking.evaluation.drawing.figures import DOTS, literal
 from tracking.evaluation.drawing.running_chart import COLOURS, RunningChart, pixels
 from tracking.evaluation.drawing.video_writer import VideoWriter
 
-MARGIN, HEAD, CAPTION, CHART = 16, 40, 24, 194
+MARGIN = 16
+HEAD = 40
+CAPTION = 24
+CHART = 194
 """Space around the pictures; heights of the line of text, of the captions, of the chart [px]."""
-LETTER, OTHERS, STATUS = 12, 410, 100
+LETTER = 12
+OTHERS = 410
+STATUS = 100
 """Widths of a letter of the title, of all that stands beside it, and of the status in there [px]; a
 longer title is cut."""
-AMBER, GROUND = (255, 190, 40), (228, 228, 228)
-LINE, DOT = 2, 1
+AMBER = (255, 190, 40)
+GROUND = (228, 228, 228)
+LINE = 2
+DOT = 1
 """Width of an outline, and radius of a particle [px]."""
 FRONT = 0.5
 """Length of the line that shows the front, from the centre: the last share of the way."""
@@ -51,11 +58,13 @@ def panel(
         if 0 <= x < size[0] and 0 <= y < size[1]:
             cv2.circle(drawn, (int(x), int(y)), DOT, AMBER, -1, cv2.LINE_AA)
     for corners, colour in marks:
-        centre, front = corners.mean(axis=0), (corners[1] + corners[2]) / 2
+        centre = corners.mean(axis=0)
+        front = (corners[1] + corners[2]) / 2
         outline(drawn, np.stack([centre + FRONT * (front - centre), front]), colour, factor, LINE)
         outline(drawn, corners, colour, factor, LINE)
     whole = np.full((height, width, 3), GROUND, np.uint8)
-    top, left = (height - drawn.shape[0]) // 2, (width - drawn.shape[1]) // 2
+    top = (height - drawn.shape[0]) // 2
+    left = (width - drawn.shape[1]) // 2
     whole[top : top + drawn.shape[0], left : left + drawn.shape[1]] = drawn
     return whole
 
@@ -64,10 +73,18 @@ class FilmPage:
     """Writer of one film."""
 
     def __init__(
-        self, path: Path, rate: float, title: str, captions: Sequence[str], size: tuple[int, int],
-        curves: Mapping[str, str], label: str, *, end: float | None = None,
+        self,
+        path: Path,
+        rate: float,
+        title: str,
+        captions: Sequence[str],
+        size: tuple[int, int],
+        curves: Mapping[str, str],
+        label: str,
+        *,
+        end: float | None = None,
         top: float | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Open the file.
 
         Args:
@@ -85,11 +102,13 @@ class FilmPage:
             OSError: The file cannot be written.
         """
         count = len(captions)
-        width, height = MARGIN + count * (size[0] + MARGIN), HEAD + CAPTION + size[1] + CHART
+        width = MARGIN + count * (size[0] + MARGIN)
+        height = HEAD + CAPTION + size[1] + CHART
         longest = (width - OTHERS) // LETTER
         if len(title) > longest:
             title = f"{title[: longest - 3]}..."
-        self._panel, self._page = size, np.full((height, width, 3), 255, np.uint8)
+        self._panel = size
+        self._page = np.full((height, width, 3), 255, np.uint8)
         head, (name,) = _texts(width, HEAD, 1)
         name.set(x=MARGIN / width, ha="left", text=literal(title), weight="bold")
         self._page[:HEAD] = pixels(head)

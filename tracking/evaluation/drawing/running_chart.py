@@ -16,7 +16,8 @@ COLOURS = {"LOCKED": "#1f7a3a", "UNSURE": "#b7791f", "LOST": "#c23b2e"}
 """Of the band and of the status's name, on white."""
 BAND = 0.07
 """Height of the band, as a share of the axes."""
-FIRST_END, LONGER = 10.0, 1.5
+FIRST_END = 10.0
+LONGER = 1.5
 """End of the time axis where it is not known [s], and its factor when it is reached."""
 SUBPIXEL_BITS = 4
 PAD = 0.1
@@ -44,9 +45,15 @@ class RunningChart:
     """Curves that share an axis from 0 up; both axes grow where a value passes their end."""
 
     def __init__(
-        self, width: int, height: int, curves: Mapping[str, str], label: str, *,
-        end: float | None = None, top: float | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        width: int,
+        height: int,
+        curves: Mapping[str, str],
+        label: str,
+        *,
+        end: float | None = None,
+        top: float | None = None,
+    ) -> None:
         """Begin a chart of a size [px].
 
         Args:
@@ -57,8 +64,12 @@ class RunningChart:
             end: Of the time axis [s]; None: it is not known.
             top: Of the vertical axis; None: it grows with the values.
         """
-        self._size, self._curves, self._label = (width, height), curves, label
-        self._end, self._top, self._grows = end or FIRST_END, top or 0.0, top is None
+        self._size = (width, height)
+        self._curves = curves
+        self._label = label
+        self._end = end or FIRST_END
+        self._top = top or 0.0
+        self._grows = top is None
         self._rows: list[tuple[float, Sequence[float], str]] = []
         self.picture = np.zeros((0, 0, 3), np.uint8)
 
@@ -78,7 +89,8 @@ class RunningChart:
         return self.picture
 
     def _too_small(self, time: float, value: float) -> bool:
-        longer, higher = time > self._end, self._grows and value > self._top
+        longer = time > self._end
+        higher = self._grows and value > self._top
         if longer:
             self._end = max(self._end * LONGER, time)
         if higher or not self._top:
@@ -102,20 +114,29 @@ class RunningChart:
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=7)
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(self._curves),
-                    frameon=False, fontsize=8, borderaxespad=0.0)  # fmt: skip
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 0.98),
+            ncols=len(self._curves),
+            frameon=False,
+            fontsize=8,
+            borderaxespad=0.0,
+        )
         self.picture = pixels(figure)
         origin, one = axes.transData.transform([[0, 0], [1, 1]])
-        self._origin, self._unit = (origin[0], height - origin[1]), (one - origin) * (1, -1)
+        self._origin = (origin[0], height - origin[1])
+        self._unit = (one - origin) * (1, -1)
         if len(self._rows) == 1:
             self._join(self._rows * 2)
         self._join(self._rows)
 
     def _join(self, rows: Sequence[tuple[float, Sequence[float], str]]) -> None:
         """Draw all curves through these rows, and the band below."""
-        times, unit = [time for time, _, _ in rows], 1 << SUBPIXEL_BITS
-        for colour, values in zip(self._curves.values(), np.transpose([v for _, v, _ in rows]),
-                                  strict=True):  # fmt: skip
+        times = [time for time, _, _ in rows]
+        unit = 1 << SUBPIXEL_BITS
+        for colour, values in zip(
+            self._curves.values(), np.transpose([v for _, v, _ in rows]), strict=True
+        ):
             points = self._at(times, np.minimum(values, self._top))
             for begin, end in pairwise(points):
                 if np.isfinite([begin, end]).all():

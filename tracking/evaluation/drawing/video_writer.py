@@ -13,7 +13,8 @@ from av.video.reformatter import ColorRange, Colorspace
 
 from sim.types import Image
 
-CODEC, FORMAT = "libx264", "yuv420p"
+CODEC = "libx264"
+FORMAT = "yuv420p"
 OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "forced-idr": "1"}
 """Every frame is encoded when it comes; thin lines and small numbers stay sharp."""
 FRAGMENTED = {
@@ -44,14 +45,19 @@ class VideoWriter:
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
         about = Fraction(rate).limit_denominator(TICKS)
         stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
-        stream.width, stream.height, stream.pix_fmt = width, height, FORMAT
+        stream.width = width
+        stream.height = height
+        stream.pix_fmt = FORMAT
         stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS)
         stream.codec_context.gop_size = NO_OTHER_KEYS
         context = stream.codec_context
-        context.colorspace, context.color_range = Colorspace.ITU709, ColorRange.MPEG
+        context.colorspace = Colorspace.ITU709
+        context.color_range = ColorRange.MPEG
         context.color_primaries = context.color_trc = BT709
         self._stream = stream
-        self._period, self._last, self._key = round(TICKS / rate), -1, -TICKS
+        self._period = round(TICKS / rate)
+        self._last = -1
+        self._key = -TICKS
 
     def add(self, image: Image, time: float) -> None:
         """Write a frame (height, width, 3) that is shown from a time on [s], until the next one.
@@ -63,10 +69,13 @@ class VideoWriter:
         frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
             format=FORMAT, dst_colorspace=Colorspace.ITU709
         )
-        frame.pts, frame.time_base, frame.duration = ticks, Fraction(1, TICKS), self._period
+        frame.pts = ticks
+        frame.time_base = Fraction(1, TICKS)
+        frame.duration = self._period
         begins = ticks >= self._key + FRAGMENT * TICKS
         frame.pict_type = PictureType.I if begins else PictureType.NONE
-        self._key, self._last = ticks if begins else self._key, ticks
+        self._key = ticks if begins else self._key
+        self._last = ticks
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:

@@ -16,9 +16,11 @@ from tracking.evaluation.sequences.sources import RATE, End, Picture, Times
 
 MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3"
 """First bytes of the files."""
-INDEX, INDEXED = "metadata.yaml", b"rosbag2_bagfile_information"
+INDEX = "metadata.yaml"
+INDEXED = b"rosbag2_bagfile_information"
 """The file that makes a folder a ROS 2 bag, and what it has near its beginning."""
-HEAD, LARGEST = 1000, 1_000_000_000
+HEAD = 1000
+LARGEST = 1_000_000_000
 """Length of the beginning that is looked at, and of the largest record of an MCAP file [bytes]."""
 MOST_NAMED = 8
 """Most topics in a message."""
@@ -79,13 +81,17 @@ class Bag:
         """
         self.path = path
         with _opened(path) as bag:
-            topics, span = list(bag.topics), bag.span
+            topics = list(bag.topics)
+            span = bag.span
         self._topic = _chosen(path, topics, topic)
         self.count = self._topic.count
         self.rate = (self.count - 1) / span if self.count > 1 and span > 0 else RATE
 
     def __iter__(self) -> Iterator[Picture]:
-        topic, times, index, self.end = self._topic, Times(self.rate), 0, None
+        topic = self._topic
+        times = Times(self.rate)
+        index = 0
+        self.end = None
         try:
             with _opened(self.path) as bag:
                 for recorded, data in bag.messages(topic.name):
@@ -117,8 +123,9 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
         raise ValueError(f"{path}: no topic has pictures; there is {_listed(there)}")
     there = _listed([f"{topic.name} ({topic.count})" for topic in images])
     if name is None:
-        raise ValueError(f"{path}: there are several topics with pictures; choose one with "
-                         f"--topic: {there}")  # fmt: skip
+        raise ValueError(
+            f"{path}: there are several topics with pictures; choose one with --topic: {there}"
+        )
     raise ValueError(f"{path}: there is no topic '{name}' with pictures; there is {there}")
 
 
@@ -145,8 +152,10 @@ def _opened(path: Path) -> Generator[Contents]:
     except (MemoryError, GeneratorExit):
         raise
     except ModuleNotFoundError as error:
-        raise ValueError(f"{path}: bags are read by the package '{error.name}', which is not "
-                         "installed: install servobench[ros]") from None  # fmt: skip
+        raise ValueError(
+            f"{path}: bags are read by the package '{error.name}', which is not "
+            "installed: install servobench[ros]"
+        ) from None
     except Exception as error:
         mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
         known = type(error).__name__ in ("ReaderError", "EndOfFile") and not mend
@@ -212,7 +221,8 @@ class _Log:
         if summary is None or summary.statistics is None:
             self._scan()
             return
-        self.channels, self._schemas = dict(summary.channels), dict(summary.schemas)
+        self.channels = dict(summary.channels)
+        self._schemas = dict(summary.schemas)
         self.counts.update(summary.statistics.channel_message_counts)
         self.span = summary.statistics.message_end_time - summary.statistics.message_start_time
 
@@ -244,6 +254,7 @@ class _Log:
             schema = self._schemas.get(channel.schema_id)
             kind = plain_kind(schema.name) if schema else "no type"
             before = found[channel.topic].count if channel.topic in found else 0
-            found[channel.topic] = Topic(channel.topic, kind, channel.message_encoding,
-                                         before + self.counts[number])  # fmt: skip
+            found[channel.topic] = Topic(
+                channel.topic, kind, channel.message_encoding, before + self.counts[number]
+            )
         return list(found.values())

@@ -15,11 +15,16 @@ import numpy as np
 from sim.files.picture_file import check_size, decoded
 from sim.types import Image
 
-RAW, COMPRESSED = ("sensor_msgs/Image", "foxglove.RawImage"), (
-    "sensor_msgs/CompressedImage", "foxglove.CompressedImage",
-)  # fmt: skip
-KINDS = {"ros1": (RAW[0], COMPRESSED[0]), "cdr": (RAW[0], COMPRESSED[0]),
-         "protobuf": (RAW[1], COMPRESSED[1])}  # fmt: skip
+RAW = ("sensor_msgs/Image", "foxglove.RawImage")
+COMPRESSED = (
+    "sensor_msgs/CompressedImage",
+    "foxglove.CompressedImage",
+)
+KINDS = {
+    "ros1": (RAW[0], COMPRESSED[0]),
+    "cdr": (RAW[0], COMPRESSED[0]),
+    "protobuf": (RAW[1], COMPRESSED[1]),
+}
 """Types of image messages by their serialization."""
 CODES = {
     "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "8UC3": (3, cv2.COLOR_BGR2RGB),
@@ -69,7 +74,8 @@ class _Fields:
     """The fields of a ROS message, one after the other."""
 
     def __init__(self, data: bytes, *, cdr: bool) -> None:
-        self._data, self._cdr = data, cdr
+        self._data = data
+        self._cdr = cdr
         self._at, self._order = (START, LITTLE_CDR[data[1]]) if cdr else (0, "<")
 
     def number(self, code: str) -> int:
@@ -101,7 +107,9 @@ def _ros(kind: str, cdr: bool, data: bytes) -> tuple[float, Image]:
     if kind in COMPRESSED:
         fields.text()  # the format, which the data states too
         return stamp, decoded(fields.block())
-    height, width, encoding = fields.number("I"), fields.number("I"), fields.text()
+    height = fields.number("I")
+    width = fields.number("I")
+    encoding = fields.text()
     big = fields.number("B") != 0
     step = fields.number("I")
     return stamp, _rgb(width, height, encoding, step, fields.block(), big=big)
@@ -149,7 +157,8 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
     value = shift = 0
     while True:
         value |= (data[at] & 0x7F) << shift
-        shift, at = shift + 7, at + 1
+        shift = shift + 7
+        at = at + 1
         if not data[at - 1] & 0x80:
             return value, at
 

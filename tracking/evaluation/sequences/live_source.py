@@ -47,12 +47,14 @@ class Live:
             name: What it is called in messages.
             opened: Opens it; raises Broken.
         """
-        self.name, self.rate = name, RATE
+        self.name = name
+        self.rate = RATE
         self._opened = opened
         self._queue: Queue[Item] = Queue(maxsize=1)
         self._stop = threading.Event()
         self._given = self._dropped = 0
-        self._over, self._broken = False, ""
+        self._over = False
+        self._broken = ""
 
     @property
     def end(self) -> End | None:

@@ -5,7 +5,8 @@ import numpy as np
 from sim.types import Array
 from tracking.types import Region, State
 
-BOX, QUAD = 4, 8
+BOX = 4
+QUAD = 8
 """Count of numbers of a box, and of four corners."""
 RECTANGULAR = 0.02
 """Largest deviation of a rectangle from right angles, over its size."""
@@ -21,7 +22,8 @@ def corners_of(numbers: Array) -> Array:
 
 def boxes(corners: Array) -> Array:
     """Upright boxes (n, 4) around corners (n, 4, 2): left, top, width, height."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    low = corners.min(axis=1)
+    high = corners.max(axis=1)
     return np.hstack([low, high - low])
 
 
@@ -33,7 +35,8 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
         turned: Keep the rotation if the corners form a rectangle; else take the upright box.
     """
     edges = np.roll(corners, -1, axis=0) - corners
-    width, height = np.hypot(*edges[0]), np.hypot(*edges[1])
+    width = np.hypot(*edges[0])
+    height = np.hypot(*edges[1])
     square = np.abs(edges[0] + edges[2]).max() + abs(edges[0] @ edges[1]) / max(width, 1e-9)
     x, y = corners.mean(axis=0).tolist()
     if turned and square <= RECTANGULAR * max(width, height):
@@ -47,7 +50,8 @@ def crosses_itself(corners: Array) -> bool:
     """Whether two opposite sides of a quadrilateral (4, 2) cross each other."""
 
     def side(i: int, j: int, k: int) -> float:
-        (ax, ay), (bx, by) = corners[j] - corners[i], corners[k] - corners[i]
+        (ax, ay) = corners[j] - corners[i]
+        (bx, by) = corners[k] - corners[i]
         return float(ax * by - ay * bx)
 
     def cross(a: int, b: int, c: int, d: int) -> bool:

@@ -152,7 +152,8 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
     Raises:
         ValueError: There are no pictures, or a truth cannot be read.
     """
-    source, found = Folder.of(pictures_in(folder), rate), truths_in(folder)
+    source = Folder.of(pictures_in(folder), rate)
+    found = truths_in(folder)
     several = len(found) > 1
     return [
         _read(f"{folder.name}-{i}" if several else folder.name, source, path, form)
@@ -172,8 +173,12 @@ def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequ
         raise ValueError(f"{folder}: there is no such folder of sequences")
     if _is_sequence(folder):
         return read_folder(folder, rate, form)
-    found = [s for place in reading.names(folder) if _is_sequence(place)
-             for s in read_folder(place, rate, form)]  # fmt: skip
+    found = [
+        s
+        for place in reading.names(folder)
+        if _is_sequence(place)
+        for s in read_folder(place, rate, form)
+    ]
     if not found:
         raise ValueError(f"{folder}: there is no sequence (pictures with a truth file) in it")
     return found

@@ -11,9 +11,11 @@ from sim.types import Image
 
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
-SET_BACK, SET_FORWARD = 1.0, 86_400.0
+SET_BACK = 1.0
+SET_FORWARD = 86_400.0
 """A clock that goes back or forward so far was set [s]."""
-CLOSE, REPEATED = 1e-4, 0.5
+CLOSE = 1e-4
+REPEATED = 0.5
 """Least time between two pictures, and longest between two of the same stamp [s]."""
 
 
@@ -68,7 +70,9 @@ class Times:
 
     def __init__(self, rate: float) -> None:
         self._gap = 1.0 / rate
-        self._last, self._zero, self._stamp = -self._gap, None, None
+        self._last = -self._gap
+        self._zero = None
+        self._stamp = None
 
     _zero: float | None
     _stamp: float | None

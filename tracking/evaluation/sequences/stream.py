@@ -29,9 +29,13 @@ from tracking.evaluation.sequences.video_file import (
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
 PASSWORD = re.compile(r"(?<=//)([^/@:]*):[^/@]*@")
 PROTOCOLS = {
-    "rtsp": "rtp,udp,tcp", "rtsps": "rtp,udp,tcp,tls", "http": "http,tcp",
-    "https": "https,http,tls,tcp", "tcp": "tcp", "udp": "udp",
-}  # fmt: skip
+    "rtsp": "rtp,udp,tcp",
+    "rtsps": "rtp,udp,tcp,tls",
+    "http": "http,tcp",
+    "https": "https,http,tls,tcp",
+    "tcp": "tcp",
+    "udp": "udp",
+}
 """What FFmpeg may open for an address: never a file of this machine."""
 STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 """Formats that FFmpeg may detect: no playlists, which name other addresses and files."""

@@ -29,8 +29,11 @@ VOT_NAME = re.compile(r"groundtruth.*\.txt$")
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
-BOX_NAMES = (("left", "top", "width", "height"), ("x", "y", "width", "height"),
-             ("x", "y", "w", "h"))  # fmt: skip
+BOX_NAMES = (
+    ("left", "top", "width", "height"),
+    ("x", "y", "width", "height"),
+    ("x", "y", "w", "h"),
+)
 LONGEST = 80
 """Longest quotation of a line in a message [characters]."""
 LARGEST = 20_000_000
@@ -122,7 +125,8 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
         ValueError: The numbers seem to be x1,y1,x2,y2 but were read as x,y,w,h.
     """
     seen = corners[np.isfinite(corners).all(axis=(1, 2))]
-    given, most = boxes(seen), np.add(size, 1)
+    given = boxes(seen)
+    most = np.add(size, 1)
     upright = len(seen) > 0 and np.allclose(corners_of(given[0]), seen[0])
     outside = (given[:, :2] + given[:, 2:] > most).any()
     if upright and outside and _may_be_corners(given) and (given[:, 2:] <= most).all():

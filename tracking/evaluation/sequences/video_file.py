@@ -27,7 +27,8 @@ from sim.files.picture_file import check_size
 from sim.types import Image
 from tracking.evaluation.sequences.sources import End, Picture, Times
 
-SLOWEST, FASTEST = 0.01, 10_000.0
+SLOWEST = 0.01
+FASTEST = 10_000.0
 """Accepted frames a second."""
 GIVEN_UP = 100
 """Most frames in a row that cannot be decoded; after one more, the video ends."""
@@ -36,10 +37,17 @@ FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
 BEGINNINGS = (
     *((4, box) for box in (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot")),
-    (0, b"\x1aE\xdf\xa3"), (8, b"AVI "), (0, b"\0\0\1\xba"), (0, b"FLV\1"), (0, b"OggS"),
-    (0, b"0&\xb2u\x8ef\xcf\x11"), (0, b"GIF8"), (0, b"YUV4MPEG2 "),
-    (0, b"G"), (4, b"G"),
-)  # fmt: skip
+    (0, b"\x1aE\xdf\xa3"),
+    (8, b"AVI "),
+    (0, b"\0\0\1\xba"),
+    (0, b"FLV\1"),
+    (0, b"OggS"),
+    (0, b"0&\xb2u\x8ef\xcf\x11"),
+    (0, b"GIF8"),
+    (0, b"YUV4MPEG2 "),
+    (0, b"G"),
+    (4, b"G"),
+)
 """First bytes of the accepted formats, with their offset; FFmpeg checks MPEG-TS (G) further."""
 OTHERS = {
     b"RRF2": "this is a Rerun recording, not a video: convert the pictures of one camera to a "
@@ -144,9 +152,10 @@ def images(path: Path, count: int) -> Iterator[Stamped]:
     """
     given = failures = 0
     with (
-        reading.opened(path, "video") as file, _container(file) as container,
+        reading.opened(path, "video") as file,
+        _container(file) as container,
         suppress(FFmpegError, OSError),
-    ):  # fmt: skip
+    ):
         for stamp, found in decoded(container, only_video(container)):
             failures = failures + 1 if found is None else 0
             if failures > GIVEN_UP:
@@ -187,7 +196,9 @@ class _Nameless:
     """An open file without its name, which FFmpeg would use to detect the format."""
 
     def __init__(self, file: BinaryIO) -> None:
-        self.read, self.seek, self.tell = file.read, file.seek, file.tell
+        self.read = file.read
+        self.seek = file.seek
+        self.tell = file.tell
 
 
 def _container(file: BinaryIO) -> InputContainer:
@@ -215,7 +226,8 @@ def only_video(container: InputContainer) -> VideoStream:
 
 def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, float]:
     """Number of frames and the last one's stamp [s], of a file that does not state the number."""
-    count, last = 0, 0.0
+    count = 0
+    last = 0.0
     with suppress(FFmpegError, OSError):
         for packet in container.demux(stream):
             if packet.size > 0:

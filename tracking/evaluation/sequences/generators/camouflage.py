@@ -17,11 +17,15 @@ from tracking.evaluation.sequences.generators import texture
 from tracking.evaluation.sequences.generators._painting import blotches
 from tracking.evaluation.sequences.generators.texture import HEIGHT, SIZE, WIDTH
 
-COARSE, FINE, SPREAD = 6.0, 1.2, 20.0
+COARSE = 6.0
+FINE = 1.2
+SPREAD = 20.0
 """Size of the blotches of ground and paint [px], and their spread [grey levels]."""
 OTHER = 70.0
 """How far the gravel's colour is from the car's (Euclidean, RGB)."""
-BIN, SHADE, SMOOTH = 32, 9.0, 8.0
+BIN = 32
+SHADE = 9.0
+SMOOTH = 8.0
 """Width of one of 8 colour bins a channel, how far shades are from its middle at most [grey
 levels], and the size of those of the ground [px]."""
 
@@ -42,7 +46,8 @@ class Config(texture.Config):
         if one:
             colour = BIN * (rng.integers(2, 6, 3).astype(np.float64) + 0.5)
             other = colour + BIN * rng.choice(np.array([-1.0, 1.0]), 3)
-            ground, fine = _shades(rng, colour), _tones(rng, (WIDTH, HEIGHT), other)
+            ground = _shades(rng, colour)
+            fine = _tones(rng, (WIDTH, HEIGHT), other)
         else:
             colour = rng.uniform(90, 160, 3)
             away = rng.normal(0, 1, 3)
@@ -52,7 +57,8 @@ class Config(texture.Config):
         place = np.zeros((HEIGHT, WIDTH), np.uint8)
         for _ in range(self.gravel):
             centre = rng.integers((0, 0), (WIDTH, HEIGHT)).tolist()
-            half, turn = (SIZE[0] // 2, SIZE[1] // 2), float(rng.uniform(0, 180))
+            half = (SIZE[0] // 2, SIZE[1] // 2)
+            turn = float(rng.uniform(0, 180))
             cv2.ellipse(place, centre, half, turn, 0, 360, (1,), -1)
         ground[place > 0] = fine[place > 0]
         if one:

@@ -30,7 +30,9 @@ LEVELS = {
     "e": (4.0, 300, 3), "f": (8.0, 300, 3), "g": (10.0, 400, 3), "h": (12.0, 500, 3),
 }  # fmt: skip
 """Noise of the position [px], number of discs, and how many of the target's colours each has."""
-WIDTH, HEIGHT, RADIUS = 320, 240, 14
+WIDTH = 320
+HEIGHT = 240
+RADIUS = 14
 SMALLEST = 7
 SECTORS = 4
 SUBPIXEL_BITS = 4
@@ -93,7 +95,8 @@ def _ground(rng: np.random.Generator, colours: Array, count: int, kept: int) -> 
                 rng.integers(0, 256, (SECTORS - kept, 3)).astype(float),
             ]
         )
-        centre, radius = rng.uniform((0, 0), (WIDTH, HEIGHT)), rng.uniform(SMALLEST, RADIUS)
+        centre = rng.uniform((0, 0), (WIDTH, HEIGHT))
+        radius = rng.uniform(SMALLEST, RADIUS)
         _disc(image, centre, radius, mixed[rng.permutation(SECTORS)])
     return image
 

@@ -19,7 +19,8 @@ from tracking.evaluation.sequences.sequence import Sequence
 from tracking.evaluation.sequences.sources import Painted
 from tracking.types import Region, State
 
-WIDTH, HEIGHT = 320, 240
+WIDTH = 320
+HEIGHT = 240
 REGION = Region(60.0, 40.0)
 FIELDS = (3, 3)
 """Coloured fields of the target."""
@@ -58,7 +59,8 @@ class Config:
 
     def build(self, rng: np.random.Generator) -> Sequence:
         """A random sequence."""
-        ground, patch = _ground(rng), _target(rng)
+        ground = _ground(rng)
+        patch = _target(rng)
         fine = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
         hidden_at = int(HIDDEN_AT * self.frames)
@@ -120,6 +122,7 @@ def _target(rng: np.random.Generator) -> Image:
 
 def _hide(image: Array, state: Array) -> None:
     """Paint an upright bar over the target."""
-    x, scale = state[0], state[3]
+    x = state[0]
+    scale = state[3]
     reach = float(np.hypot(REGION.width, REGION.height)) / 2 * scale + 2
     image[:, max(int(x - reach), 0) : int(x + reach) + 1] = BAR

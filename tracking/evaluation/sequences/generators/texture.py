@@ -18,12 +18,15 @@ from tracking.evaluation.sequences.sequence import Sequence
 from tracking.evaluation.sequences.sources import Painted
 from tracking.types import Region, State
 
-WIDTH, HEIGHT = 320, 240
+WIDTH = 320
+HEIGHT = 240
 REGION = Region(56.0, 32.0)
 SIZE = (round(REGION.width), round(REGION.height))
-ROAD, SHADE = 24.0, 14.0
+ROAD = 24.0
+SHADE = 14.0
 """Size of the road's blotches [px], and their spread [grey levels]: a smooth texture."""
-GRAIN, RELIEF = 1.4, 34.0
+GRAIN = 1.4
+RELIEF = 34.0
 """Size of the car's blotches [px], and their spread [grey levels]: a fine, strong texture."""
 
 
