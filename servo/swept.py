@@ -30,7 +30,7 @@ from servo.study.plan import Study, StudyFile
 from servo.study.results import Cell, cells_csv, cells_of
 from servo.study.store import Store, opened
 from servo.study.work import work
-from sim import gl
+from sim.camera import gl
 
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
 """Means of a cell that a notebook shows; `cells` has all."""

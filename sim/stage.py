@@ -8,7 +8,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from sim.assembly import SECOND, SPOT, TARGET
+from sim.models.assembly import SECOND, SPOT, TARGET
 from sim.quaternion import quaternion_of
 from sim.types import Effect, Pose
 

@@ -7,7 +7,7 @@ from math import ceil
 
 import numpy as np
 
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 
 WHOLE = 1e-9
 """Tolerance for a ratio of rates to count as whole."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.distortion import Distortion
+from sim.camera.distortion import Distortion
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

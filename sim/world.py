@@ -10,17 +10,17 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim import placement
-from sim.assembly import TARGET, build_model
 from sim.believed import RIGHT, BelievedConfig
-from sim.camera import CameraConfig, camera_of
+from sim.camera.camera import CameraConfig, camera_of
+from sim.camera.lens import Lens, Sensor
+from sim.camera.renderer import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.geometry import log_se3
-from sim.known_robot import as_known
-from sim.lens import Lens, Sensor
-from sim.render import MakeRenderer, OpenGLRenderer, camera_pose
-from sim.robot import CAMERA, Design, Robot
+from sim.models.assembly import TARGET, build_model
+from sim.models.target import Target
+from sim.robot.known_robot import as_known
+from sim.robot.robot import CAMERA, Design, Robot
+from sim.robot.start_pose import Reach
 from sim.stage import Disturbance, Motion, Stage
-from sim.start_pose import Reach
-from sim.target import Target
 from sim.timing import Rates, exposures
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 

@@ -10,13 +10,13 @@ from sim.files import reading
 from sim.files.picture_file import check_size
 from sim.types import Frame
 from tracking.appearance.bins import Window
-from tracking.evaluation.drawing import contact_sheet
-from tracking.evaluation.sequences import quadrilateral, truth, video_file
-from tracking.evaluation.sequences.sequence import source_of
-from tracking.evaluation.sequences.sources import Painted
-from tracking.evaluation.statistics import McNemar
+from tracking.drawing import contact_sheet
 from tracking.evaluation.track_measures import OVERLAPS, Comparison, frames_until_loss, lost_signal
 from tracking.lock import FEW, Lock, LockConfig
+from tracking.sequences import quadrilateral, truth, video_file
+from tracking.sequences.sequence import source_of
+from tracking.sequences.sources import Painted
+from tracking.statistics.comparisons import McNemar
 from tracking.types import LARGEST_LOG, Region, State, Status, check_region
 
 

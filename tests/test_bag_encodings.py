@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.sequences.bag_file import Bag
+from tracking.sequences.bag_file import Bag
 
 bags = pytest.importorskip("bags", reason="rosbags and mcap are not installed")
 WIDTH, HEIGHT = 30, 20

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.evaluation.sequences.bag_file import Bag
-from tracking.evaluation.sequences.sequence import source_of
+from tracking.sequences.bag_file import Bag
+from tracking.sequences.sequence import source_of
 
 bags = pytest.importorskip("bags", reason="rosbags and mcap are not installed")
 WIDTH, HEIGHT, FRAMES = 30, 20, 5

@@ -10,7 +10,7 @@ from servo.cli import run_command
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 
 ROS = """\
 image_width: 640

@@ -5,7 +5,7 @@ import pytest
 
 from servo.report import charts
 from servo.report.charts import Curve, Scale
-from tracking.evaluation.statistics import Interval
+from tracking.statistics.comparisons import Interval
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from servo.testing import BrokenContract, check_features
 from servo.testing.loop_parts import check_controller, check_estimator
 from servo.testing.world_parts import check_disturbance, check_motion, check_robot, check_target
 from servo.types import Command, Prediction
+from sim.models.target import rectangle
 from sim.robots import gantry
-from sim.target import rectangle
 from sim.targets import car
 from sim.types import Effect, Pose
 

@@ -110,7 +110,7 @@ def test_a_mistake_is_one_sentence_exit_2_and_leaves_nothing(monkeypatch, capfd,
 
 
 def test_a_missing_gl_library_is_named_before_anything_else(monkeypatch, capfd, elsewhere):
-    from sim import gl
+    from sim.camera import gl
 
     monkeypatch.setattr(gl, "_library", lambda name: None)
     monkeypatch.setattr(gl.sys, "platform", "linux")

@@ -5,8 +5,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.camera import CameraConfig, camera_of
-from sim.distortion import COEFFICIENTS, Distortion, _bent, _extended
+from sim.camera.camera import CameraConfig, camera_of
+from sim.camera.distortion import COEFFICIENTS, Distortion, _bent, _extended
 from sim.types import Camera
 
 LENSES = {

@@ -9,13 +9,13 @@ from commands import PATIENCE
 
 import servo
 from servo.loop.episode import Episode
+from servo.output import room_view
 from servo.output.film import GOAL, PANEL, write_film
-from sim import room_view
-from sim.room_view import RoomView
-from tracking.evaluation.drawing.film_page import CAPTION, CHART, HEAD, MARGIN, panel
-from tracking.evaluation.drawing.running_chart import COLOURS, RunningChart, rgb
-from tracking.evaluation.drawing.video_writer import VideoWriter
-from tracking.evaluation.sequences.video_file import Video
+from servo.output.room_view import RoomView
+from tracking.drawing.film_page import CAPTION, CHART, HEAD, MARGIN, panel
+from tracking.drawing.running_chart import COLOURS, RunningChart, rgb
+from tracking.drawing.video_writer import VideoWriter
+from tracking.sequences.video_file import Video
 
 CHANGES = ["run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "start.x=-40"]
 

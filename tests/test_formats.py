@@ -28,8 +28,8 @@ from servo.papers.claim import Rule
 from servo.papers.claims import Judged, PapersReport
 from servo.study.plan import FailureFile, StudyFile
 from tracking.evaluation import track_file
-from tracking.evaluation.statistics import Interval, McNemar
 from tracking.files.json_text import as_json
+from tracking.statistics.comparisons import Interval, McNemar
 
 MADE = {"command": "servobench run 'a b'", "versions": {"servobench": "0.1.0"}}
 FILES = [

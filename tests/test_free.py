@@ -11,7 +11,7 @@ from servo.loop.run_measures import summarise
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.types import Command
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.geometry import exp_se3, exp_so3, log_se3, tilt
 from sim.motions import still
 from sim.placement import DOWN, check_sight

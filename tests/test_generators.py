@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from sim import kinds
-from tracking.evaluation.drawing.contact_sheet import FOUND, TILE, TRUE, sheet
-from tracking.evaluation.sequences.generators.clutter import LEVELS, RADIUS
-from tracking.evaluation.sequences.sources import Painted
+from tracking.drawing.contact_sheet import FOUND, TILE, TRUE, sheet
+from tracking.sequences.painted.clutter import LEVELS, RADIUS
+from tracking.sequences.sources import Painted
 from tracking.types import State
 
-FOLDER = "tracking.evaluation.sequences.generators"
+FOLDER = "tracking.sequences.painted"
 
 
 def build(kind, seed=0, **settings):

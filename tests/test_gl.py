@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim import gl
+from sim.camera import gl
 
 pytestmark = pytest.mark.processes
 

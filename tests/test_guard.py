@@ -11,7 +11,7 @@ import pytest
 from servo.cli import main
 from servo.cli.guard import Printer, guarded
 from servo.mistake import LONGEST, Mistake, Refused
-from sim.gl import NoRenderer
+from sim.camera.gl import NoRenderer
 
 pytestmark = pytest.mark.processes
 

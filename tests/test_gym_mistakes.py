@@ -7,7 +7,8 @@ gymnasium = pytest.importorskip("gymnasium")
 import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
-from sim import display, gl  # noqa: E402
+from servo.output import display  # noqa: E402
+from sim.camera import gl  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 

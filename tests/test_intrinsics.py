@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.camera import CameraConfig, camera_of, pinhole
-from sim.lens import Lens
-from sim.render import OpenGLRenderer, camera_pose
+from sim.camera.camera import CameraConfig, camera_of, pinhole
+from sim.camera.lens import Lens
+from sim.camera.renderer import OpenGLRenderer, camera_pose
 
 SIZE = WIDTH, HEIGHT = 320, 240
 MARGIN = 14

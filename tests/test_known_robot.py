@@ -8,7 +8,7 @@ import pytest
 from dark import Dark
 
 from sim.believed import BelievedConfig
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.geometry import log_se3
 from sim.motions import still
 from sim.robots import arm, gantry, mjcf

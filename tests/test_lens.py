@@ -11,10 +11,10 @@ from servo.scenario.load import load
 from servo.sight import shape_moments
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from sim import placement
-from sim.camera import CameraConfig
-from sim.distortion import Distortion
+from sim.camera.camera import CameraConfig
+from sim.camera.distortion import Distortion
+from sim.camera.lens import Lens, Sensor
 from sim.geometry import exp_se3
-from sim.lens import Lens, Sensor
 from sim.types import Camera, Pose, Posture
 from tracking.types import Estimate, Region, State, Status, unknown_covariance
 

@@ -15,9 +15,9 @@ from tracked import REGION, pictures
 
 from servo.mistake import Mistake
 from servo.output import sinks
+from servo.output.display import DISPLAYS
 from servo.output.recording import live
 from servo.output.sinks import Paced
-from sim.display import DISPLAYS
 
 
 class Kept:

@@ -13,7 +13,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS, SECTIONS, parse
 from sim import kinds
-from tracking.evaluation.sequences import generators
+from tracking.sequences import painted as generators
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("scenes", "servo", "sim", "tests", "tracking")

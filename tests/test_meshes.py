@@ -15,7 +15,7 @@ from seen_targets import (
     stl_text,
 )
 
-from sim.files import mesh_file
+from sim.models import mesh_file
 from sim.targets import mesh
 
 

@@ -9,7 +9,7 @@ from robot_files import built, mjcf_arm, urdf_arm
 
 from servo.loop.measured_run import measured_run
 from servo.scenario.load import load
-from sim.robot_model import mount_pose
+from sim.robot.model import mount_pose
 from sim.robots import mjcf
 from sim.types import Pose
 

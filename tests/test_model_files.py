@@ -7,8 +7,8 @@ import struct
 import numpy as np
 import pytest
 
-from sim import model_files
-from sim.model_files import read_spec
+from sim.models import model_files
+from sim.models.model_files import read_spec
 
 BODY = '<body><joint/><geom type="mesh" mesh="part"/></body>'
 MESH = '<asset><mesh name="part" file="{}"/></asset>'

@@ -12,7 +12,7 @@ from servo.loop.run_measures import summarise, violations
 from servo.scenario.load import load
 from servo.sight import estimate_to_sight
 from servo.types import Plane
-from sim.robot import Robot
+from sim.robot.robot import Robot
 from sim.world import World
 
 

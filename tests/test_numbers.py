@@ -18,7 +18,7 @@ from sim.types import Frame
 from tracking.external import OF_THE_USER
 from tracking.types import Region, State
 
-GENERATORS = "tracking.evaluation.sequences.generators"
+GENERATORS = "tracking.sequences.painted"
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 TRACKERS = "tracking.trackers"
 KINDS = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]

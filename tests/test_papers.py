@@ -12,8 +12,8 @@ from servo.papers.claim import Effort
 from servo.papers.claims import CLAIMS, Known, KnownVerdicts
 from servo.papers.experiments import generated
 from servo.scenario.load import load
-from tracking.evaluation.statistics import Interval
-from tracking.evaluation.verdicts import Finding
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import Finding
 
 NAMES = [
     "P0-1a",

@@ -16,11 +16,11 @@ from servo.papers.experiments import Experiment
 from servo.papers.kernel_jobs import Interleaved
 from servo.papers.loop_series import LoopSeries
 from servo.scenario import load as scenarios
-from tracking.evaluation.drawing import figures as saving
-from tracking.evaluation.sequences.sources import Picture
+from tracking.drawing import figures as saving
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
-from tracking.evaluation.verdicts import Finding
+from tracking.sequences.sources import Picture
+from tracking.statistics.verdicts import Finding
 from tracking.types import Estimate, State, Status
 
 BY_NAME = {claim.name: claim for claim in CLAIMS}

@@ -13,7 +13,7 @@ import pytest
 from sim.files import picture_file
 from sim.files.picture_file import SUFFIXES, read_image, size_of
 from sim.quiet import silent_libraries
-from tracking.evaluation.sequences.folder import Folder
+from tracking.sequences.folder import Folder
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (23, 37, 3), np.uint8)
 SIDE = 30_000

@@ -26,12 +26,12 @@ from servo.output.recording import archetypes, track_log
 from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
-from tracking.evaluation.drawing import contact_sheet
-from tracking.evaluation.sequences.sources import End, Painted, Picture
-from tracking.evaluation.statistics import Interval
+from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
-from tracking.evaluation.verdicts import Finding
+from tracking.sequences.sources import End, Painted, Picture
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import Finding
 from tracking.types import Estimate, Region, State, Status
 
 LOOP = SimpleNamespace(render=2.5, step=6.0)

@@ -4,7 +4,6 @@ import ast
 import re
 import subprocess
 import tomllib
-from collections import Counter
 
 import pytest
 import yaml
@@ -18,13 +17,15 @@ TOP = {
     "tests",
     "README.md",
     ".ci",
+    ".github",
     ".gitignore",
     "LICENSE",
     "CHANGELOG.md",
     "CITATION.cff",
     "CONTRIBUTING.md",
 }
-MOST_LINES, MOST_FUNCTION, MOST_README, MOST_LAYERS = 250, 40, 200, 9
+MOST_README = 200
+MOST_LAYERS = 9
 
 
 @pytest.fixture(scope="module")
@@ -43,30 +44,6 @@ def files(root):
 
 def test_the_top_level_is_as_agreed(root, files):
     assert {f.relative_to(root).parts[0] for f in files} <= TOP
-
-
-def test_files_and_functions_stay_short(files):
-    for path in (f for f in files if f.suffix == ".py"):
-        text = path.read_text()
-        assert text.count("\n") <= MOST_LINES, path
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef):
-                doc = ast.get_docstring(node, clean=False) or ""
-                length = node.end_lineno - node.lineno + 1 - (doc.count("\n") + 1 if doc else 0)
-                assert length <= MOST_FUNCTION, f"{path}: {node.name}"
-
-
-def test_no_module_and_no_class_has_the_name_of_another(root, files):
-    """`Config` is what every kind has, `types` what every package has; robots and targets may both
-    be of the kind `mjcf`, targets and trackers `tag`, trackers and features `hybrid`.
-    """
-    found = Counter()
-    for path in (f for f in files if f.suffix == ".py" and "tests" not in f.parts):
-        found[path.stem] += 1
-        body = ast.parse(path.read_text()).body
-        found.update(node.name for node in body if isinstance(node, ast.ClassDef))
-    twice = {name for name, count in found.items() if count > 1}
-    assert twice == {"__init__", "types", "Config", "mjcf", "tag", "hybrid"}
 
 
 def test_a_room_has_few_layers_below_it(root):

@@ -16,10 +16,10 @@ from servo.output.recording import view
 from sim.files.picture_file import read_image
 from sim.types import Frame
 from tracking.evaluation import track_file
-from tracking.evaluation.sequences import quadrilateral, truth
-from tracking.evaluation.sequences.bag_file import Bag, is_bag
-from tracking.evaluation.sequences.sequence import read_all, source_of
-from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
+from tracking.sequences import quadrilateral, truth
+from tracking.sequences.bag_file import Bag, is_bag
+from tracking.sequences.sequence import read_all, source_of
+from tracking.sequences.video_file import GIVEN_UP, Video
 from tracking.types import FARTHEST, check_region
 
 NOISE = np.random.default_rng(2).integers(0, 256, (9, 7, 3), np.uint8)

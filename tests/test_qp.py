@@ -12,7 +12,7 @@ from servo.controllers._bounds import view_bounds
 from servo.estimators import none
 from servo.parts import Task
 from servo.types import DOF, Prediction
-from sim.distortion import Distortion
+from sim.camera.distortion import Distortion
 from sim.geometry import exp_se3
 from sim.types import Camera, Posture
 

@@ -17,12 +17,13 @@ from servo.mistake import Mistake, unknown
 from servo.report import bench_section, study_data, words
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import perform, work
-from sim import gl, kinds
+from sim import kinds
+from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
-from tracking.evaluation.sequences.sequence import source_of
 from tracking.external import OF_THE_USER
+from tracking.sequences.sequence import source_of
 from tracking.types import Region, State
 
 
@@ -40,9 +41,9 @@ def test_before_the_target_was_seen_no_camera_motion_moves_it():
 def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 
-    from sim.assembly import build_model
-    from sim.camera import CameraConfig
-    from sim.robot import Robot
+    from sim.camera.camera import CameraConfig
+    from sim.models.assembly import build_model
+    from sim.robot.robot import Robot
     from sim.robots import arm
     from sim.targets import car
 

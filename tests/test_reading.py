@@ -12,7 +12,7 @@ from servo.report import files
 from servo.scenario import toml
 from sim.files import reading
 from tracking.evaluation import track_file
-from tracking.evaluation.sequences import truth
+from tracking.sequences import truth
 
 READERS = {
     "truth": truth.read,

@@ -6,8 +6,8 @@ import pytest
 from sim.types import Frame
 from tracking import create
 from tracking.appearance.views import Views
-from tracking.evaluation.sequences.generators.similarity import HIDDEN_AT, Config
 from tracking.evaluation.track import follow
+from tracking.sequences.painted.similarity import HIDDEN_AT, Config
 from tracking.types import Region, State, Status
 
 

@@ -12,7 +12,7 @@ from matplotlib.backend_bases import KeyEvent, MouseEvent
 from tracked import FRAMES, call, image, pictures, rows_of
 
 from servo.cli import region_choice, region_page, region_window
-from sim import display
+from servo.output import display
 
 PICTURE = image(0)[..., ::-1].copy()
 

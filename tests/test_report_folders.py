@@ -16,7 +16,7 @@ from servo.cli.report_command import write
 from servo.mistake import Mistake
 from servo.report.study_data import Series
 from servo.report.study_time import band, survival
-from tracking.evaluation.statistics import Interval, McNemar
+from tracking.statistics.comparisons import Interval, McNemar
 
 EVIL = "<script>alert(1)</script>"
 

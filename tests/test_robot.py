@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.assembly import build_model
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
+from sim.camera.renderer import camera_pose
 from sim.geometry import log_se3
-from sim.render import camera_pose
-from sim.robot import CAMERA, Drives, Robot, damped_inverse
+from sim.models.assembly import build_model
+from sim.robot.robot import CAMERA, Drives, Robot, damped_inverse
 from sim.robots import arm, gantry
 from sim.targets import car
 

@@ -10,7 +10,7 @@ import pytest
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from sim.robot import Design, Drives, Robot
+from sim.robot.robot import Design, Drives, Robot
 from sim.robots import gantry
 
 ONE_JOINT = """

@@ -5,8 +5,8 @@ from math import exp
 import numpy as np
 import pytest
 
-from sim.camera import CameraConfig
-from sim.lens import Lens, Sensor
+from sim.camera.camera import CameraConfig
+from sim.camera.lens import Lens, Sensor
 from sim.motions import still
 from sim.robots import gantry
 from sim.targets import car

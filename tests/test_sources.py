@@ -7,9 +7,9 @@ import pytest
 from servo.bench import suites
 from servo.mistake import Mistake
 from sim.files.picture_file import rgb
-from tracking.evaluation.sequences.folder import Folder
-from tracking.evaluation.sequences.sequence import read_all, read_folder, source_of
-from tracking.evaluation.sequences.video_file import Video
+from tracking.sequences.folder import Folder
+from tracking.sequences.sequence import read_all, read_folder, source_of
+from tracking.sequences.video_file import Video
 from tracking.types import Region
 
 THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.disturbances import dropped_frames, second_target, spot
 from sim.motions import line, still
 from sim.robots import arm, gantry

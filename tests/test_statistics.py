@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.statistics import (
+from tracking.statistics.comparisons import (
     Interval,
     McNemar,
     difference_of_shares,

@@ -10,10 +10,10 @@ import pytest
 from serving import film, served
 from tracked import REGION, call, rows_of
 
-from tracking.evaluation.sequences import stream
-from tracking.evaluation.sequences.live_source import Feed, Live
-from tracking.evaluation.sequences.sequence import source_of
-from tracking.evaluation.sequences.sources import End, Times
+from tracking.sequences import stream
+from tracking.sequences.live_source import Feed, Live
+from tracking.sequences.sequence import source_of
+from tracking.sequences.sources import End, Times
 from tracking.trackers import frozen
 
 IMAGE = np.zeros((20, 30, 3), np.uint8)

@@ -15,7 +15,8 @@ from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
 from servo.output.sinks import Sinks
 from servo.report import study_data, study_time
-from sim import gl, quiet
+from sim import quiet
+from sim.camera import gl
 from sim.files import reading
 from tracking.files import atomic
 

@@ -24,7 +24,7 @@ from servo.study import work
 from servo.study.parse import KEYS, load
 from servo.study.plan import StudyFile
 from sim import kinds
-from tracking.evaluation.drawing import curves
+from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
 from tracking.files.json_text import as_json
 

@@ -5,8 +5,8 @@ import pytest
 
 from servo.mistake import Refused
 from servo.output.track_folder import TrackFolder
-from tracking.evaluation.sequences.sources import Picture
 from tracking.evaluation.track import Shot
+from tracking.sequences.sources import Picture
 from tracking.types import Estimate, Region, State, Status
 
 

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.sequences.sources import Picture
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_file import TrackFile, read
 from tracking.evaluation.track_measures import (
@@ -10,6 +9,7 @@ from tracking.evaluation.track_measures import (
     frames_until_loss,
     measure_all,
 )
+from tracking.sequences.sources import Picture
 from tracking.types import Estimate, Region, State, Status, unknown_covariance
 
 REGION = Region(40.0, 20.0)

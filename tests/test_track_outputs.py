@@ -13,12 +13,12 @@ from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
 from servo.cli.track_command import region_of
 from tracking import create
-from tracking.evaluation.drawing.annotated_video import SMALLEST
-from tracking.evaluation.drawing.film_page import CAPTION, HEAD, MARGIN
-from tracking.evaluation.sequences.sources import Painted
-from tracking.evaluation.sequences.video_file import Video
+from tracking.drawing.annotated_video import SMALLEST
+from tracking.drawing.film_page import CAPTION, HEAD, MARGIN
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile, read
+from tracking.sequences.sources import Painted
+from tracking.sequences.video_file import Video
 
 
 @pytest.fixture

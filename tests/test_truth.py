@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.sequences import quadrilateral, truth
+from tracking.sequences import quadrilateral, truth
 from tracking.types import Region, State
 
 BOX = [[10, 20], [40, 20], [40, 60], [10, 60]]

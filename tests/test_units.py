@@ -2,7 +2,7 @@
 
 from servo.study import results
 from servo.study.units import Units
-from tracking.evaluation.statistics import McNemar
+from tracking.statistics.comparisons import McNemar
 
 
 def rows(*held):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tracking.evaluation.statistics import Interval
-from tracking.evaluation.verdicts import Finding, greater, not_worse
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import Finding, greater, not_worse
 
 HOLDS, DOES_NOT_HOLD, UNDECIDED = Finding
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from sim.files import picture_file
-from tracking.evaluation.sequences.sequence import source_of
-from tracking.evaluation.sequences.sources import End
-from tracking.evaluation.sequences.video_file import GIVEN_UP, Video
+from tracking.sequences.sequence import source_of
+from tracking.sequences.sources import End
+from tracking.sequences.video_file import GIVEN_UP, Video
 
 FRAMES = 20
 WIDTH, HEIGHT = 64, 48

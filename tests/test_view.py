@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import pytest
 
 from servo.mistake import Mistake
+from servo.output import display
 from servo.output.recording import view
-from sim import display
 
 
 @dataclass

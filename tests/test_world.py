@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim import placement
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.robots import gantry

@@ -6,7 +6,7 @@ from seen_targets import FACES, PLACED, SHEET, build, mesh_file_of, stl_of
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import parse
-from sim.files import mesh_file
+from sim.models import mesh_file
 from sim.targets import mesh
 
 MODEL = "<mujoco><worldbody>{}</worldbody></mujoco>"

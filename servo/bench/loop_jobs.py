@@ -17,10 +17,10 @@ from servo.output.formats import Made, Number
 from servo.output.versions import versions
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from tracking.evaluation.statistics import Interval, mean_of
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 from tracking.files.json_text import number
+from tracking.statistics.comparisons import Interval, mean_of
 
 SCENARIOS = ("still", "line")
 """Scenarios that every tracker should be able to hold."""

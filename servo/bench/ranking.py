@@ -17,11 +17,11 @@ from pydantic import BeforeValidator
 from servo.output.formats import Made, Number
 from servo.output.versions import versions
 from sim.types import Array
-from tracking.evaluation.statistics import Interval, McNemar, cells, holm, mean_of, titles
 from tracking.evaluation.track_measures import MEASURES
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 from tracking.files.json_text import number
+from tracking.statistics.comparisons import Interval, McNemar, cells, holm, mean_of, titles
 
 DECIDES = "frames_until_loss"
 """Measure compared in McNemar's test, as in the KAMS paper: the longer track is a success."""

@@ -10,14 +10,14 @@ import numpy as np
 
 from servo.scenario.named_files import digests
 from sim.kinds import kind_of
-from tracking.evaluation.sequences.sequence import Sequence, read_all
-from tracking.evaluation.sequences.sources import RATE
-from tracking.evaluation.sequences.truth import Format
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile
 from tracking.evaluation.track_measures import Comparison, measure_all
 from tracking.files import atomic
 from tracking.files.json_text import as_json, number
+from tracking.sequences.sequence import Sequence, read_all
+from tracking.sequences.sources import RATE
+from tracking.sequences.truth import Format
 
 TRACKS = "tracks"
 LONGEST_LABEL = 60

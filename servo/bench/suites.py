@@ -12,12 +12,12 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from sim import kinds
-from tracking.evaluation.sequences.sequence import is_folder, read_all
-from tracking.evaluation.sequences.sources import RATE
-from tracking.evaluation.sequences.truth import Format
 from tracking.external import OF_THE_USER
+from tracking.sequences.sequence import is_folder, read_all
+from tracking.sequences.sources import RATE
+from tracking.sequences.truth import Format
 
-GENERATORS = "tracking.evaluation.sequences.generators"
+GENERATORS = "tracking.sequences.painted"
 TRACKERS = "tracking.trackers"
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
 HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]

@@ -15,9 +15,9 @@ from servo.cli.terminal import plain, print_table, work
 from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
 from servo.report import bench_section
-from sim import gl
-from tracking.evaluation.drawing import curves
-from tracking.evaluation.drawing.contact_sheet import encoded, sheet
+from sim.camera import gl
+from tracking.drawing import curves
+from tracking.drawing.contact_sheet import encoded, sheet
 from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 

@@ -26,7 +26,7 @@ from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.toml import assignment
-from sim import gl
+from sim.camera import gl
 from tracking.files.json_text import number
 
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")

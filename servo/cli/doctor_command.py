@@ -16,7 +16,7 @@ from servo.output.run_folder import RECORDING, RunFolder
 from servo.output.versions import clash, versions
 from servo.report.words import Table
 from servo.scenario import load as scenarios
-from sim import gl
+from sim.camera import gl
 
 LENGTH = 60.0
 """The car's length in the films that trackers are timed on [px]."""

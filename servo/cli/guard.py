@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any, TextIO
 
 from servo.mistake import MISPLACED, Mistake, Refused, refusal
-from sim.gl import NoRenderer, check_environment
+from sim.camera.gl import NoRenderer, check_environment
 from sim.kinds import UnknownKind
 
 MISTAKEN = 2

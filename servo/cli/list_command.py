@@ -22,7 +22,7 @@ from sim import kinds
 FOLDERS = {
     **{name: folder for name, (folder, _) in PLUGINS.items()},
     **LISTS,
-    "sequences": "tracking.evaluation.sequences.generators",
+    "sequences": "tracking.sequences.painted",
 }
 PARTS = ("scenario", "study", *FOLDERS)
 

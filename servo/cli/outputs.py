@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from servo.loop.episode import Episode
     from servo.output.recording.live import LiveViewer
-    from tracking.evaluation.sequences.sources import Source
+    from tracking.sequences.sources import Source
     from tracking.types import Region
 
 PORT = 9090
@@ -99,7 +99,7 @@ class Outputs:
         """What takes the shots of a track."""
         found: dict[Path | str, Sink] = {}
         if self.video is not None:
-            from tracking.evaluation.drawing.annotated_video import AnnotatedVideo
+            from tracking.drawing.annotated_video import AnnotatedVideo
 
             end = None if source.count is None else (source.count - 1) / source.rate
             found[self.video] = AnnotatedVideo(self.video, source.rate, region, title, end)

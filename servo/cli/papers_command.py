@@ -29,9 +29,9 @@ from servo.papers.groups import words
 from servo.papers.loop_series import LoopSeries
 from servo.papers.tuning import TUNING
 from servo.report.words import Table
-from sim import gl
-from tracking.evaluation.verdicts import Finding
+from sim.camera import gl
 from tracking.files import atomic
+from tracking.statistics.verdicts import Finding
 
 TONES = {Finding.HOLDS: "green", Finding.DOES_NOT_HOLD: "red", Finding.UNDECIDED: "yellow"}
 

@@ -10,9 +10,9 @@ from rich.console import Console
 
 from servo.cli.terminal import plain
 from servo.mistake import Mistake
-from sim.display import has_display
+from servo.output.display import has_display
 from sim.types import Image
-from tracking.evaluation.sequences.sources import Picture
+from tracking.sequences.sources import Picture
 from tracking.types import Region, State
 
 DIGITS = 6

@@ -22,7 +22,7 @@ from jinja2 import Environment, StrictUndefined
 
 from servo.mistake import Mistake
 from sim.types import Image
-from tracking.evaluation.drawing.contact_sheet import encoded
+from tracking.drawing.contact_sheet import encoded
 
 if TYPE_CHECKING:
     from servo.cli.region_choice import Box

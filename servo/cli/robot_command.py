@@ -21,19 +21,19 @@ from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
 from servo.scenario.fill import fill
-from sim.assembly import ROBOT, build_model
-from sim.camera import CameraConfig, pinhole
-from sim.model_files import read_spec
+from sim.camera.camera import CameraConfig, pinhole
+from sim.camera.renderer import OpenGLRenderer
+from sim.models.assembly import ROBOT, build_model
+from sim.models.model_files import read_spec
 from sim.motions import still
-from sim.render import OpenGLRenderer
-from sim.robot import CAMERA, Robot
-from sim.robot_chain import Chain, flanges
-from sim.robot_drives import drive_of, kind_of_joint, wrong_drive
-from sim.robot_model import camera_chain
+from sim.robot.chain import Chain, flanges
+from sim.robot.drives import drive_of, kind_of_joint, wrong_drive
+from sim.robot.model import camera_chain
+from sim.robot.robot import CAMERA, Robot
+from sim.robot.workspace import Workspace, sample_workspace
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
-from sim.workspace import Workspace, sample_workspace
 from sim.world import World, WorldConfig
 
 DEPTH = 1.0

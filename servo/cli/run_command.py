@@ -23,8 +23,8 @@ from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.sections import DOES_NOT_REPEAT
-from sim import gl
-from sim.target import dimensions
+from sim.camera import gl
+from sim.models.target import dimensions
 from sim.types import Array
 
 

@@ -25,7 +25,7 @@ from servo.study.plan import Study, StudyFile
 from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, missed
 from servo.study.store import RESULTS, Store, opened
 from servo.study.work import FailedRun, work
-from sim import gl
+from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
 SHOWN = {

@@ -28,14 +28,14 @@ from servo.scenario.fill import fill_plugin
 from servo.scenario.toml import override
 from sim import kinds
 from sim.types import Array
-from tracking.evaluation.sequences import truth as truths
-from tracking.evaluation.sequences.quadrilateral import placement
-from tracking.evaluation.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.evaluation.sequences.sources import End, Picture, Source
-from tracking.evaluation.sequences.stream import shown
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
 from tracking.files.json_text import number
+from tracking.sequences import truth as truths
+from tracking.sequences.quadrilateral import placement
+from tracking.sequences.sequence import check_truth, source_of, truth_beside
+from tracking.sequences.sources import End, Picture, Source
+from tracking.sequences.stream import shown
 from tracking.types import Region, State, Status
 
 TRACKERS = "tracking.trackers"

@@ -10,9 +10,9 @@ from rich.markup import escape
 
 from servo.cli.terminal import complain, print_table
 from servo.report.words import Table
-from tracking.evaluation.sequences.sources import End
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_measures import MEASURES, Comparison
+from tracking.sequences.sources import End
 from tracking.types import Status
 
 

@@ -24,9 +24,9 @@ from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.scenario.sections import StartConfig
 from servo.types import Sight
+from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 from sim.geometry import exp_so3
-from sim.render import MakeRenderer, OpenGLRenderer
-from sim.start_pose import Reach
+from sim.robot.start_pose import Reach
 from sim.types import Array, Image, Pose, Truth
 from sim.world import Unstable, World
 from tracking.types import Region, State

@@ -12,8 +12,8 @@ import numpy as np
 from servo.loop.part_failed import PartFailed
 from servo.parts import FeatureSet
 from servo.types import Command, Sight
-from sim.robot import Design
-from sim.target import Target
+from sim.models.target import Target
+from sim.robot.robot import Design
 from tracking.types import Estimate, Status
 
 METHODS = {

@@ -8,8 +8,8 @@ from matplotlib.image import AxesImage
 
 from servo.loop.step import Step
 from sim.types import Image
-from tracking.evaluation.drawing.annotated_video import COLOURS
-from tracking.evaluation.drawing.contact_sheet import TRUE, outline
+from tracking.drawing.annotated_video import COLOURS
+from tracking.drawing.contact_sheet import TRUE, outline
 
 GOAL = (240, 60, 50)
 WIDTH = 640

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from servo.loop.step import Step
 from servo.output.plots import COLOURS
-from sim.room_view import RoomView
-from tracking.evaluation.drawing.annotated_video import COLOURS as OF_STATUS
-from tracking.evaluation.drawing.contact_sheet import TRUE
-from tracking.evaluation.drawing.film_page import FilmPage, panel
+from servo.output.room_view import RoomView
+from tracking.drawing.annotated_video import COLOURS as OF_STATUS
+from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing.film_page import FilmPage, panel
 from tracking.types import Status
 
 PANEL = (616, 462)

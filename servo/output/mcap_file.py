@@ -27,8 +27,8 @@ from servo.mistake import Mistake
 from servo.output.steps_table import quantities
 from sim.quaternion import quaternion_of
 from sim.types import Array, Camera, Image, Pose
-from tracking.evaluation.drawing.annotated_video import COLOURS
-from tracking.evaluation.drawing.contact_sheet import TRUE, encoded
+from tracking.drawing.annotated_video import COLOURS
+from tracking.drawing.contact_sheet import TRUE, encoded
 from tracking.evaluation.track import Shot
 from tracking.files.json_text import as_json
 from tracking.types import Region, Status
@@ -263,7 +263,7 @@ class TrackMcap:
         """
         found = shot.estimate
         time = shot.picture.time
-        outlines = {} if truth is None else {TRUE: truth}
+        outlines: dict[tuple[int, int, int], Array] = {} if truth is None else {TRUE: truth}
         outlines[COLOURS[found.status]] = found.outline(self._region)
         self._file.picture(time, shot.picture.image, outlines, found.particles)
         numbers = {"confidence": shot.confidence, "milliseconds": 1e3 * shot.seconds}

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from servo.loop.step import Step
-from tracking.evaluation.drawing.figures import Drawing, literal, panels, save
+from tracking.drawing.figures import Drawing, literal, panels, save
 
 MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#7b3fa0", "#159aa0", "#d6559a", "#555555")

@@ -20,7 +20,7 @@ from servo.output.steps_table import STREAM, TABLE, StepsTable
 from servo.output.versions import versions
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from sim.target import dimensions
+from sim.models.target import dimensions
 from tracking.files import atomic
 from tracking.files.json_text import as_json, number
 

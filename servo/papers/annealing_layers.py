@@ -16,12 +16,12 @@ from servo.papers.tuning import published
 from sim.types import Array
 from tracking.appearance.bins import Labelled
 from tracking.appearance.model import SampledModel
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval
-from tracking.evaluation.verdicts import Finding, not_worse
+from tracking.drawing import figures
 from tracking.files.json_text import as_json
 from tracking.search.annealing import Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import Finding, not_worse
 from tracking.trackers import kams
 from tracking.trackers.annealed import CLIMB_TOLERANCE
 

@@ -13,9 +13,9 @@ from servo.bench.sequence_jobs import Generated
 from servo.papers.claim import COLOURS, FRESH, Claim, Effort, Rule, Verdict, every, panels
 from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import Result, by_tracker, column, completed, mean, ratio, words
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.verdicts import greater, not_worse
+from tracking.drawing import figures
 from tracking.settings import PLAIN
+from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 30
 LOSES = 50.0

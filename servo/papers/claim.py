@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
 from servo.papers.groups import Result
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval
-from tracking.evaluation.verdicts import Finding
+from tracking.drawing import figures
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import Finding
 
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
 WORDS = {f: f.name.lower().replace("_", " ") for f in Finding}

@@ -14,9 +14,9 @@ from servo.papers.claim import COLOURS, Claim, Effort, Rule, Verdict, panels
 from servo.papers.groups import Result, column, group
 from servo.papers.loop_series import LoopSeries
 from sim import kinds
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval, mean_of
-from tracking.evaluation.verdicts import Finding
+from tracking.drawing import figures
+from tracking.statistics.comparisons import Interval, mean_of
+from tracking.statistics.verdicts import Finding
 
 SEEDS = 10
 NONE = "none"

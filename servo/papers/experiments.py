@@ -12,8 +12,8 @@ from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
 from servo.bench.suites import GENERATORS, TRACKERS
 from servo.papers.groups import Result
 from sim import kinds
-from tracking.evaluation.sequences.sequence import Sequence as Painting
-from tracking.evaluation.sequences.sources import Painted
+from tracking.sequences.sequence import Sequence as Painting
+from tracking.sequences.sources import Painted
 
 
 @dataclass(frozen=True, slots=True)

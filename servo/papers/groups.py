@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim.types import Array
-from tracking.evaluation.statistics import Interval, difference_of_shares, mean_of
+from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
 
 Result = dict[str, Any]
 

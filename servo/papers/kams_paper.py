@@ -35,11 +35,11 @@ from servo.papers.groups import (
     words,
 )
 from servo.papers.tuning import AS_PUBLISHED, LEVELS, published, tuned
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.sequences.sequence import read_all
-from tracking.evaluation.sequences.sources import RATE
-from tracking.evaluation.statistics import Interval, McNemar, holm
-from tracking.evaluation.verdicts import Finding, greater, not_worse
+from tracking.drawing import figures
+from tracking.sequences.sequence import read_all
+from tracking.sequences.sources import RATE
+from tracking.statistics.comparisons import Interval, McNemar, holm
+from tracking.statistics.verdicts import Finding, greater, not_worse
 
 EASY = "abcd"
 """Levels of the paper's sequences."""

@@ -13,9 +13,9 @@ from servo.bench.sequence_jobs import Contender, SequenceJob, track_path
 from servo.papers.experiments import generated
 from servo.papers.groups import Result
 from sim.types import Frame
-from tracking.evaluation.sequences.generators.similarity import FAST
-from tracking.evaluation.sequences.sources import RATE
 from tracking.evaluation.track_file import read
+from tracking.sequences.painted.similarity import FAST
+from tracking.sequences.sources import RATE
 
 SIMILARITY = generated("similarity")
 

@@ -36,11 +36,11 @@ from servo.papers.groups import (
 )
 from servo.papers.kernel_jobs import SIMILARITY, Interleaved, Tracked
 from servo.papers.tuning import published, tuned
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.sequences.generators.similarity import HIDDEN_AT
-from tracking.evaluation.statistics import Interval, mean_of
+from tracking.drawing import figures
 from tracking.evaluation.track_file import read
-from tracking.evaluation.verdicts import Finding, greater, not_worse
+from tracking.sequences.painted.similarity import HIDDEN_AT
+from tracking.statistics.comparisons import Interval, mean_of
+from tracking.statistics.verdicts import Finding, greater, not_worse
 
 SEEDS = 60
 SEEDS_TIMED = 4

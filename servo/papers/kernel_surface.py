@@ -13,8 +13,8 @@ from servo.papers.experiments import Experiment, contender
 from servo.papers.groups import Result, ratio, words
 from servo.papers.kernel_jobs import SIMILARITY
 from sim.types import Array
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.verdicts import greater
+from tracking.drawing import figures
+from tracking.statistics.verdicts import greater
 
 SEEDS = 30
 TURNED_DEG = np.linspace(-90, 90, 37)

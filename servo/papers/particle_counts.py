@@ -14,9 +14,9 @@ from servo.papers.groups import Result, column, group, words
 from servo.papers.kams_paper import clutter
 from servo.papers.tuning import AS_PUBLISHED, TUNED
 from sim.types import Array
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval
-from tracking.evaluation.verdicts import greater
+from tracking.drawing import figures
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import greater
 
 KINDS = ("kams", "annealed", "hybrid", "condensation")
 COUNTS = (12, 25, 50, 100, 200, 400)

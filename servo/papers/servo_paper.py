@@ -14,9 +14,9 @@ from servo.batch.jobs import Job
 from servo.papers.claim import COLOURS, Claim, Effort, Rule, Verdict, panels
 from servo.papers.groups import Result, column, group, mean, mean_percent, ratio, words
 from servo.papers.loop_series import LINE, REVERSAL, LoopSeries, varied
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import Interval, mean_of
-from tracking.evaluation.verdicts import greater, not_worse
+from tracking.drawing import figures
+from tracking.statistics.comparisons import Interval, mean_of
+from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 20
 FIRST = 2000

@@ -16,10 +16,10 @@ from servo.papers.experiments import generated, sequence_jobs
 from servo.papers.groups import Result, by_tracker, column, mean, mean_percent, ratio, words
 from servo.papers.tuning import published, tuned
 from sim.types import Array
-from tracking.evaluation.drawing import figures
-from tracking.evaluation.statistics import mean_of
+from tracking.drawing import figures
 from tracking.evaluation.track_file import read
-from tracking.evaluation.verdicts import greater
+from tracking.statistics.comparisons import mean_of
+from tracking.statistics.verdicts import greater
 
 SEEDS = 20
 TIMES = 2.5

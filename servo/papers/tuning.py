@@ -18,8 +18,8 @@ from servo.papers.claim import Claim, Effort, Rule, Verdict
 from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import Result, column, group
 from sim import kinds
-from tracking.evaluation.statistics import Interval
-from tracking.evaluation.verdicts import Finding
+from tracking.statistics.comparisons import Interval
+from tracking.statistics.verdicts import Finding
 
 Settings = dict[str, Any]
 NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)

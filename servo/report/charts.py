@@ -16,7 +16,7 @@ from servo.report.drawing import INK, canvas, colour, css, svg
 from servo.report.page import Figure, Key
 from servo.report.words import shown
 from sim.types import Array
-from tracking.evaluation.statistics import Interval
+from tracking.statistics.comparisons import Interval
 
 ERRORS = 50.0
 SETTINGS = 10.0

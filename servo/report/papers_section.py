@@ -10,7 +10,7 @@ from servo.papers.claim import WORDS
 from servo.papers.claims import Judged, PapersReport
 from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
-from tracking.evaluation.verdicts import Finding
+from tracking.statistics.verdicts import Finding
 
 TONES = {WORDS[Finding.HOLDS]: Tone.GOOD, WORDS[Finding.DOES_NOT_HOLD]: Tone.BAD}
 

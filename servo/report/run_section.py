@@ -18,8 +18,8 @@ from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
 from servo.scenario.sections import DOES_NOT_REPEAT
 from sim.types import Array
-from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
-from tracking.evaluation.sequences.sources import Picture as Shown
+from tracking.drawing.contact_sheet import encoded, page, tile
+from tracking.sequences.sources import Picture as Shown
 
 TILES = 12
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")

@@ -18,7 +18,7 @@ from servo.study.plan import FailureFile, StudyFile
 from servo.study.store import FAILURES, RESULTS, RUNS
 from servo.study.units import SUCCESS, Units, values
 from sim.types import Array
-from tracking.evaluation.statistics import Interval
+from tracking.statistics.comparisons import Interval
 
 SERIES = ("servo_error_px", "tracking_error_px", "on_target", *CAMERA, *CORNERS)
 SHEET = "sheet"

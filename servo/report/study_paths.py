@@ -13,9 +13,9 @@ from servo.report.page import PageImage
 from servo.report.study_data import Row, Series, StudyResults
 from servo.report.words import listed
 from servo.study.perform import CAMERA, CORNERS
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.types import Array
-from tracking.evaluation.drawing.figures import DOTS, literal
+from tracking.drawing.figures import DOTS, literal
 
 MOST = 12
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from tracking.evaluation.statistics import Interval
+from tracking.statistics.comparisons import Interval
 
 NOTHING = "\N{EN DASH}"
 LARGE = 100

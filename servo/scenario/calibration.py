@@ -13,7 +13,7 @@ import yaml
 
 from servo.mistake import Mistake
 from servo.scenario.toml import is_number
-from sim.distortion import COEFFICIENTS, Model
+from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
 
 Table = dict[str, Any]

@@ -32,7 +32,7 @@ from servo.scenario.toml import put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
 from sim.believed import BelievedConfig
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.timing import Rates
 from sim.world import WorldConfig
 

@@ -60,7 +60,7 @@ def digest_of(name: str) -> str:
 
 
 def _parts(model: Path) -> set[Path]:
-    from sim.model_files import files_of  # only now: it imports MuJoCo
+    from sim.models.model_files import files_of  # only now: it imports MuJoCo
 
     return files_of(model)
 

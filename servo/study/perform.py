@@ -24,9 +24,9 @@ from servo.scenario.named_files import digest_of
 from servo.study.plan import Run, Study
 from sim.files import reading
 from sim.kinds import UnknownKind
-from tracking.evaluation.drawing.contact_sheet import encoded, page, tile
-from tracking.evaluation.sequences.sources import Picture
+from tracking.drawing.contact_sheet import encoded, page, tile
 from tracking.files.json_text import number
+from tracking.sequences.sources import Picture
 
 Row = dict[str, Any]
 TILES = 8

@@ -13,8 +13,8 @@ from servo.study.parse import SUCCESS
 from servo.study.perform import Row
 from servo.study.plan import Study
 from servo.study.units import Units
-from tracking.evaluation.statistics import Interval, McNemar, cells, holm, titles
 from tracking.files.csv_text import csv_text
+from tracking.statistics.comparisons import Interval, McNemar, cells, holm, titles
 
 AVERAGED = (*MEANINGS, "track_ms")
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")

@@ -16,7 +16,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.study.axes import SCENARIO
 from servo.study.perform import TIMED
 from sim.types import Array
-from tracking.evaluation.statistics import Interval, mean_of
+from tracking.statistics.comparisons import Interval, mean_of
 
 Row = dict[str, Any]
 SUCCESS = "success"

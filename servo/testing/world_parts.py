@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from servo.testing._given import BrokenContract, built, config_of, contract, require
-from sim.assembly import TARGET, build_model
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.geometry import log_se3
-from sim.robot import Design, Robot
-from sim.target import Target
+from sim.models.assembly import TARGET, build_model
+from sim.models.target import Target
+from sim.robot.robot import Design, Robot
 from sim.types import Array, Effect, Pose
 
 PHYSICS_RATE = 480.0
@@ -73,8 +73,8 @@ def check_disturbance(disturbance: Any) -> None:
 
 @contract
 def check_robot(robot: Any) -> None:
-    """Check that a robot keeps the contract of `sim.robot.Design`: it can be put into the room, and
-    its joints move the camera as its Jacobian says.
+    """Check that a robot keeps the contract of `sim.robot.robot.Design`: it can be put into the
+    room, and its joints move the camera as its Jacobian says.
 
     Raises:
         BrokenContract: It does not; the sentence says what to change.
@@ -115,8 +115,8 @@ def _check_jacobian(machine: Robot, data: Any, model: Any, home: Array) -> None:
 
 @contract
 def check_target(target: Any) -> None:
-    """Check that a target keeps the contract of `sim.target.Target`: it can be put into the room,
-    moves as one, and its reference rectangle is on it.
+    """Check that a target keeps the contract of `sim.models.target.Target`: it can be put into the
+    room, moves as one, and its reference rectangle is on it.
 
     Raises:
         BrokenContract: It does not; the sentence says what to change.

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from sim.ranges import Degrees, Place
-from sim.robot import Damping
+from sim.robot.robot import Damping
 from sim.robots import mjcf
 
 ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)

@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from sim.model_files import read_tree, spec_of
+from sim.models.model_files import read_tree, spec_of
+from sim.models.urdf import speeds
 from sim.ranges import Degrees, Place
-from sim.robot import Damping, Design, Drives
-from sim.robot_chain import FEWEST
-from sim.robot_model import camera_chain, drive, make_robot, mount_pose
+from sim.robot.chain import FEWEST
+from sim.robot.model import camera_chain, drive, make_robot, mount_pose
+from sim.robot.robot import Damping, Design, Drives
 from sim.types import Pose
-from sim.urdf import speeds
 
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
 Rate = Annotated[float, Ge(0.001), Le(100)]

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.models.target import Target, outline_site, rectangle, seen_from_above
 from sim.ranges import Length, Share
-from sim.target import Target, outline_site, rectangle, seen_from_above
 from sim.types import Array
 
 Colour = str | tuple[Share, Share, Share]

@@ -6,7 +6,7 @@ from importlib import resources
 import mujoco
 import numpy as np
 
-from sim.target import Target
+from sim.models.target import Target
 from sim.targets._settings import Outlined
 
 

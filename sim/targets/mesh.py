@@ -7,10 +7,10 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from sim.files.mesh_file import Triangles, read_mesh
-from sim.model_files import said_by_mujoco
+from sim.models.mesh_file import Triangles, read_mesh
+from sim.models.model_files import said_by_mujoco
+from sim.models.target import Target
 from sim.ranges import Degrees, Length
-from sim.target import Target
 from sim.targets import _paint
 from sim.targets._settings import Colour, Outlined, file_of, rgba
 from sim.types import Array, Image

@@ -6,8 +6,8 @@ from itertools import chain
 import mujoco
 import numpy as np
 
-from sim.model_files import read_spec, said_by_mujoco
-from sim.target import Target
+from sim.models.model_files import read_spec, said_by_mujoco
+from sim.models.target import Target
 from sim.targets._settings import Outlined, file_of
 
 MOVING = (

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.models.target import Target, rectangle
 from sim.ranges import Length
-from sim.target import Target, rectangle
 from sim.targets import _paint
 from sim.targets._settings import Outlined
 

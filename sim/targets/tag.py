@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.models.target import Target, rectangle
 from sim.ranges import Length
-from sim.target import Target, rectangle
 from sim.targets import _paint
 from sim.targets._settings import Outlined
 from sim.targets.plate import THICKNESS

@@ -17,8 +17,8 @@ import numpy as np
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from sim.render import OpenGLRenderer
-from sim.robot import CAMERA
+from sim.camera.renderer import OpenGLRenderer
+from sim.robot.robot import CAMERA
 
 ROUNDS = 40
 PLAIN = {}

@@ -2,7 +2,7 @@
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from sim import gl
+from sim.camera import gl
 
 
 def build_and_close():

@@ -9,9 +9,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.assembly import build_model
-from sim.camera import CameraConfig
-from sim.robot import Robot
+from sim.camera.camera import CameraConfig
+from sim.models.assembly import build_model
+from sim.robot.robot import Robot
 from sim.robots import mjcf
 from sim.targets import car
 

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.motions import still
 from sim.robots import gantry
 from sim.world import World, WorldConfig

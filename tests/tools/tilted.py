@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.camera import CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.geometry import exp_so3
 from sim.robots import gantry
 from sim.types import Pose

@@ -10,7 +10,7 @@ import numpy as np
 from sim.files.picture_file import read_image
 from sim.types import Array, Image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.sources import RATE
+from tracking.sequences.sources import RATE
 
 
 class Got10kTracker:

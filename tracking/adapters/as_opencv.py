@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.files.picture_file import rgb
 from tracking.adapters.follower import Follower, Rect
-from tracking.evaluation.sequences.sources import RATE
+from tracking.sequences.sources import RATE
 from tracking.types import Status
 
 

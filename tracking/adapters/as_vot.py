@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.files.picture_file import read_image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.sources import RATE
+from tracking.sequences.sources import RATE
 
 
 class VotHandle(Protocol):

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.types import Frame, Image
 from tracking import create
-from tracking.evaluation.sequences.quadrilateral import boxes, corners_of, placement
+from tracking.sequences.quadrilateral import boxes, corners_of, placement
 from tracking.types import Estimate
 
 Rect = tuple[float, float, float, float]

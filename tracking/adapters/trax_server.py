@@ -11,8 +11,8 @@ import numpy as np
 from sim.files.picture_file import read_image
 from sim.types import Array, Image
 from tracking.adapters.follower import Follower
-from tracking.evaluation.sequences.sources import RATE
 from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
+from tracking.sequences.sources import RATE
 
 ABOUT = {
     "trax.version": "4",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.evaluation.sequences.sources import Picture
+from tracking.sequences.sources import Picture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
 

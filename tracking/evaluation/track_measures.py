@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.evaluation.sequences.quadrilateral import boxes
 from tracking.evaluation.track import Track
+from tracking.sequences.quadrilateral import boxes
 
 OVERLAPS = np.linspace(0, 1, 21)
 """Thresholds of the success curve, as in OTB (Wu, Lim, Yang 2013)."""

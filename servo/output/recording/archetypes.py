@@ -16,9 +16,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from servo.mistake import Refused
+from servo.output.room_view import EYE, LOOKS_AT
+from servo.output.shapes import Shape
 from sim.quaternion import quaternion_of
-from sim.room_view import EYE, LOOKS_AT
-from sim.shapes import Shape
 from sim.types import Array
 
 IMAGE = "world/eye/image"

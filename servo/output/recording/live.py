@@ -19,8 +19,8 @@ import rerun.blueprint as rrb
 import rerun_cli
 
 from servo.mistake import Mistake, Refused
+from servo.output.display import has_display
 from servo.output.recording.archetypes import flushed, new_stream
-from sim.display import has_display
 
 HOST = "127.0.0.1"
 SHOWN = 30.0

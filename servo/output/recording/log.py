@@ -36,11 +36,11 @@ from servo.loop.events import Event, events
 from servo.loop.step import Step
 from servo.output.recording import archetypes
 from servo.output.recording.archetypes import IMAGE, Recording
+from servo.output.shapes import shapes_of
 from servo.types import DOF
-from sim.robot import Robot
-from sim.shapes import shapes_of
+from sim.robot.robot import Robot
 from sim.types import Array
-from tracking.evaluation.drawing.contact_sheet import encoded
+from tracking.drawing.contact_sheet import encoded
 
 JPEG_QUALITY = 80
 GREEN = (60, 220, 90)

@@ -20,8 +20,8 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from servo.mistake import Mistake, check_suffix
+from servo.output.display import has_display
 from servo.output.recording.archetypes import IMAGE
-from sim.display import has_display
 from sim.files import reading
 from sim.types import Array, Image
 from tracking.files import atomic

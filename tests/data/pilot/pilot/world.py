@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from servo import Pose
+from sim.models.target import Target, rectangle
 from sim.robots import gantry
-from sim.target import Target, rectangle
 
 CUSHION = """
 <mujoco>

@@ -1,0 +1,69 @@
+"""The room as somebody in it sees it, with everything where it was at a moment: for films."""
+
+from math import radians, tan
+
+import mujoco
+import numpy as np
+
+from sim.camera.renderer import OpenGLRenderer
+from sim.quaternion import matrix_of
+from sim.types import Array, Camera, Image
+
+CAMERA = "room"
+"""A camera of room.xml, which is put elsewhere."""
+EYE = (0.9, -3.1, 1.9)
+LOOKS_AT = (0.0, 0.0, 0.5)
+"""Where from and where to, in the room [m]; recordings begin with the same view."""
+SMOOTH = 4
+"""Samples of a pixel: no steps at the edges."""
+FOVY = radians(55)
+"""Vertical field of view [rad]: a whole robot is seen."""
+
+
+class RoomView:
+    """Pictures of a model's bodies at the poses of a step. Holds GL buffers: close it.
+
+    What changes the light is not part of a step, and is drawn as it is at the time of the call.
+    """
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        focal = height / 2 / tan(FOVY / 2)
+        quality = model.vis.quality
+        view = Camera(focal, focal, width / 2, height / 2, width, height)
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._id = model.camera(CAMERA).id
+        before = quality.offsamples
+        quality.offsamples = SMOOTH
+        self._renderer = OpenGLRenderer(model, CAMERA, view)
+        quality.offsamples = before
+        mujoco.mj_forward(model, self._data)
+        self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])
+
+    def render(self, bodies: Array) -> Image:
+        """A picture (H, W, 3) of all bodies at poses (n, 3, 4) that `World.bodies` gave."""
+        model = self._model
+        data = self._data
+        data.xmat[1:] = bodies[:, :, :3].reshape(-1, 9)
+        data.xpos[1:] = bodies[:, :, 3]
+        turned = data.xmat[model.geom_bodyid].reshape(-1, 3, 3)
+        data.geom_xmat[:] = (turned @ self._turned).reshape(-1, 9)
+        data.geom_xpos[:] = data.xpos[model.geom_bodyid] + np.einsum(
+            "gij,gj->gi", turned, model.geom_pos
+        )
+        mujoco.mj_camlight(model, data)
+        data.cam_xpos[self._id] = EYE
+        data.cam_xmat[self._id] = _towards(EYE, LOOKS_AT).ravel()
+        return self._renderer.render(data)
+
+    def close(self) -> None:
+        """Give the buffers back."""
+        self._renderer.close()
+
+
+def _towards(eye: tuple[float, ...], point: tuple[float, ...]) -> Array:
+    """Rotation (3, 3) of a camera of MuJoCo, upright, that looks at a point."""
+    back = np.subtract(eye, point) / np.linalg.norm(np.subtract(eye, point))
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, np.cross(back, right), back])

@@ -1,0 +1,1 @@
+"""The camera: intrinsics, lens and sensor, the renderer, and OpenGL."""

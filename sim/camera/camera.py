@@ -1,0 +1,182 @@
+"""The camera of the robot: its settings, and the intrinsics that they and the model give."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import mujoco
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from sim.camera.distortion import WIDEST, Distortion, Model
+from sim.ranges import Interval, Share
+from sim.types import Array, Camera
+
+FOVY = 45.0
+"""Vertical field of view of a camera of which nothing is given [deg]."""
+SAME_PIXEL = 1e-6
+"""A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
+Focal = Annotated[float, Ge(1), Le(100_000)]
+Principal = Annotated[float, Ge(-10_000), Le(10_000)]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConfig:
+    """The camera of the robot."""
+
+    width: Annotated[int, Ge(16), Le(2560)] = 320
+    """Image width [px]."""
+    height: Annotated[int, Ge(16), Le(1920)] = 240
+    """Image height [px]."""
+    rate: Annotated[float, Ge(0.5), Le(1000)] = 30.0
+    """Frames a second [Hz]; where it does not divide the physics rate, the physics step is made a
+    little shorter."""
+    fovy_deg: Annotated[float, Gt(1), Lt(170)] | None = None
+    """Vertical field of view, with the distortion if there is one [deg]; by default 45, or what
+    the sensor of the robot's model gives."""
+    fx: Focal | None = None
+    """Focal length along u, in place of the field of view [px]."""
+    fy: Focal | None = None
+    """Focal length along v [px]; by default fx."""
+    cx: Principal | None = None
+    """Principal point, u from the image's left border [px], 0.5 more than OpenCV's; by default the
+    middle, or what the model's sensor gives."""
+    cy: Principal | None = None
+    """Principal point, v from the upper border [px]; by default as for cx."""
+    distortion: Model | None = None
+    """Distortion of the lens: "plumb_bob" (k1 k2 p1 p2 k3), "rational" (k1 k2 p1 p2 k3 k4 k5 k6) or
+    "fisheye" (k1 k2 k3 k4); by default there is none."""
+    coefficients: tuple[Annotated[float, Ge(-10_000), Le(10_000)], ...] = ()
+    """Coefficients of the distortion, in OpenCV's order."""
+    calibration: str | None = None
+    """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
+    beside the scenario's file, or in the working directory where --set names it."""
+    supersample: Annotated[int, Ge(1), Le(4)] = 1
+    """Rendered this many times as large and averaged: 2 smooths the edges, and doubles the time."""
+    noise: Annotated[float, Ge(0), Le(100)] = 0.0
+    """Standard deviation of the sensor noise [grey levels of 255]."""
+    exposure: Share = 0.0
+    """Exposure as a fraction of the frame interval; what moves meanwhile is blurred."""
+    subframes: Annotated[int, Ge(2), Le(64)] = 6
+    """Pictures that are averaged over the exposure, where there is one."""
+    readout_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
+    """Rolling shutter: the first row is exposed this long before the last one, which ends at the
+    frame's time [ms]."""
+    bands: Annotated[int, Ge(2), Le(64)] = 8
+    """Bands of rows that a rolling shutter exposes together; each is rendered, at the nearest
+    physics step."""
+    auto_gain: Interval | None = None
+    """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
+    first [s]; by default the gain is fixed."""
+
+    def __post_init__(self) -> None:
+        if self.fovy_deg is not None and self.fx is not None:
+            raise ValueError("fovy_deg and fx both give the focal length; leave one of them out")
+        if self.fy is not None and self.fx is None:
+            raise ValueError("fy needs fx, the focal length along u")
+        if self.distortion is None and self.coefficients:
+            raise ValueError("coefficients need a distortion: plumb_bob, rational or fisheye")
+        if self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL:
+            raise ValueError(
+                f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame of "
+                f"{1e3 / self.rate:g} ms"
+            )
+        for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
+            if at is not None and not -size <= at <= 2 * size:
+                raise ValueError(
+                    f"{name} = {at:g} px is far outside of a picture of {size} px; "
+                    f"it should be from {-size} to {2 * size}"
+                )
+        _ = self.lens
+
+    @property
+    def lens(self) -> Distortion | None:
+        """The distortion; None where there is none, or all its coefficients are zero."""
+        if self.distortion is None:
+            return None
+        lens = Distortion(self.distortion, self.coefficients)
+        return lens if self.distortion == "fisheye" or any(self.coefficients) else None
+
+
+def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera:
+    """The intrinsics of a camera of the model, for an image of this size.
+
+    A camera with a sensor size has focal length and principal point in metres on the sensor, which
+    the image fills; all others have a vertical field of view, square pixels, and the principal
+    point in the middle of the image.
+
+    Raises:
+        ValueError: The camera's projection is not perspective.
+    """
+    camera = model.camera(name).id
+    if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
+        raise ValueError(f"the camera '{name}' of the robot's model has to be a perspective one")
+    sensor = model.cam_sensorsize[camera].astype(float)
+    if not sensor.all():
+        f = height / 2 / np.tan(np.radians(model.cam_fovy[camera]) / 2)
+        return Camera(fx=f, fy=f, cx=width / 2, cy=height / 2, width=width, height=height)
+    intrinsic = model.cam_intrinsic[camera].reshape(2, 2).astype(float)
+    focal, offset = (intrinsic / sensor * (width, height)).tolist()
+    # MuJoCo's offset says where the middle of the image lies as seen from the principal point.
+    cx = width / 2 - offset[0]
+    cy = height / 2 - offset[1]
+    return Camera(fx=focal[0], fy=focal[1], cx=cx, cy=cy, width=width, height=height)
+
+
+def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
+    """The camera that a model's camera becomes with these settings, which go before its own.
+
+    Raises:
+        ValueError: No picture can be rendered for it; or the model's camera is not perspective.
+    """
+    if config.calibration is not None:
+        raise ValueError(
+            "camera.calibration is read where a scenario is loaded: servo.load takes it as "
+            '"camera.calibration=FILE"'
+        )
+    own = pinhole(model, name, config.width, config.height)
+    fx = own.fx
+    fy = own.fy
+    lens = config.lens
+    has_sensor = bool(model.cam_sensorsize[model.camera(name).id].all())
+    if config.fx is not None:
+        fx = config.fx
+        fy = config.fy or config.fx
+    elif config.fovy_deg is not None or (lens is not None and not has_sensor):
+        edge = np.array([0.0, np.tan(np.radians(config.fovy_deg or FOVY) / 2)])
+        fx = fy = config.height / 2 / float((edge if lens is None else lens.bend(edge))[1])
+    cx = own.cx if config.cx is None else config.cx
+    cy = own.cy if config.cy is None else config.cy
+    camera = replace(own, fx=fx, fy=fy, cx=cx, cy=cy, distortion=lens)
+    if camera != own:
+        _check(camera)
+    return camera
+
+
+def border(camera: Camera) -> Array:
+    """The border of a camera's image, at each pixel's corner (n, 2) [px]."""
+    u = np.arange(camera.width + 1.0)
+    v = np.arange(camera.height + 1.0)
+    sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]
+    return np.concatenate([np.stack(side, axis=-1) for side in sides])
+
+
+def _check(camera: Camera) -> None:
+    """Refuse a camera that a flat picture in front of it cannot show."""
+    pixels = border(camera)
+    lens = camera.distortion
+    rays = camera.normalise(pixels)
+    farthest = float(np.hypot(*rays.T).max())
+    if lens is not None and lens.folds and farthest >= lens.reach:
+        angle = np.degrees(np.arctan(lens.reach))
+        raise ValueError(
+            f"camera.coefficients: the distortion {lens.model} folds back inside the picture: it "
+            f"holds up to {angle:.3g} deg from the optical axis, and the picture reaches farther"
+        )
+    if not farthest < np.tan(np.radians(WIDEST)):
+        raise ValueError(
+            "camera: the border of the picture is more than "
+            f"{WIDEST:g} deg from the optical axis, which cannot be rendered; it needs a longer "
+            "focal length"
+        )
+    if not np.abs(camera.to_pixels(rays) - pixels).max() < SAME_PIXEL:
+        raise ValueError("camera.coefficients: these are no distortion of a lens")

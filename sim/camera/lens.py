@@ -1,0 +1,138 @@
+"""From rendered pinhole pictures to the frame: the lens, then averaging, brightness and noise."""
+
+from collections.abc import Sequence
+from math import exp
+from typing import Any, final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera.camera import CameraConfig, border
+from sim.timing import Band
+from sim.types import Array, Camera, Image
+
+SHARP = 0.8
+"""On the optical axis the rendered picture has at least this many pixels for one of the camera's.
+"""
+LARGEST = 4
+"""The rendered picture is at most this many times as wide, and as high."""
+NOISE_MARGIN = 64
+"""The noise tile is this much larger than the image [px], so that it can lie differently in each
+frame.
+"""
+ALL = slice(None)
+GAINS = 1 / 8, 8.0
+"""Range of an automatic gain."""
+
+
+@final
+class Lens:
+    """Bends pictures; a camera without distortion has a lens that leaves them as they are."""
+
+    def __init__(self, camera: Camera) -> None:
+        self.view = camera if camera.distortion is None else _view(camera)
+        """The pinhole camera whose pictures are bent: it covers all that the camera sees."""
+        self._maps: tuple[Any, Any] | None = None
+        if camera.distortion is not None:
+            v, u = np.mgrid[: camera.height, : camera.width] + 0.5
+            rays = camera.normalise(np.stack([u, v], axis=-1))
+            # OpenCV's coordinates start at the middle of a pixel.
+            # Floats on four channels: three times as fast as integers on three.
+            self._maps = (self.view.to_pixels(rays) - 0.5).astype(np.float32), None
+
+    def bend(self, picture: NDArray[Any], rows: slice = ALL) -> NDArray[Any]:
+        """The camera's picture (H, W, 3) of what `view` sees, or some of its rows."""
+        if self._maps is None:
+            return picture if rows is ALL else picture[rows]
+        four = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA)
+        (u, v) = self._maps
+        bent = cv2.remap(four, u[rows], v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
+
+    def count(self, mask: NDArray[np.bool_]) -> int:
+        """Pixels of the camera's picture in which a mask of `view`, of any size, is set."""
+        if self._maps is None:
+            return int(mask.sum())
+        size = self.view.width, self.view.height
+        whole = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        return int(cv2.remap(whole, *self._maps, cv2.INTER_NEAREST).sum())
+
+
+def _view(camera: Camera) -> Camera:
+    """The pinhole camera whose image is the rectangle around all rays that a camera sees."""
+    rays = camera.normalise(border(camera))
+    low = rays.min(axis=0)
+    span = np.ptp(rays, axis=0)
+    own: Array = np.array([camera.width, camera.height])
+    size = np.clip(np.ceil(SHARP * span * (camera.fx, camera.fy)), own, LARGEST * own)
+    (fx, fy) = (size / span).tolist()
+    (cx, cy) = (-low * size / span).tolist()
+    return Camera(fx, fy, cx, cy, *size.astype(int).tolist())
+
+
+class Sensor:
+    """Makes the frame from pictures of the lens's view."""
+
+    def __init__(
+        self,
+        config: CameraConfig,
+        lens: Lens,
+        rng: np.random.Generator,
+        bands: Sequence[Band] = (),
+    ) -> None:
+        self._size = (config.height, config.width)
+        self._lens = lens
+        self._rng = rng
+        steps = sorted({k for band in bands for k in band.steps})
+        self._bands = [
+            (slice(band.begin, band.end), [steps.index(k) for k in band.steps]) for band in bands
+        ]
+        """Rows, and which of the pictures they are exposed in."""
+        period = 1 / config.rate
+        slow = config.auto_gain
+        self._share = None if slow is None else 1 - exp(-period / slow)
+        self._gain = 1.0
+        self._level: float | None = None
+        self._noise = None
+        if config.noise > 0:
+            tile = (config.height + NOISE_MARGIN, config.width + NOISE_MARGIN, 3)
+            self._noise = rng.normal(0.0, config.noise, tile).astype(np.float32)
+
+    def develop(self, pictures: list[Image], gain: float) -> Image:
+        """The read-only frame from the pictures (H, W, 3) of one interval, in order; in the first
+        there is one only.
+
+        The lens bends their mean, once a frame, as it would bend each of them.
+        """
+        fixed = gain == 1.0 and self._noise is None and self._share is None
+        if len(pictures) == 1 and fixed:
+            image = self._lens.bend(pictures[0])
+        else:
+            light = self._exposed(pictures) * np.float32(gain)
+            if self._noise is not None:
+                top, left = self._rng.integers(0, NOISE_MARGIN, 2)
+                light += self._noise[top : top + self._size[0], left : left + self._size[1]]
+            if self._share is not None:
+                light *= np.float32(self._gain)
+            image = np.clip(np.rint(light), 0, 255).astype(np.uint8)
+            if self._share is not None:
+                self._adapt(max(float(image.mean()), 1.0), self._share)
+        image.setflags(write=False)
+        return image
+
+    def _exposed(self, pictures: list[Image]) -> NDArray[Any]:
+        """The light (H, W, 3), each row from the pictures of its own exposure."""
+        every = [(ALL, range(len(pictures)))]
+        bands = self._bands if len(pictures) > 1 and len(self._bands) > 1 else every
+        parts: list[NDArray[Any]] = []
+        for rows, taken in bands:
+            mean = np.mean([pictures[i] for i in taken], axis=0, dtype=np.float32)
+            parts.append(self._lens.bend(np.asarray(mean), rows))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _adapt(self, level: float, share: float) -> None:
+        """Take the gain a share of the way to where the picture is as bright as the first one."""
+        if self._level is None:
+            self._level = level
+        self._gain = float(np.clip(self._gain * (self._level / level) ** share, *GAINS))

@@ -1,0 +1,1 @@
+"""Robots that carry the camera: their chain of joints, drives, kinematics and start poses."""

@@ -1,0 +1,82 @@
+"""The film of a track: truth white; estimate green, amber or red by the tracker's status."""
+
+from pathlib import Path
+
+from sim.types import Array
+from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing.film_page import FilmPage, panel
+from tracking.evaluation.track import Shot
+from tracking.types import Region, Status
+
+COLOURS = {
+    Status.LOCKED: (60, 220, 60),
+    Status.UNSURE: (255, 180, 30),
+    Status.LOST: (240, 50, 50),
+}
+CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
+CURVES = {"confidence": "#2b6cb0"}
+SMALLEST = (608, 64)
+LARGEST = (1888, 1000)
+"""Pictures are enlarged or reduced to a panel between these [px]."""
+
+
+class AnnotatedVideo:
+    """Writer of one film; its size is that of the first picture."""
+
+    def __init__(
+        self, path: Path, rate: float, region: Region, title: str, end: float | None = None
+    ) -> None:
+        """Make a film of pictures at about a rate [1/s] that ends at a time [s], if it is known."""
+        self._path = path
+        self._rate = rate
+        self._region = region
+        self._title = title
+        self._end = end
+        self._size = (0, 0)
+        self._film: FilmPage | None = None
+
+    def add(self, shot: Shot, truth: Array | None) -> None:
+        """Write a picture.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        status = shot.estimate.status
+        outline = shot.estimate.outline(self._region)
+        marks = [(outline, COLOURS[status])]
+        if truth is not None:
+            marks.insert(0, (truth, TRUE))
+        film = self._opened(*(shot.size or SMALLEST))
+        view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
+        note = f"frame {shot.index}"
+        film.add(shot.picture.time, [view], [shot.confidence], status.name, note)
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._film:
+            self._film.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is; it can be played up to here."""
+        if self._film:
+            self._film.abandon()
+
+    def _opened(self, width: int, height: int) -> FilmPage:
+        if self._film is None:
+            factor = max(SMALLEST[0] / width, 1.0)
+            factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)
+            w = max(SMALLEST[0], round(factor * width))
+            h = max(SMALLEST[1], round(factor * height))
+            self._size = w + w % 2, h + h % 2
+            self._film = FilmPage(
+                self._path,
+                self._rate,
+                self._title,
+                [CAPTION],
+                self._size,
+                CURVES,
+                "confidence",
+                end=self._end,
+                top=1.0,
+            )
+        return self._film

@@ -1,0 +1,85 @@
+"""Contact sheets: pictures of a sequence in rows, with truth and estimate."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.sequences.sources import Picture, Source
+
+TRUE = (255, 255, 255)
+FOUND = (60, 220, 60)
+TILE = 240
+"""Width of a picture on the sheet [px]."""
+GAP = 4
+SUBPIXEL_BITS = 4
+
+
+def outline(
+    image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1, width: int = 1
+) -> None:
+    """Draw a quadrilateral (4, 2) into an image, with a black border; not if a corner is nan."""
+    if not np.isfinite(corners).all():
+        return
+    unit = 1 << SUBPIXEL_BITS
+    at = np.round((corners * factor - 0.5) * unit).clip(-(2**30), 2**30).astype(np.int32)
+    cv2.polylines(image, [at], True, (0, 0, 0), width + 2, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.polylines(image, [at], True, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
+
+
+def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:
+    """A contact sheet of up to `count` pictures at equal distances, in rows of four.
+
+    Args:
+        source: The pictures.
+        truth: True corners (n, 4, 2) [px], drawn white.
+        found: Estimated corners (n, 4, 2) [px], drawn green.
+        count: Number of pictures.
+    """
+    wanted = set(np.linspace(0, len(truth) - 1, min(count, len(truth))).astype(int).tolist())
+    return page(
+        [
+            tile(picture, truth[i], None if found is None or i >= len(found) else found[i])
+            for i, picture in enumerate(source)
+            if i in wanted
+        ]
+    )
+
+
+def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
+    """An RGB image as a file: a JPEG of a quality, 0 to 100, or else a PNG."""
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    if jpeg_quality is None:
+        return cv2.imencode(".png", bgr)[1].tobytes()
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
+
+
+def page(tiles: Sequence[Image]) -> Image:
+    """A picture made of tiles in rows of four."""
+    height = max(t.shape[0] for t in tiles)
+    width = TILE
+    columns = min(4, len(tiles))
+    rows = -(-len(tiles) // columns)
+    whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
+    for i, one in enumerate(tiles):
+        y = GAP + i // columns * (height + GAP)
+        x = GAP + i % columns * (width + GAP)
+        whole[y : y + one.shape[0], x : x + width] = one
+    return whole
+
+
+def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
+    """A picture with its name, resized to the width TILE, with corners (4, 2) of truth and
+    estimate; black if it could not be read.
+    """
+    image = np.zeros((TILE * 3 // 4, TILE, 3), np.uint8) if picture.image is None else picture.image
+    factor = TILE / image.shape[1]
+    size = (TILE, max(1, round(image.shape[0] * factor)))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    outline(small, truth, TRUE, factor)
+    if found is not None:
+        outline(small, found, FOUND, factor)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 3)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, TRUE, 1)
+    return small

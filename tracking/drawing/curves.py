@@ -1,0 +1,45 @@
+"""Success and precision plots over many runs, as usual for trackers (Wu, Lim, Yang 2013)."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tracking.drawing.figures import literal, panels, save
+from tracking.evaluation.track_measures import NEAR, OVERLAPS, PIXELS
+
+STYLES = ("-", "--", ":", "-.")
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e", "#be185d", "#4b5563")
+
+
+def draw(
+    results: Sequence[Mapping[str, Any]], order: Sequence[str], title: str, folder: Path
+) -> list[Path]:
+    """Write success.png and precision.png; their paths.
+
+    Args:
+        results: All runs.
+        order: Trackers in the order of the legend.
+        title: Name of the suite.
+        folder: Where to write.
+    """
+    wanted = {
+        "success": (OVERLAPS, "overlap threshold", "share of frames above it", None),
+        "precision": (PIXELS, "error threshold [px]", "share of frames within it", NEAR),
+    }
+    paths: list[Path] = []
+    for name, (thresholds, below, beside, mark) in wanted.items():
+        figure, (ax,) = panels(6.4, 4.6)
+        for i, label in enumerate(order):
+            curve = np.mean([r[name] for r in results if r["tracker"] == label], axis=0)
+            score = curve.mean() if mark is None else curve[mark]
+            dashes = STYLES[i // len(COLOURS) % len(STYLES)]
+            colour = COLOURS[i % len(COLOURS)]
+            name_and_score = f"{literal(label)} [{score:.3f}]"
+            ax.plot(thresholds, curve, dashes, color=colour, lw=1.5, label=name_and_score)
+        ax.set(xlabel=below, ylabel=beside, title=f"{literal(title)}: {name}", ylim=(0, 1.02))
+        ax.margins(x=0)
+        ax.legend(fontsize=7, ncols=1 + len(order) // 9, frameon=False)
+        paths.append(save(figure, folder, f"{name}.png"))
+    return paths

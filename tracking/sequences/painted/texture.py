@@ -1,0 +1,77 @@
+"""Texture: a textured car on a road of the same colour changes its size and its speed.
+
+For the claim of the PFJCTH paper: the texture separates the target from the background, colour
+alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed; its size grows and
+shrinks as if its distance changed.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.kinds import kind_of
+from sim.types import Array, Image
+from tracking.sequences.painted._painting import blotches, paste
+from tracking.sequences.sequence import Sequence
+from tracking.sequences.sources import Painted
+from tracking.types import Region, State
+
+WIDTH = 320
+HEIGHT = 240
+REGION = Region(56.0, 32.0)
+SIZE = (round(REGION.width), round(REGION.height))
+ROAD = 24.0
+SHADE = 14.0
+"""Size of the road's blotches [px], and their spread [grey levels]: a smooth texture."""
+GRAIN = 1.4
+RELIEF = 34.0
+"""Size of the car's blotches [px], and their spread [grey levels]: a fine, strong texture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Length, size, speed and noise."""
+
+    frames: Annotated[int, Ge(20), Le(100_000)] = 160
+    """Number of pictures."""
+    zoom: Annotated[float, Ge(1), Le(3)] = 1.6
+    """Largest scale; the smallest is its inverse."""
+    speed: Annotated[float, Ge(0), Le(50)] = 6.0
+    """Largest speed [px per frame]; the car also stands still."""
+    noise: Annotated[float, Ge(0), Le(100)] = 2.0
+    """Standard deviation of the noise of the pictures [grey levels]."""
+
+    def build(self, rng: np.random.Generator) -> Sequence:
+        """A random sequence."""
+        ground, patch = self._paint(rng)
+        states = self._states(rng)
+        noise_seed = int(rng.integers(1 << 31))
+
+        def paint(index: int) -> Image:
+            image = paste(ground, patch, REGION, State(*states[index].tolist()))
+            draws = np.random.default_rng([noise_seed, index]).normal(0, self.noise, image.shape)
+            return np.clip(image + draws, 0, 255).round().astype(np.uint8)
+
+        name = kind_of(self)
+        return Sequence.of_states(name, name, Painted(paint, self.frames), REGION, states)
+
+    def _paint(self, rng: np.random.Generator) -> tuple[Image, Image]:
+        """The ground, and the car."""
+        colour = rng.uniform(80, 170, 3)
+        ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
+        return ground, blotches(rng, *SIZE, GRAIN, colour, RELIEF)
+
+    def _states(self, rng: np.random.Generator) -> Array:
+        """x, y, theta, scale (n, 4) along an ellipse, with a speed that rises and falls."""
+        time = np.arange(self.frames)
+        pace = self.speed * np.sin(np.pi * time / self.frames * rng.uniform(3, 5)) ** 2
+        radius = np.array([0.28 * WIDTH, 0.24 * HEIGHT])
+        around = np.cumsum(pace) / radius.mean() + rng.uniform(0, 2 * np.pi)
+        turn = rng.choice([-1.0, 1.0])
+        x = WIDTH / 2 + radius[0] * np.cos(around)
+        y = HEIGHT / 2 + turn * radius[1] * np.sin(around)
+        wave = np.sin(2 * np.pi * time / self.frames * rng.uniform(1.2, 2.2) + rng.uniform(0, 6))
+        size = np.log(self.zoom) * (wave - wave[0]) / max(np.abs(wave - wave[0]).max(), 1.0)
+        return np.column_stack([x, y, np.zeros(self.frames), np.exp(size)])

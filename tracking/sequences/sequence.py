@@ -1,0 +1,213 @@
+"""A sequence of pictures with the target's truth, also read from the layouts of OTB and VOT."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim.files import reading
+from sim.files.picture_file import SUFFIXES
+from sim.types import Array
+from tracking.sequences import stream
+from tracking.sequences import truth as truths
+from tracking.sequences.bag_file import Bag, is_bag
+from tracking.sequences.folder import Folder
+from tracking.sequences.quadrilateral import placement
+from tracking.sequences.sources import Source
+from tracking.sequences.truth import Format
+from tracking.sequences.video_file import Video
+from tracking.types import Region, State
+
+IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
+"""Names of the folders for a sequence's pictures in OTB and VOT, beside its truth."""
+TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "gt.txt", "truth.csv", "groundtruth.csv")
+CAMERA = "camera:"
+CAMERA_DIGITS = 3
+THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """Pictures with truth."""
+
+    name: str
+    family: str
+    """Name of the sequences it is averaged with, such as "clutter-a"."""
+    source: Source
+    truth: Array
+    """Corners (n, 4, 2) of the target [px]; nan in frames without it."""
+    region: Region
+    """The template, with its size in the first picture."""
+    start: State
+    """State of the target in the first picture."""
+    states: Array | None = None
+    """x, y, theta, scale (n, 4) if they are known exactly, else None."""
+
+    @staticmethod
+    def of_states(
+        name: str, family: str, source: Source, region: Region, states: Array
+    ) -> Sequence:
+        """A sequence whose exact states (n, 4) are known: x, y, theta, scale."""
+        corners = np.stack([region.corners(State(*row)) for row in states.tolist()])
+        first = State(*states[0].tolist())
+        return Sequence(name, family, source, corners, region, first, states)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; false for a name that no file can have."""
+    return os.path.isdir(path)  # noqa: PTH112 (Path's raises for such a name)
+
+
+def source_of(text: str, rate: float, topic: str | None = None) -> Source:
+    """Pictures of a folder (also in OTB's and VOT's layouts), a video file, a topic of a bag, a
+    stream's address, or "camera:0".
+
+    Raises:
+        ValueError: There is no such source, or it is empty, or the topic is not clear.
+    """
+    path = Path(text)
+    if not stream.ADDRESS.match(text) and is_bag(path):
+        return Bag(path, topic)
+    if topic is not None:
+        raise ValueError(f"{text}: this is not a bag, so it has no topic '{topic}'")
+    if stream.ADDRESS.match(text):
+        return stream.stream(text)
+    if text.startswith(CAMERA):
+        number = text.removeprefix(CAMERA)
+        if not number.isdecimal() or len(number) > CAMERA_DIGITS:
+            raise ValueError(f"{text}: a camera is given by its number, such as camera:0")
+        return stream.camera(int(number))
+    if is_folder(path):
+        return Folder.of(pictures_in(path), rate)
+    if not os.path.lexists(path):
+        raise ValueError(f"{text}: there is no such {THERE}")
+    return Video.of(path)
+
+
+def pictures_in(folder: Path) -> Path:
+    """The folder itself if it has pictures, or the folder of pictures in it (OTB, VOT).
+
+    Raises:
+        ValueError: The folder cannot be read.
+    """
+    if any(f.suffix.lower() in SUFFIXES for f in reading.names(folder)):
+        return folder
+    below = (folder / name for name in IMAGE_FOLDERS)
+    return next((path for path in below if is_folder(path)), folder)
+
+
+def truths_in(folder: Path) -> list[Path]:
+    """The truth files of a sequence, sorted; one for each target.
+
+    Raises:
+        ValueError: The folder cannot be read.
+    """
+    for place in (folder, folder.parent) if folder.name in IMAGE_FOLDERS else (folder,):
+        for pattern in TRUTHS:
+            found = [path for path in reading.names(place) if path.match(pattern)]
+            if found:
+                return found
+    return []
+
+
+def truth_beside(source: str) -> Path | None:
+    """The truth file of a source, as given to `source_of`; None if there is none.
+
+    Raises:
+        ValueError: There are several.
+    """
+    if source.startswith(CAMERA) or not is_folder(Path(source)):
+        return None
+    found = truths_in(Path(source))
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise ValueError(f"{source}: there are several truths ({names}); choose one with --truth")
+    return found[0] if found else None
+
+
+def check_truth(truth: Array, source: Source, place: str, form: Format) -> None:
+    """Refuse a truth that does not belong to these pictures, or that is in another format.
+
+    Raises:
+        ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
+            boxes seem to be two corners.
+    """
+    if source.count is not None and len(truth) != source.count:
+        raise ValueError(
+            f"{place}: this truth has {len(truth)} lines for {source.count} pictures; it needs one "
+            "for each, with nan where the target is absent"
+        )
+    first = next(iter(source), None) if form is Format.AUTO else None
+    if first is not None and first.image is not None:
+        height, width = first.image.shape[:2]
+        truths.check_boxes(truth, (width, height), place)
+
+
+def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
+    """The sequences of one folder, one for each truth file.
+
+    Raises:
+        ValueError: There are no pictures, or a truth cannot be read.
+    """
+    source = Folder.of(pictures_in(folder), rate)
+    found = truths_in(folder)
+    several = len(found) > 1
+    return [
+        _read(f"{folder.name}-{i}" if several else folder.name, source, path, form)
+        for i, path in enumerate(found, 1)
+    ]
+
+
+def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
+    """The sequences of a folder, or of all folders in it.
+
+    Folders in it with neither pictures nor truth are ignored.
+
+    Raises:
+        ValueError: There is no sequence, or a folder is incomplete or cannot be read.
+    """
+    if not is_folder(folder):
+        raise ValueError(f"{folder}: there is no such folder of sequences")
+    if _is_sequence(folder):
+        return read_folder(folder, rate, form)
+    found = [
+        s
+        for place in reading.names(folder)
+        if _is_sequence(place)
+        for s in read_folder(place, rate, form)
+    ]
+    if not found:
+        raise ValueError(f"{folder}: there is no sequence (pictures with a truth file) in it")
+    return found
+
+
+def _is_sequence(path: Path) -> bool:
+    """Whether a path is a folder with pictures and a truth.
+
+    Raises:
+        ValueError: It has only one of them, is a broken link, or cannot be read.
+    """
+    if path.is_symlink() and not path.exists():
+        raise ValueError(f"{path}: this link is broken")
+    if not is_folder(path):
+        return False
+    place = pictures_in(path)
+    pictures = any(f.suffix.lower() in SUFFIXES for f in reading.names(place))
+    truth = bool(truths_in(path))
+    if pictures and not truth:
+        raise ValueError(f"{path}: there are pictures in this folder, but no truth file")
+    if truth and not pictures:
+        raise ValueError(f"{path}: there is a truth file in this folder, but no picture")
+    return truth
+
+
+def _read(name: str, source: Folder, path: Path, form: Format) -> Sequence:
+    corners = truths.read(path, form)
+    check_truth(corners, source, str(path), form)
+    if not np.isfinite(corners[0]).all():
+        raise ValueError(f"{path}: the target is not in the first picture")
+    region, start = placement(corners[0])
+    return Sequence(name, name, source, corners, region, start)

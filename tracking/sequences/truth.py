@@ -1,0 +1,227 @@
+"""Truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
+
+All coordinates become continuous pixels from the image's top left corner. OTB counts pixels from 1,
+so that its box 1,1,w,h starts at the corner; VOT, TLD and CSV count from 0.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+
+from sim.files import reading
+from sim.types import Array
+from tracking.sequences.quadrilateral import (
+    BOX,
+    QUAD,
+    boxes,
+    corners_of,
+    crosses_itself,
+)
+from tracking.types import FARTHEST
+
+OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
+VOT_NAME = re.compile(r"groundtruth.*\.txt$")
+TLD_NAMES = ("gt.txt", "init.txt")
+HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
+CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
+BOX_NAMES = (
+    ("left", "top", "width", "height"),
+    ("x", "y", "width", "height"),
+    ("x", "y", "w", "h"),
+)
+LONGEST = 80
+"""Longest quotation of a line in a message [characters]."""
+LARGEST = 20_000_000
+"""Largest truth file [bytes]."""
+DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
+REMEDY = (
+    "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
+)
+
+
+class Format(Enum):
+    """Meaning of the numbers of a line."""
+
+    AUTO = "decided by the file's name and header, refused if they do not decide"
+    OTB = "x,y,w,h, pixels counted from 1"
+    VOT = "x,y,w,h, or the x,y of four corners, pixels counted from 0"
+    TLD = "x1,y1,x2,y2: top left and bottom right corner, pixels counted from 0"
+    CSV = "columns named by a header"
+
+    @staticmethod
+    def named(name: str) -> Format:
+        """A format by its name in small letters.
+
+        Raises:
+            ValueError: There is no such format.
+        """
+        found = next((f for f in Format if f.name.lower() == name), None)
+        if found is None:
+            there = ", ".join(f.name.lower() for f in Format)
+            raise ValueError(f"there is no truth format '{name}'; there is {there}")
+        return found
+
+
+def read(path: Path, form: Format = Format.AUTO) -> Array:
+    """Corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
+
+    The target is absent if all numbers of a line are nan or missing, or if its box has width and
+    height 0.
+
+    Args:
+        path: The file.
+        form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt,
+            VOT for groundtruth*.txt, TLD for gt.txt and init.txt; a file of another name is read as
+            VOT, unless its lines of four numbers could also be TLD.
+
+    Raises:
+        ValueError: It cannot be read, a line is not of this format, or AUTO cannot decide.
+    """
+    lines = reading.text(path, "truth", LARGEST).splitlines()
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise ValueError(f"{path}: this truth is empty")
+    has_header = HEADER.match(lines[0]) and not lines[0].strip().lower().startswith("nan")
+    if form is Format.CSV or (form is Format.AUTO and has_header):
+        try:
+            return _of_csv(lines, path)
+        except csv.Error as error:
+            raise ValueError(f"{path}: this is not CSV: {error}") from None
+    rows = [_numbers(line.strip(), f"{path.name}, line {i}") for i, line in enumerate(lines, 1)]
+    if form is Format.AUTO:
+        form = _format_of(path, rows)
+    make = {Format.OTB: _of_otb, Format.TLD: _of_tld}.get(form, _of_vot)
+    return np.stack([make(row, f"{path.name}, line {i}") for i, row in enumerate(rows, 1)])
+
+
+def _format_of(path: Path, rows: list[Array]) -> Format:
+    if OTB_NAME.match(path.name):
+        return Format.OTB
+    if VOT_NAME.match(path.name) or not all(len(row) == BOX for row in rows):
+        return Format.VOT
+    if path.name in TLD_NAMES:
+        return Format.TLD
+    given = np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, BOX)
+    if len(given) and _may_be_corners(given):
+        raise ValueError(f"{path}: {DOUBT}; {REMEDY}")
+    return Format.VOT
+
+
+def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
+    """Refuse boxes that leave the picture but would fit into it if read as TLD's two corners.
+
+    Args:
+        corners: Corners (n, 4, 2) of the target [px], nan in frames without it.
+        size: Width and height of the pictures [px].
+        place: The truth's file, for messages.
+
+    Raises:
+        ValueError: The numbers seem to be x1,y1,x2,y2 but were read as x,y,w,h.
+    """
+    seen = corners[np.isfinite(corners).all(axis=(1, 2))]
+    given = boxes(seen)
+    most = np.add(size, 1)
+    upright = len(seen) > 0 and np.allclose(corners_of(given[0]), seen[0])
+    outside = (given[:, :2] + given[:, 2:] > most).any()
+    if upright and outside and _may_be_corners(given) and (given[:, 2:] <= most).all():
+        raise ValueError(f"{place}: as x,y,w,h the target leaves the picture; {DOUBT}; {REMEDY}")
+
+
+def _may_be_corners(given: Array) -> bool:
+    """Whether the four numbers of each line (n, 4) could be x1,y1,x2,y2."""
+    return bool((given[:, 2:] > given[:, :2]).all())
+
+
+def _of_otb(row: Array, place: str) -> Array:
+    if len(row) != BOX:
+        raise ValueError(f"{place}: a line of OTB has 4 numbers, not {len(row)}")
+    return _of_vot(row, place) - 1.0
+
+
+def _of_tld(row: Array, place: str) -> Array:
+    if len(row) != BOX:
+        raise ValueError(f"{place}: a line of TLD has 4 numbers, not {len(row)}")
+    if (row[2:] <= row[:2]).any():
+        given = ",".join(f"{number:g}" for number in row)
+        raise ValueError(f"{place}: {given} is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold")
+    return corners_of(np.concatenate([row[:2], row[2:] - row[:2]]))
+
+
+def _of_vot(row: Array, place: str) -> Array:
+    if len(row) == BOX:
+        width, height = row[2:]
+        if width == height == 0:
+            return np.full((4, 2), np.nan)
+        if width <= 0 or height <= 0:
+            raise ValueError(
+                f"{place}: the target is {width:g} x {height:g} px; both sides must be positive"
+            )
+    elif crosses_itself(row.reshape(4, 2)):
+        raise ValueError(f"{place}: the corners are not in order around the target")
+    return corners_of(row)
+
+
+def _numbers(line: str, place: str) -> Array:
+    """The 4 or 8 numbers of a line; all are nan if the target is absent."""
+    parts = line.split(";") if ";" in line else line.split(",") if "," in line else line.split()
+    try:
+        numbers = np.array([_number(part) for part in parts])
+    except ValueError:
+        hint = " (a decimal point, not a comma)" if "," in line else ""
+        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
+    if len(numbers) not in (BOX, QUAD):
+        raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
+    absent = np.isnan(numbers)
+    if absent.all():
+        return numbers
+    if absent.any():
+        raise ValueError(f"{place}: '{line[:LONGEST]}' lacks some numbers; all or none may be nan")
+    if np.abs(numbers).max() > FARTHEST:
+        raise ValueError(
+            f"{place}: '{line[:LONGEST]}' is not a position in a picture; the limit is {FARTHEST:g}"
+        )
+    return numbers
+
+
+def _number(text: str) -> float:
+    if "_" in text or not text.isascii():
+        raise ValueError(text)  # Python would read 1_0 as ten
+    return float(text)
+
+
+def _frame(text: str) -> float:
+    """The number of a frame; nan for other text."""
+    try:
+        return _number(text)
+    except ValueError:
+        return np.nan
+
+
+def _of_csv(lines: list[str], path: Path) -> Array:
+    table = csv.DictReader(lines, skipinitialspace=True, strict=True)
+    names = [name.strip() for name in table.fieldnames or []]
+    table.fieldnames = names
+    wanted = next((list(n) for n in (CORNERS, *BOX_NAMES) if set(n) <= set(names)), None)
+    if wanted is None:
+        need = "x1..y4, or left, top, width, height"
+        raise ValueError(f"{path.name}: the columns are {', '.join(names)}; it needs {need}")
+    rows: list[Array] = []
+    frames: list[float] = []
+    for i, row in enumerate(table, 2):
+        place = f"{path.name}, line {i}"
+        if None in row or None in row.values():
+            raise ValueError(f"{place}: the header has {len(names)} columns, this line has not")
+        numbers = _numbers(";".join(row[name].strip() or "nan" for name in wanted), place)
+        rows.append(_of_vot(numbers, place))
+        frames.append(_frame(row.get("frame", str(i - 2))))
+    if not rows:
+        raise ValueError(f"{path}: this truth is empty")
+    if not any(frames == [first + i for i in range(len(frames))] for first in (0, 1)):
+        raise ValueError(f"{path.name}: the column frame does not count 0, 1, 2 ... or 1, 2, 3 ...")
+    return np.stack(rows)

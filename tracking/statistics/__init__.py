@@ -1,0 +1,1 @@
+"""Statistics of comparisons: intervals, tests, and the verdicts that follow."""

@@ -1,0 +1,36 @@
+"""What an interval says about a claim: it holds, it does not hold, or it is undecided."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from tracking.statistics.comparisons import Interval
+
+
+class Finding(Enum):
+    """What was found about a claim; each member carries its sentence."""
+
+    HOLDS = "holds: the whole interval is on the claim's side of the bound"
+    DOES_NOT_HOLD = "does not hold: the whole interval is on the other side of the bound"
+    UNDECIDED = "undecided: the interval contains the bound, or there are too few units for one"
+
+
+def not_worse(difference: Interval, margin: float) -> Finding:
+    """Whether one is as good as the other: non-inferiority (Piaggio and others, Reporting of
+    noninferiority and equivalence randomized trials, 2012).
+
+    Args:
+        difference: The one less the other in a measure of which less is better, such as an error;
+            of one where more is better, the other less the one.
+        margin: The largest difference that still counts as equally good, in the measure's unit.
+    """
+    if difference.high < margin:
+        return Finding.HOLDS
+    return Finding.DOES_NOT_HOLD if difference.low > margin else Finding.UNDECIDED
+
+
+def greater(value: Interval, bound: float) -> Finding:
+    """Whether a value is above a bound: superiority; the bound of a difference is 0."""
+    if value.low > bound:
+        return Finding.HOLDS
+    return Finding.DOES_NOT_HOLD if value.high < bound else Finding.UNDECIDED
