@@ -12,7 +12,7 @@ from sim.types import Frame
 from tracking.appearance.bins import Window
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track_measures import OVERLAPS, Comparison, frames_until_loss, lost_signal
-from tracking.lock import FEW, Lock, LockConfig
+from tracking.lock import FEW, Lock, LockLimits
 from tracking.sequences import quadrilateral, truth, video_file
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import Painted
@@ -217,7 +217,7 @@ def test_a_window_holds_itself_and_nothing_larger():
 
 
 def judged(*distances, **settings):
-    lock = Lock(LockConfig(**{"floor": 0.2, "cap": 0.5, "patience": 1.0} | settings))
+    lock = Lock(LockLimits(**{"floor": 0.2, "cap": 0.5, "patience": 1.0} | settings))
     return [lock.judge(d, 0.5 * k) for k, d in enumerate(distances)], lock
 
 

@@ -54,8 +54,8 @@ def test_the_walk_finds_the_numbers():
     for name in (
         "CameraConfig.width",
         "RunConfig.seed",
-        "LockConfig.history",
-        "annealed.Config.layers",
+        "annealed.Config.particles",
+        "kams.Config.layers",
         "RunConfig.duration",
         "GoalConfig.depth_to",
         "ibvs.Config.acceleration",
@@ -104,8 +104,8 @@ ABSURD = {
     "tracker={kind='texture_pf', levels=33}": (
         "tracker.levels = 33: input should be less than or equal to 32"
     ),
-    "tracker.lock.history=1000000": (
-        "tracker.lock.history = 1000000: input should be less than or equal to 10000"
+    "tracker={kind='kams', layers=1000000}": (
+        "tracker.layers = 1000000: input should be less than or equal to 50"
     ),
     "camera.rate=1000 run.duration=3600": (
         "run.duration = 3600 s at camera.rate = 1000 Hz is 3,600,000 frames; the limit is 360,000"

@@ -99,8 +99,6 @@ class TextureBins:
 
     levels: int = 8
     """Colour bins a channel; 1: texture alone."""
-    threshold: float = THRESHOLD
-    """How much brighter a neighbour must be [grey levels]."""
     neighbours: int = 8
     """Points on the circle."""
     radius: float = 1.0
@@ -125,7 +123,7 @@ class TextureBins:
             return colours
         part = _cut(image, window, math.ceil(self.radius))
         grey = cv2.cvtColor(part, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        texture = ones_of(grey, self.threshold, self.neighbours, self.radius) - FEWEST
+        texture = ones_of(grey, THRESHOLD, self.neighbours, self.radius) - FEWEST
         major = (texture >= 0) & (texture < self.textures)
         number = np.int16 if self.count <= np.iinfo(np.int16).max else np.int32
         colours = colours.astype(number)

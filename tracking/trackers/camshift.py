@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.external.boxes import Box
-from tracking.trackers._opencv import HueSettings, HueTracker
+from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State
 
 SMALLEST_BOX = 4
@@ -18,12 +18,12 @@ SMALLEST_BOX = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Config(HueSettings):
-    """Histogram and iterations."""
+class Config:
+    """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Camshift:
-        """The tracker; draws nothing."""
-        return Camshift(self)
+        """Return the tracker; it draws nothing."""
+        return Camshift()
 
 
 @final
@@ -61,7 +61,7 @@ class Camshift(HueTracker):
         h = min(max(h, SMALLEST_BOX), height)
         window = (min(max(x, 0), width - w), min(max(y, 0), height - h), w, h)
         likely = self._model.back_projection(frame.image)
-        ((u, v), (a, b), _), box = cv2.CamShift(likely, window, self._ends())
+        ((u, v), (a, b), _), box = cv2.CamShift(likely, window, ENDS)
         if a <= 0 or b <= 0:
             return None
         self._box = (int(box[0]), int(box[1]), int(box[2]), int(box[3]))
