@@ -6,8 +6,9 @@ from typing import Annotated, Any
 from annotated_types import Ge, Le
 
 from sim.ranges import Share
-from tracking.appearance.bins import MOST_LEVELS
 
+MOST_LEVELS = 32
+"""Most colour bins a channel: their joint numbers have 16 bits."""
 PLAIN: dict[str, Any] = {"contrast": 0.0, "learn": False}
 """Settings of a tracker without what goes beyond the papers, for their presets."""
 Levels = Annotated[int, Ge(2), Le(MOST_LEVELS)]

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from sim.types import Array, Image
 from tracking.hot import colour_labels as hot
+from tracking.settings import MOST_LEVELS
 
 Labels = NDArray[np.integer[Any]]
 DARK = 8
 """Added to the largest channel of evenly lit pixels: darker ones are noise without colour."""
-MOST_LEVELS = 32
-"""Colour bins a channel whose joint numbers have 16 bits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from annotated_types import Ge, Le
 
 from sim.ranges import Share
 from sim.types import Image
-from tracking.appearance.bins import MOST_LEVELS, Bins, as_seen
+from tracking.appearance.bins import Bins, as_seen
 from tracking.appearance.local_patterns import Rest, TextureBins, texture_or_colour
-from tracking.settings import PLAIN, AppearanceSettings
+from tracking.settings import MOST_LEVELS, PLAIN, AppearanceSettings
 from tracking.types import Region, State
 
 PAPERS: dict[str, Any] = PLAIN | {"rest": "discard", "least_texture": 0.05}
