@@ -20,7 +20,9 @@ from sim.types import Array, Image
 
 PREFIX = "@@TRAX:"
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
-ARGUMENT = re.compile(r'"((?:[^"\\]+|\\.)*)"|(\S+)')
+ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
+"""An argument in quotes, or without. The possessive repetition takes linear time on a line whose
+quotes are not closed, as a crashing server leaves it."""
 NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
 SPECIAL = re.compile(r'[\\"\n]')
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}

@@ -7,8 +7,8 @@ def adapted(found: Any) -> type[Any] | None:
     """A `Config` class for a class or object with `init` and `update`, or a function that makes
     one; None for anything else.
     """
-    from tracking.external.wrapped import wrap  # only now: `servobench list` looks at files only
+    # Imported only now: `servobench list` only looks at files.
+    from tracking.external.wrapped import is_foreign, wrap
 
     is_function = callable(found) and not isinstance(found, type)
-    follows = all(callable(getattr(found, method, None)) for method in ("init", "update"))
-    return wrap(found) if follows or is_function else None
+    return wrap(found) if is_foreign(found) or is_function else None

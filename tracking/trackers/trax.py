@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Frame
-from tracking.external.boxes import Placed, box_of, convex
+from tracking.external.boxes import Placement, box_of, convex
 from tracking.external.conventions import box_in, score_in
 from tracking.external.judge import Judge, JudgeSettings
 from tracking.external.trax_client import TraxClient
@@ -32,7 +32,7 @@ class Config(JudgeSettings):
     """Longest wait for an answer [s]; the first one waits for the server's start, too."""
 
     def build(self, rng: np.random.Generator) -> TraxTracker:
-        """The tracker; draws nothing."""
+        """Return the tracker; it draws nothing."""
         return TraxTracker(self)
 
 
@@ -55,7 +55,7 @@ class TraxTracker:
         box = np.array(box_of(region, state, image), dtype=float)
         self._client = TraxClient(c.command, c.timeout)
         self._client.initialize(image, region.corners(state) if self._client.polygons else box)
-        self._placed = Placed(region, state, box, sizes=c.follow_size)
+        self._placement = Placement(region, state, box, sizes=c.follow_size)
         self._judge = Judge(c, frame, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
@@ -70,21 +70,21 @@ class TraxTracker:
             distance, status = self._judge.unseen(frame)
         else:
             score = self._score(named) if self._config.judge == "score" else None
-            distance, status = self._judge.seen(frame, self._placed.state, score)
-        follows = (self._placed.turns, self._placed.resizes)
+            distance, status = self._judge.seen(frame, self._placement.state, score)
+        follows = (self._placement.turns, self._placement.resizes)
         return Estimate(
-            self._placed.state, unknown_covariance(), distance, status, follows, corners=corners
+            self._placement.state, unknown_covariance(), distance, status, follows, corners=corners
         )
 
     def _take(self, found: Array) -> Array | None:
         """Take over a region; its corners where they are those of a convex quadrilateral."""
         name = f"TraX server '{self._config.command}'"
         if found.shape == (4, 2) and (np.abs(found) <= FARTHEST).all() and convex(found):
-            return self._placed.follow_corners(found)
+            return self._placement.follow_corners(found)
         if found.ndim > 1:
             found = np.concatenate([found.min(axis=0), np.ptp(found, axis=0)])
         if (box := box_in(found, name)) is not None:
-            self._placed.follow_box(box)
+            self._placement.follow_box(box)
         return None
 
     def _score(self, named: dict[str, str]) -> float:
