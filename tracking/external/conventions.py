@@ -9,6 +9,7 @@
 
 import inspect
 import reprlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -16,10 +17,12 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.external.boxes import Box
-from tracking.types import FARTHEST
+from tracking.external.boxes import Box, box_of
+from tracking.types import FARTHEST, Region, State
 
 Convention = Literal["opencv", "got10k"]
+Score = str | Callable[[Any], float]
+"""Attribute or method of a tracker that gives its score, or a function of the tracker."""
 SLACK = 1e-3
 """A score may leave 0..1 by this much: single precision adds up to that."""
 EXPECTED = "(ok, box) or a box of x, y, width, height"
@@ -41,22 +44,25 @@ class Foreign(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """A tracker that is called in its convention."""
+    """A tracker of boxes that is called in its convention."""
 
     tracker: Foreign
     convention: Convention
     name: str
     """Name of the tracker, for messages."""
+    score_of: Score | None
 
-    def init(self, image: Image, box: Box) -> None:
-        """Show the first picture with the target's box.
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the target's box, and return the box.
 
         Raises:
             ValueError: The tracker refuses by returning False.
         """
+        box = box_of(region, state, image)
         given = box if self.convention == "opencv" else np.array(box, dtype=float) + (1, 1, 0, 0)
         if self.tracker.init(self._picture(image), given) is False:
             raise ValueError(f"{self.name}: init refused the region x, y, width, height = {box}")
+        return box
 
     def update(self, image: Image) -> Array | None:
         """Return the target's box (4,) in the next picture [px]; None where it is not seen.
@@ -66,6 +72,20 @@ class Caller:
         """
         box = box_in(self.tracker.update(self._picture(image)), self.name)
         return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
+
+    def score(self) -> float:
+        """Return the tracker's own score, 0..1.
+
+        Raises:
+            ValueError: It is not there, or not between 0 and 1.
+        """
+        if callable(self.score_of):
+            return score_in(self.score_of(self.tracker), self.name)
+        name = str(self.score_of)
+        if not hasattr(self.tracker, name):
+            raise ValueError(f"{self.name} has no '{name}', which is to give its score")
+        found = getattr(self.tracker, name)
+        return score_in(found() if callable(found) else found, self.name)
 
     def _picture(self, image: Image) -> Image:
         """Return a picture that the tracker may keep and write to."""

@@ -4,18 +4,14 @@ import dataclasses
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, final, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
-from sim.types import Array, Frame
-from tracking.external.boxes import Placement, box_of
-from tracking.external.conventions import Caller, Convention, Foreign, convention_of, score_in
-from tracking.external.judge import Judge, JudgeSettings
-from tracking.types import Estimate, Region, State, check_region, unknown_covariance
+from tracking.external.conventions import Caller, Convention, Foreign, Score, convention_of
+from tracking.external.foreign_tracker import ForeignTracker
+from tracking.external.judge import JudgeSettings
 
-Score = str | Callable[[Any], float]
-"""Attribute or method of a tracker that gives its score, or a function of the tracker."""
 DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
     "rng": lambda rng: rng,
     "seed": lambda rng: int(rng.integers(1 << 31)),
@@ -32,12 +28,18 @@ class Wrapping:
     score: Score | None
     name: str
 
-    def make(self, rng: np.random.Generator) -> Foreign:
-        """Return a new tracker.
+    def build(self, settings: JudgeSettings, rng: np.random.Generator) -> ForeignTracker:
+        """Return a tracker of ours that calls theirs."""
+        return ForeignTracker(settings, lambda: self._caller(settings, rng))
 
-        Raises:
-            ValueError: The factory needs arguments, or what it makes lacks a method.
-        """
+    def _caller(self, settings: JudgeSettings, rng: np.random.Generator) -> Caller:
+        if settings.judge == "score" and self.score is None:
+            raise ValueError(f'{self.name} has no score: judge = "histogram" needs none')
+        made = self._made(rng)
+        convention = self.convention or convention_of(made)
+        return Caller(made, convention, self.name, self.score)
+
+    def _made(self, rng: np.random.Generator) -> Foreign:
         factory = made = self.factory
         if isinstance(factory, type) or not is_foreign(factory):
             if str(getattr(factory, "__module__", "")).startswith("cv2"):
@@ -63,72 +65,10 @@ class Wrapping:
             )
         return {p.name: DRAWN[p.name](rng) for p in taken if p.name in DRAWN}
 
-    def read_score(self, tracker: Foreign) -> float:
-        """Return the tracker's own score, 0..1.
-
-        Raises:
-            ValueError: It is not there, or not between 0 and 1.
-        """
-        if callable(self.score):
-            return score_in(self.score(tracker), self.name)
-        name = str(self.score)
-        if not hasattr(tracker, name):
-            raise ValueError(f"{self.name} has no '{name}', which is to give its score")
-        found = getattr(tracker, name)
-        return score_in(found() if callable(found) else found, self.name)
-
 
 def is_foreign(tracker: Any) -> bool:
     """Return whether an object, or a class, has the methods `init` and `update`."""
     return all(callable(getattr(tracker, method, None)) for method in ("init", "update"))
-
-
-@final
-class WrappedTracker:
-    """A tracker of boxes; it is given neither angle nor camera motion."""
-
-    def __init__(
-        self, settings: JudgeSettings, wrapping: Wrapping, rng: np.random.Generator
-    ) -> None:
-        self._settings = settings
-        self._wrapping = wrapping
-        self._rng = rng
-
-    def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Make the tracker and show it the first frame.
-
-        Raises:
-            ValueError: The region is none; the tracker cannot be made, refuses the region, or has
-                no score though that is to judge.
-        """
-        check_region(frame, region, state)
-        c = self._settings
-        w = self._wrapping
-        if c.judge == "score" and w.score is None:
-            raise ValueError(f'{w.name} has no score: judge = "histogram" needs none')
-        made = w.make(self._rng)
-        self._caller = Caller(made, w.convention or convention_of(made), w.name)
-        box = box_of(region, state, frame.image)
-        self._caller.init(frame.image, box)
-        self._placement = Placement(region, state, np.array(box, float), sizes=c.follow_size)
-        self._judge = Judge(c, frame, region, state)
-
-    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Take over the tracker's box, if it gives one.
-
-        Raises:
-            ValueError: The tracker returned something that is no box.
-        """
-        box = self._caller.update(frame.image)
-        if box is None:
-            distance, status = self._judge.unseen(frame)
-        else:
-            self._placement.follow_box(box)
-            by_score = self._settings.judge == "score"
-            score = self._wrapping.read_score(self._caller.tracker) if by_score else None
-            distance, status = self._judge.seen(frame, self._placement.state, score)
-        follows = (False, self._placement.resizes)
-        return Estimate(self._placement.state, unknown_covariance(), distance, status, follows)
 
 
 @dataclass(frozen=True)
@@ -137,9 +77,9 @@ class WrapSettings(JudgeSettings):
 
     wrapping: ClassVar[Wrapping]
 
-    def build(self, rng: np.random.Generator) -> WrappedTracker:
+    def build(self, rng: np.random.Generator) -> ForeignTracker:
         """Return the tracker; its seed, if it takes one, is drawn from the generator."""
-        return WrappedTracker(self, self.wrapping, rng)
+        return self.wrapping.build(self, rng)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.wrapping, dataclasses.asdict(self))

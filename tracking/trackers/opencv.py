@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracking.external.cv2_tracker import MODELS, Cv2Tracker
+from tracking.external.foreign_tracker import ForeignTracker
 from tracking.external.judge import JudgeSettings
-from tracking.external.wrapped import WrappedTracker, Wrapping
+from tracking.external.wrapped import Wrapping
 
 
 @dataclass(frozen=True, slots=True)
 class Config(JudgeSettings):
-    """OpenCV's name of the tracker, and what judges it."""
+    """OpenCV's name of the tracker, and the judge of its boxes."""
 
     name: str = "MIL"
     """The class in OpenCV without "Tracker": "Nano", "Vit", "DaSiamRPN", "MIL", "CSRT", "KCF"."""
@@ -21,7 +22,7 @@ class Config(JudgeSettings):
     """ONNX files: one for Vit, two for Nano (backbone, neckhead), three for DaSiamRPN (model,
     kernel_cls1, kernel_r1)."""
 
-    def build(self, rng: np.random.Generator) -> WrappedTracker:
+    def build(self, rng: np.random.Generator) -> ForeignTracker:
         """Return the tracker; OpenCV's own random state is seeded from the generator."""
         models = (self.model,) if isinstance(self.model, str) else self.model
 
@@ -29,4 +30,4 @@ class Config(JudgeSettings):
             return Cv2Tracker(self.name, models, seed)
 
         score = "score" if self.name in MODELS else None
-        return WrappedTracker(self, Wrapping(make, "opencv", score, f"OpenCV's {self.name}"), rng)
+        return Wrapping(make, "opencv", score, f"OpenCV's {self.name}").build(self, rng)
