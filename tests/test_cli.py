@@ -9,9 +9,9 @@ import pytest
 
 from servo.cli import main
 from servo.output.run_folder import RunFolder
-from sim import kinds
+from tracking.trackers import KINDS as TRACKERS
 
-TRACKERS = ", ".join(kinds.names("tracking.trackers"))
+TRACKERS = ", ".join(TRACKERS.names())
 QUICK = ["--set", "run.duration=0.2", "--set", "expect={}", "--quiet", "--no-rerun"]
 
 

@@ -5,14 +5,17 @@ import numpy as np
 import pytest
 from servoing import begun, own, posture_of
 
+from servo.controllers import KINDS as CONTROLLERS
+from servo.estimators import KINDS as ESTIMATORS
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim import kinds
 from sim.types import Frame
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
-EVERY = [(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
-TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind not in ("tag", "trax")]
+EVERY = [(folder, kind) for folder in FOLDERS for kind in folder.names()]
+TRACKERS = [kind for kind in TRACKERS.names() if kind not in ("tag", "trax")]
 """Those that follow any target by themselves; `test_trax.py` has a server, and
 `test_tag_tracker.py` a tag."""
 WITH_COVARIANCE = {
@@ -26,14 +29,14 @@ WITH_COVARIANCE = {
     "texture_pf",
 }
 """Trackers with particles; the others have no covariance."""
-ESTIMATORS = kinds.names("servo.estimators")
-CONTROLLERS = kinds.names("servo.controllers")
+ESTIMATORS = ESTIMATORS.names()
+CONTROLLERS = CONTROLLERS.names()
 FIRST = State(80.0, 60.0, 0.3, 1.0)
 STILL = posture_of(np.zeros(6))
 
 
 def build(folder, kind, seed=0):
-    return kinds.config_of(folder, kind)().build(np.random.default_rng(seed))
+    return folder.config_of(kind)().build(np.random.default_rng(seed))
 
 
 def frames(count=6, gone_after=None):
@@ -58,8 +61,8 @@ def track(kind, seed=0, **options):
 
 @pytest.mark.parametrize(("folder", "kind"), EVERY)
 def test_every_kind_documents_itself_and_its_settings(folder, kind):
-    assert kinds.summary(folder, kind).endswith((".", ")"))
-    docs = kinds.field_docs(kinds.config_of(folder, kind))
+    assert folder.summary(kind).endswith((".", ")"))
+    docs = kinds.field_docs(folder.config_of(kind))
     assert all(docs.values()), docs
 
 
@@ -146,7 +149,7 @@ def test_estimators_that_have_seen_nothing_foretell_nothing(kind):
 
 def test_an_unknown_kind_lists_what_there_is():
     with pytest.raises(kinds.UnknownKind) as refused:
-        kinds.config_of("servo.estimators", "magic")
+        ESTIMATORS.config_of("magic")
     assert str(refused.value) == (
         "there is no kind 'magic'; there is difference, error_kalman, imm, jump, "
         "kalman_ca, kalman_cv, none, true"

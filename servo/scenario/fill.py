@@ -13,6 +13,7 @@ from pydantic import ConfigDict, ValidationError, create_model
 from servo.mistake import Mistake, unknown
 from sim import kinds
 from sim.installed import Trusted
+from sim.kinds import Kinds
 
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 FORMS = ("bool", "float", "int", "str")
@@ -90,7 +91,7 @@ def _section(config: type[Any]) -> Any:
     return create_model("Section", __config__=STRICT, it=(config, ...))
 
 
-def fill_plugin(folder: str, table: Any, place: str, default: str | None = None) -> Any:
+def fill_plugin(folder: Kinds[Any], table: Any, place: str, default: str | None = None) -> Any:
     """The `Config` of the kind that a table names, filled from the rest of the table.
 
     A `preset` gives the settings that the table leaves open.
@@ -102,15 +103,15 @@ def fill_plugin(folder: str, table: Any, place: str, default: str | None = None)
         raise Mistake(f"{place} should be a table with a kind, not {table!r}")
     kind = table.get("kind", default)
     if kind is None:
-        raise Mistake(f"{place} needs a kind: one of {', '.join(kinds.names(folder))}")
+        raise Mistake(f"{place} needs a kind: one of {', '.join(folder.names())}")
     kind = kind if isinstance(kind, str) else str(kind)
     try:
-        config = kinds.config_of(folder, kind)
+        config = folder.config_of(kind)
     except kinds.UnknownKind as error:
         raise Mistake(f"{place}.kind: {error}") from error
     try:
         name = table.get("preset")
-        begin = {} if name is None else kinds.preset(folder, kind, str(name))
+        begin = {} if name is None else folder.preset(kind, str(name))
     except kinds.UnknownKind as error:
         raise Mistake(f"{place}.preset: {error}") from None
     given = {k: v for k, v in table.items() if k not in ("kind", "preset")}
@@ -127,7 +128,7 @@ def fill_plugin(folder: str, table: Any, place: str, default: str | None = None)
     return fill(config, tables | given, place)
 
 
-def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:
+def fill_plugins(folder: Kinds[Any], tables: Any, place: str) -> tuple[Any, ...]:
     """One `Config` for each table of a list.
 
     Raises:

@@ -99,6 +99,6 @@ def own_part(key: str, value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return value
     try:
-        return kinds.as_config(PLUGINS[key][0], value, name)()
+        return PLUGINS[key][0].as_config(value, name)()
     except kinds.UnknownKind as error:
         raise Mistake(f"{key}: {error}") from None
