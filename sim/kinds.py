@@ -209,7 +209,7 @@ def kind_of(config: object) -> str:
     if package in _REGISTERED and of.__qualname__ == "Config":
         return name
     path = f"{of.__module__}:{of.__qualname__}"
-    if "kind" not in getattr(of, "__dataclass_fields__", {}):
+    if not dataclasses.is_dataclass(of) or "kind" not in (f.name for f in dataclasses.fields(of)):
         path = str(getattr(of, "kind", path))
     return next(filter(None, (each.kind_at(path) for each in _REGISTERED.values())), path)
 
