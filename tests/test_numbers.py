@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from servoing import begun
 
+from servo import estimators
 from servo.estimators import KINDS as ESTIMATORS
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.load import load
 from servo.types import OwnMotion
+from sim import disturbances, motions
 from sim.disturbances import KINDS as DISTURBANCES
 from sim.motions import KINDS as MOTIONS
 from sim.types import Frame
@@ -43,7 +45,7 @@ def test_every_shipped_scenario_means_this(approved):
 def test_every_motion_goes_this_way(approved):
     found = {}
     for kind in MOTIONS.names():
-        poses = [build("sim.motions", kind).at(t) for t in (0.0, 0.7, 1.9, 3.3, 6.1, 11.0)]
+        poses = [build(motions.KINDS, kind).at(t) for t in (0.0, 0.7, 1.9, 3.3, 6.1, 11.0)]
         found[kind] = [[*p.translation[:2], *p.rotation[:2, 0]] for p in poses]
     approved("motions", found)
 
@@ -53,7 +55,7 @@ def test_every_disturbance_has_these_effects(approved):
     every = DISTURBANCES.names()
     approved(
         "disturbances",
-        {kind: [build("sim.disturbances", kind).at(t) for t in times] for kind in every},
+        {kind: [build(disturbances.KINDS, kind).at(t) for t in times] for kind in every},
     )
 
 
@@ -62,7 +64,7 @@ def test_every_estimator_gives_these_estimates(approved):
     found = {}
     for kind in ESTIMATORS.names():
         for rate in (30, 5):
-            estimator, rng = begun(build("servo.estimators", kind)), np.random.default_rng(2)
+            estimator, rng = begun(build(estimators.KINDS, kind)), np.random.default_rng(2)
             error, rows = np.zeros(4), []
             for k in range(30):
                 own = OwnMotion(rng.normal(0, 0.05, 4), rng.normal(0, 0.05, (k % 3, 4)))
