@@ -56,7 +56,8 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def said_by_mujoco(error: Exception) -> str:
     """Return a message of MuJoCo's compiler as part of a sentence."""
-    return " ".join(str(error).split()).removeprefix("XML ").removeprefix("Error: ")
+    lines = (line for line in str(error).splitlines() if line)
+    return ", ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")
 
 
 def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
@@ -99,4 +100,4 @@ def _keep_no_log() -> None:
     config = mujoco.MjLogConfig.get()
     config.logto_file = False
     config.logto_console = False
-    mujoco.MjLogConfig.set(config)
+    config.set()
