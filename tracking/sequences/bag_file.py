@@ -164,9 +164,8 @@ def _opened(path: Path) -> Generator[Contents]:
             f"{path}: bags are read by the package '{package}', which is not "
             "installed: install servobench[ros]"
         ) from None
-    except (MemoryError, GeneratorExit):
-        raise
-    except Exception as error:  # the libraries raise all kinds of them for a damaged file
+    except Exception as error:
+        # The libraries raise all kinds of them for a damaged file; MemoryError for a damaged length.
         mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
         known = type(error).__name__ == "ReaderError" and not mend
         reason = f" ({str(error).rstrip('.')})" if known else ""
