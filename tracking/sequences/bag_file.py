@@ -165,7 +165,7 @@ def _opened(path: Path) -> Generator[Contents]:
             "installed: install servobench[ros]"
         ) from None
     except Exception as error:
-        # The libraries raise all kinds of them for a damaged file; MemoryError for a damaged length.
+        # The libraries raise all kinds of them for a damaged file, MemoryError for one length.
         mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
         known = type(error).__name__ == "ReaderError" and not mend
         reason = f" ({str(error).rstrip('.')})" if known else ""
