@@ -68,8 +68,8 @@ class Contents:
 
 def is_bag(path: Path) -> bool:
     """Return whether a path is a bag by its content; false for what cannot be read."""
-    folder = path.is_dir()
     try:
+        folder = path.is_dir()
         with reading.opened(path / INDEX if folder else path, "bag") as file:
             head = file.read(HEAD)
     except (OSError, ValueError):
