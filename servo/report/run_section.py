@@ -12,7 +12,7 @@ from servo.mistake import Mistake
 from servo.output.run_folder import RECORDING, RunReport
 from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
-from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
+from servo.report.charts import ERROR_RANGE, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
@@ -128,7 +128,7 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
         curves(
             "Distance from goal, and of the estimate",
             across,
-            Scale("distance [px]", low=0, log_from=ERRORS),
+            Scale("distance [px]", low=0, log_from=ERROR_RANGE),
             distances,
             shaded=unseen,
             note=note,
