@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from sim.kinds import config_of
 from tracking.appearance.bins import ColourBins, LabelledImage, Window
 from tracking.appearance.layout import Sampling, disc, grid, histograms, ring
 from tracking.appearance.model import SampledModel
@@ -207,7 +206,7 @@ def test_what_the_inset_leaves_out_changes_nothing(kind):
     bright[:] = 255
     for picture in (dark, bright):
         picture[52:68, 63:97] = np.random.default_rng(0).integers(30, 220, (16, 34, 3))
-    config = config_of(TRACKERS, kind)
+    config = TRACKERS.config_of(kind)
     for inset in (0.0, 0.4):
         seen = config(inset=inset, learn=False).model(dark, REGION, state)
         before, after = (
