@@ -69,7 +69,7 @@ class Session:
         self._boxes = True
 
     def answer(self, asked: Message) -> Message | None:
-        """The answer to a message; None where none is due.
+        """Return the answer to a message; None where none is due.
 
         Raises:
             ValueError: As for `run_trax`.

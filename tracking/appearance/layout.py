@@ -20,7 +20,8 @@ from tracking.types import Region, State
 
 Kernel = Literal["epanechnikov", "linear"]
 Combine = Literal["mean", "sum"]
-"""Of the parts' squared distances: the mean, or the sum, as if the parts were independent."""
+"""Combination of the parts' squared distances: the mean, or the sum, as if they were
+independent."""
 TINY = 1e-12
 LEAST_RING = 8
 """Points along each side of a ring: with fewer, none might lie outside the template."""
@@ -41,7 +42,7 @@ class Layout:
     count: int
     """Number of parts K."""
     pulls: Array
-    """How much each point counts in a mean-shift step (P,): -k'(r^2), up to a factor."""
+    """Weight of each point in a mean-shift step (P,): -k'(r^2), up to a factor."""
 
     @staticmethod
     def of(
@@ -56,7 +57,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How a template is read: in cells, or in one part under a kernel."""
+    """Points at which a template is read: in cells, or in one part under a kernel."""
 
     density: int = 16
     """Points along each side of a cell, or along the kernel's diameter."""

@@ -83,7 +83,7 @@ class SampledModel:
         return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
     def recognise(self, views: Views) -> None:
-        """From now on add `UNLIKE` times 1 - the likeness to the views to the energy."""
+        """Add from now on `UNLIKE` times 1 - the likeness to the views to the energy."""
         self._views = views
 
     def distances(self, image: LabelledImage, states: Array) -> Array:

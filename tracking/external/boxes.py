@@ -34,16 +34,16 @@ class Placement:
     """
 
     turns = False
-    """Whether corners that have an angle were given."""
+    """True once corners that have an angle were given."""
     resizes = False
-    """Whether the size has ever changed."""
+    """True once the size has changed."""
 
     def __init__(self, region: Region, state: State, box: Array, *, sizes: bool) -> None:
         """Begin with a region and the box (4,) that the tracker gets for it [px].
 
         Args:
             region: The template.
-            state: Where it is.
+            state: State of the target at first.
             box: The upright box around it, as the tracker gets it [px].
             sizes: Take over the size, too.
         """

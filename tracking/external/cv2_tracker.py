@@ -1,4 +1,4 @@
-"""One of OpenCV's own trackers, made by its name, whose failures become sentences."""
+"""OpenCV's own trackers, made by their names; their failures become sentences."""
 
 import ctypes
 import os
@@ -112,7 +112,7 @@ def factory_of(name: str) -> Any:
     """Return OpenCV's class of a tracker.
 
     Raises:
-        ValueError: This OpenCV does not have it; the message says which ones it has.
+        ValueError: This OpenCV does not have it; the message lists those it has.
     """
     found = getattr(cv2, f"Tracker{name}", None)
     if hasattr(found, "create"):

@@ -47,7 +47,7 @@ class TraxClient:
             timeout: Longest wait for an answer [s].
 
         Raises:
-            ValueError: It cannot be started, says no hello, or takes neither our regions nor our
+            ValueError: It cannot be started, sends no hello, or takes neither our regions nor our
                 pictures.
         """
         if not command.strip():
@@ -74,7 +74,7 @@ class TraxClient:
         self._pictures = listed("image", "path")
         regions = listed("region", "rectangle")
         self.polygons = "polygon" in regions
-        """Whether the server takes four corners; else it takes boxes."""
+        """True if the server takes four corners; else it takes boxes."""
         if not REGIONS & set(regions):
             self._fail(f"takes {', '.join(regions)} as region; we have rectangle, polygon")
         if not PICTURES & set(self._pictures):

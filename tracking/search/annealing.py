@@ -30,7 +30,7 @@ LARGEST_BETA = 1e4
 
 
 class Schedule(StrEnum):
-    """Where the exponents of the layers come from."""
+    """Rule for the exponents of the layers."""
 
     SURVIVAL = "survival"
     """A given share of the particles survives each layer (Deutscher)."""

@@ -6,8 +6,8 @@ from sim.kinds import Kinds
 
 
 def _adapted(found: Any) -> type[Any] | None:
-    """A `Config` class for a class or object with `init` and `update`, or a function that makes
-    one; None for anything else.
+    """Return a `Config` class for a class or object with `init` and `update`, or a function that
+    makes one; None for anything else.
     """
     # Imported only now: `servobench list` only looks at files.
     from tracking.external.wrapped import is_foreign, wrap

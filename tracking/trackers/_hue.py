@@ -77,7 +77,7 @@ class HueTracker:
     """A search of OpenCV's, whose result a hue histogram judges."""
 
     follows = (False, False)
-    """Whether it follows angle, and size."""
+    """True where it follows the angle, and the size."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram."""

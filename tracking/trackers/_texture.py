@@ -13,7 +13,7 @@ from tracking.settings import MOST_LEVELS, PLAIN, AppearanceSettings
 from tracking.types import Region, State
 
 PAPERS: dict[str, Any] = PLAIN | {"rest": "discard", "least_texture": 0.05}
-"""What the papers on this histogram have in common."""
+"""Settings that the papers on this histogram have in common."""
 DENSITY = 24
 """Points along the kernel's diameter: more than for colour alone, because most have no texture."""
 TextureLevels = Annotated[int, Ge(1), Le(MOST_LEVELS)]

@@ -54,7 +54,9 @@ class Camshift(HueTracker):
         return State(x, y, self._state.theta, scale * float(np.sqrt(area / first)))
 
     def _fit(self, frame: Frame) -> tuple[float, float, float] | None:
-        """Centre and area of the ellipse that CamShift finds [px]; None where it finds nothing."""
+        """Return centre and area of the ellipse that CamShift finds [px]; None where it finds
+        nothing.
+        """
         height, width = frame.image.shape[:2]
         x, y, w, h = self._box
         w = min(max(w, SMALLEST_BOX), width)

@@ -22,7 +22,7 @@ class Config:
 
 @final
 class Frozen:
-    """Always the first state; it follows nothing, and never claims to see the target."""
+    """The first state for ever; it never claims to see the target."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Remember the first state."""

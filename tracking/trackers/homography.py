@@ -31,7 +31,7 @@ from tracking.types import (
 )
 
 Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
-"""How many points a template has; those (n, 2) that were seen, their brightness (n,), its
+"""Number of points of a template; those (n, 2) that were seen, their brightness (n,), its
 derivatives (n, 8), and the parts of the template that they are in (n,)."""
 Alignment = tuple[Array, Array, float, float]
 """Corners (4, 2), gain and bias of the light (2,), likeness 0..1, surprise."""
@@ -70,9 +70,9 @@ align."""
 SURE = 0.95
 """A target less alike than this may have misled the coarse descent."""
 WORSE = 0.2
-"""So may one that is more surprising than before by this: something begins to hide it."""
+"""Something begins to hide a target that is more surprising than before by this."""
 LARGEST_GROWTH = 2.0
-"""From picture to picture no target grows or shrinks by more."""
+"""Largest factor on the size from picture to picture; a larger one is a failed descent."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,7 +53,7 @@ class Config(AppearanceSettings):
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """How a target is searched by mean shift."""
+    """Search for a target by mean shift."""
 
     tolerance: float
     """A shorter shift ends the climb [px]."""
