@@ -26,11 +26,6 @@ def test_bins_are_the_leading_bits_of_red_green_blue():
     np.testing.assert_array_equal(labels, [[0, 7 * 64, 2 * 8 + 0, 64 + 7 * 8 + 7]])
 
 
-def test_bins_whose_joint_numbers_need_more_than_16_bits_are_refused():
-    with pytest.raises(ValueError, match="levels must be 1 to 32, not 33"):
-        ColourBins(33)
-
-
 def test_grid_has_equal_parts_that_fill_the_template():
     layout = grid(REGION, 3, 5)
     assert np.bincount(layout.parts).tolist() == [25] * 9

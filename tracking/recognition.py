@@ -5,8 +5,6 @@ The signs are the distance of colours, the likeness to stored views, and the spr
 particles. Their sum is smoothed over time, because a target is seldom lost for one frame.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from sim.types import Array, Image
 from tracking.hot import colour_labels as hot
-from tracking.settings import MOST_LEVELS
 
 Labels = NDArray[np.integer[Any]]
 DARK = 8
@@ -80,11 +79,7 @@ class ColourBins:
     """Equal bins in each channel of RGB."""
 
     levels: int = 8
-    """Bins a channel, 1 to 32."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.levels <= MOST_LEVELS:
-            raise ValueError(f"levels must be 1 to {MOST_LEVELS}, not {self.levels}")
+    """Bins a channel, 1 to `MOST_LEVELS`."""
 
     @property
     def count(self) -> int:

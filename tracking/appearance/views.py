@@ -3,8 +3,6 @@ where its colours do not, and find it again (Kalal, Mikolajczyk, Matas 2012: nor
 with stored patches, of which only trusted ones are stored).
 """
 
-from __future__ import annotations
-
 import math
 
 import cv2

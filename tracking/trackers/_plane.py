@@ -1,7 +1,5 @@
 """A rectangle in a plane that is seen in perspective: homographies, and the state that fits it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -4,8 +4,6 @@ Where 1 - d falls below T, eight more climbs begin on a ring at twice the target
 the nine kernels cover nine times its area; the best of nine is the target.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -7,11 +7,10 @@ Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wan
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import final
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
@@ -50,22 +49,18 @@ FARTHEST = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Which tag."""
-
-    id: Annotated[int, Ge(0), Le(586)] | None = None
-    """Number of the tag in its family; by default that of the tag nearest the region."""
+    """Nothing to set: the tag nearest the region is followed."""
 
     def build(self, rng: np.random.Generator) -> Tag:
         """Return the tracker; it draws nothing."""
-        return Tag(self)
+        return Tag()
 
 
 @final
 class Tag:
     """Reports the region's corners, which keep their place in the tag's plane."""
 
-    def __init__(self, config: Config) -> None:
-        self._id = config.id
+    def __init__(self) -> None:
         options = cv2.aruco.DetectorParameters()
         # Its quadrangles are found by AprilTag's own method; OpenCV's misses upright tags.
         options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
@@ -80,10 +75,9 @@ class Tag:
         """
         check_region(frame, region, state)
         grey = _grey(frame.image)
-        found = self._nearest(grey, np.array([state.x, state.y]), self._id)
+        found = self._nearest(grey, np.array([state.x, state.y]), None)
         if found is None:
-            number = "" if self._id is None else f" with id = {self._id}"
-            raise ValueError(f"no AprilTag 36h11{number} is seen in the first picture")
+            raise ValueError("no AprilTag 36h11 is seen in the first picture")
         self._seen: Array | None
         self._number, self._seen = found
         self._region = region

@@ -1,7 +1,5 @@
 """A tracker in a process of its own, in any language, over the TraX protocol (Cehovin 2017)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 
