@@ -18,6 +18,7 @@ from tracking.sequences import painted as generators
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("scenes", "servo", "sim", "tests", "tracking")
 MANUALS = sorted([*ROOT.glob("*.md"), *(p for f in FOLDERS for p in (ROOT / f).rglob("*.md"))])
+TUTORIALS = ROOT / "servo" / "tutorials"
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 NAME = r"[A-Z][a-z]+(?:-[A-Z][a-z]+)?"
@@ -32,7 +33,9 @@ def name(path):
 
 
 def blocks(language):
-    found = [(m, b) for m in MANUALS for of, b in BLOCK.findall(m.read_text()) if of == language]
+    """The examples of the manuals; those of tutorials are run by `test_tutorials.py`."""
+    pages = [m for m in MANUALS if m.parent != TUTORIALS]
+    found = [(m, b) for m in pages for of, b in BLOCK.findall(m.read_text()) if of == language]
     return [pytest.param(block, id=f"{name(m)}-{k}") for k, (m, block) in enumerate(found)]
 
 
@@ -64,7 +67,8 @@ def commands_of(text):
 
 
 def test_there_is_a_manual_for_each_subject():
-    folders = {".", "scenes", "tracking", "servo", "servo/papers", "tests/benchmarks"}
+    folders = {".", "scenes", "tracking", "servo", "servo/papers", "servo/tutorials"}
+    folders |= {"tests/benchmarks"}
     assert {name(p.parent) for p in MANUALS if p.name == "README.md"} == folders
 
 
