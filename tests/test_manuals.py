@@ -133,7 +133,7 @@ def test_the_manuals_name_every_scenario_study_measure_and_kind():
     )
     folders = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
     asked = [(scenes, [*shipped(), *studies(), *MEANINGS])]
-    listed = scenes.partition("### Kinds")[2].partition("\n## ")[0]
+    listed = scenes.partition("## Kinds")[2].partition("\n## ")[0]
     asked += [
         (listed, kinds.names(folders[part]))
         for part in ("robot", "target", "motion", "disturbances")
