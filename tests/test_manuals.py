@@ -15,7 +15,6 @@ from servo.loop.run_measures import MEANINGS
 from servo.output.steps_table import quantities
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS, SECTIONS, parse
-from sim import kinds
 from tracking.evaluation.track_measures import MEASURES
 from tracking.sequences import painted as generators
 
@@ -151,17 +150,17 @@ def named(text, column=0):
     return [word for row in rows(text) for word in re.findall(r"`([^`]+)`", row[column])]
 
 
-FOLDER_OF = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
+KINDS = {part: kinds for part, (kinds, _) in PLUGINS.items()} | LISTS
 TABLES = {
     ("scenes/README.md", "## Measures"): lambda: list(MEANINGS),
-    ("scenes/README.md", "### Targets"): lambda: kinds.names(FOLDER_OF["target"]),
+    ("scenes/README.md", "### Targets"): KINDS["target"].names,
     ("scenes/README.md", "## Studies"): studies,
-    ("servo/README.md", "## Features"): lambda: kinds.names(FOLDER_OF["features"]),
-    ("servo/README.md", "## Estimators"): lambda: kinds.names(FOLDER_OF["estimator"]),
+    ("servo/README.md", "## Features"): KINDS["features"].names,
+    ("servo/README.md", "## Estimators"): KINDS["estimator"].names,
     ("servo/README.md", "### Columns of steps.parquet"): lambda: [
         quantity.name for quantity in quantities(SimpleNamespace(names=(), units=()), (), ())
     ],
-    ("tracking/README.md", "## Trackers"): lambda: kinds.names(FOLDER_OF["tracker"]),
+    ("tracking/README.md", "## Trackers"): KINDS["tracker"].names,
     ("tracking/README.md", "### Measures of a track"): lambda: [m.name for m in MEASURES],
 }
 """What the first column of a table names, by page and heading: all of it, and nothing else."""
@@ -191,11 +190,11 @@ def test_the_manuals_name_every_scenario_and_kind():
     missing = [
         kind
         for part in ("robot", "target", "motion", "disturbances")
-        for kind in kinds.names(FOLDER_OF[part])
+        for kind in KINDS[part].names()
         if f"`{kind}`" not in listed
     ]
-    missing += [kind for kind in kinds.names(generators.__name__) if kind not in suites]
-    missing += [kind for kind in kinds.names(FOLDER_OF["controller"]) if kind not in law]
+    missing += [kind for kind in generators.KINDS.names() if kind not in suites]
+    missing += [kind for kind in KINDS["controller"].names() if kind not in law]
     assert not missing
 
 
