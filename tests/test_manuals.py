@@ -231,6 +231,29 @@ def test_the_verdicts_shown_are_those_kept():
     assert shown == {name: (v["effect"], v["finding"]) for name, v in kept.items()}
 
 
+def settings(schema):
+    """The names of all settings in a JSON Schema, however deep."""
+    if isinstance(schema, dict):
+        properties = schema.get("properties", {})
+        inner = [*properties.values(), *(v for k, v in schema.items() if k != "properties")]
+        return set(properties).union(*map(settings, inner))
+    return set().union(*map(settings, schema)) if isinstance(schema, list) else set()
+
+
+@pytest.mark.parametrize("path", MANUALS, ids=name)
+def test_every_setting_named_exists(path):
+    tables = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())["properties"]
+    there = {table: settings(tables[table]) for table in (*SECTIONS, *PLUGINS)}
+    there["tracker"].add("command")  # of `trax`: from the command line only, so not in the schema
+    prose = BLOCK.sub("", path.read_text())
+    for code in re.findall(r"`([^`\n]+)`", prose):
+        for table, keys in re.findall(
+            rf"(?<![\w./])({'|'.join(there)})\.([a-z]\w*(?:\.[a-z]\w*)*)", code
+        ):
+            if keys not in {"py", "md"}:  # a file
+                assert not {*keys.split(".")} - there[table], f"{path}: {code}"
+
+
 def test_every_test_that_keeps_a_promise_exists():
     text = (ROOT / "README.md").read_text().partition("## What you can rely on")[2]
     for file in re.findall(r"`(?:tests/)?(test_[\w*]+\.py)`", text):
