@@ -1,6 +1,6 @@
 """How long trackers, law and loop take: `uv run --extra dev pytest tests/benchmarks -n 0`.
 
-Nothing is asserted: machines differ. `servobench doctor --bench` prints the short table.
+Nothing is asserted: machines differ. `speed.py` prints the short table.
 """
 
 from functools import lru_cache
@@ -9,8 +9,8 @@ from itertools import cycle
 import cv2
 import numpy as np
 import pytest
+import speed
 
-from servo.cli import speed
 from servo.estimators import KINDS as ESTIMATORS
 from servo.loop.episode import Episode
 from servo.scenario.load import load
