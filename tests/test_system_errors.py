@@ -9,7 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo.batch import local_cluster, remote_cluster
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import remote as remote_cluster
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
