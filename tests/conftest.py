@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -163,7 +163,6 @@ def study_place(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
-    from servo.study.perform import perform
 
     from servo.study import store
     from servo.study.files import StudyFile

@@ -11,7 +11,8 @@ from servo.controllers._limits import Limits
 from servo.controllers._target_loss import TargetLoss
 from servo.estimators.jump import Cusum
 from servo.loop import run_measures
-from servo.loop.run_measures import Outcome, Report, RunMeasure, violations
+from servo.loop.run_measures import Outcome, Report, RunMeasure
+from servo.study.bounds import missed
 from servo.scenario.load import load
 from servo.study.results import missed
 from servo.types import Mode
@@ -152,8 +153,8 @@ def test_settling(error, turned, grown, off):
 
 def test_a_measure_at_its_bound_keeps_it():
     report = Report(Outcome.CONVERGED, (RunMeasure("lost_pct", 2.0, "%", "lost"),))
-    assert violations(report, {"lost_pct": 2.0}) == []
-    assert len(violations(report, {"lost_pct": 1.99})) == 1
+    assert missed(report.outcome.name, report.measures, {"lost_pct": 2.0}) == []
+    assert len(missed(report.outcome.name, report.measures, {"lost_pct": 1.99})) == 1
     rows = [{"lost_pct": 2.0, "success": s, "seed": k} for k, s in enumerate((True, False))]
     assert missed([], {"lost_pct": 2.0, "success_rate": 0.5}, rows) == []
     assert len(missed([], {"lost_pct": 1.99, "success_rate": 0.51}, rows)) == 2

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import pytest
 from elsewhere import MyConfig
 
-from servo.study.sequence_run import Contender
 from servo.bench.suites import GENERATORS
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.load import load
+from servo.study.sequence_run import Contender
 from sim import kinds
 from tracking.trackers import kams
 

@@ -8,7 +8,8 @@ import pytest
 from servo.controllers import _law_settings, ibvs
 from servo.features import _interaction, moments
 from servo.loop.episode import run
-from servo.loop.run_measures import summarise, violations
+from servo.loop.run_measures import summarise
+from servo.study.bounds import missed
 from servo.scenario.load import load
 from servo.sight import estimate_to_sight
 from servo.types import Plane
@@ -19,7 +20,7 @@ from sim.world import World
 def missed(name):
     scenario = load(name)
     report = summarise(list(run(scenario)), scenario.measure, 1 / scenario.camera.rate)
-    return {violation.name for violation in violations(report, scenario.expect)}
+    return {violation.name for violation in missed(report.outcome.name, report.measures, scenario.expect)}
 
 
 @pytest.mark.parametrize("row", ["row_xn", "row_yn", "row_an", "row_theta"])

@@ -18,7 +18,8 @@ from servo.cli import (
     terminal,
     track_summary,
 )
-from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
+from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure
+from servo.study.bounds import missed
 from servo.loop.step import Seconds
 from servo.output import versions as found_versions
 from servo.output.formats import command_line

@@ -15,7 +15,8 @@ import pytest
 
 from servo.loop.episode import Episode
 from servo.loop.events import events
-from servo.loop.run_measures import Outcome, summarise, violations
+from servo.loop.run_measures import Outcome, summarise
+from servo.study.bounds import missed
 from servo.output import plots
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
@@ -121,7 +122,7 @@ def test_the_measures_are_these(scripted, approved):
     found = {"measures": measures, "outcome": report.outcome, "missed": map(str, missed)}
     approved("run/measures", found | {"missed": [str(v) for v in missed]}, ROUNDING)
     total = np.median([s.seconds.total for s in scripted[0]])
-    assert report.value("step_ms") == pytest.approx(1e3 * total)
+    assert report.measures["step_ms"] == pytest.approx(1e3 * total)
 
 
 def test_these_events_happen(scripted, approved):
@@ -161,7 +162,7 @@ def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_
     report = replace(report_of(scripted), outcome=Outcome.LIMIT_HIT)
     values = [replace(m, value=1.5) if m.name == "step_ms" else m for m in report.measures]
     report = replace(report, measures=tuple(values))
-    missed = violations(report, {"servo_rms_px": 1.0, "servo_peak_px": 500.0})
+    missed = missed(report.outcome.name, report.measures, {"servo_rms_px": 1.0, "servo_peak_px": 500.0})
     RunFolder.finish(written, steps, report, missed)
     folder = shutil.copytree(written.folder, tmp_path / "run")
     said = section(folder)

@@ -13,15 +13,15 @@ from pathlib import Path
 import dask.config
 import pytest
 from commands import BIN, PATIENCE
-from servo.study.cluster.tasks import carry_out
-from servo.study.cluster.remote import check_address, remote
 
-from servo.study.cluster import tasks as watched
-from servo.study.cluster import local as processes
 from servo.batch import workers
-from servo.study.failure import ClusterLost
 from servo.cli import main, terminal
 from servo.mistake import Mistake, Refused
+from servo.study.cluster import local as processes
+from servo.study.cluster import tasks as watched
+from servo.study.cluster.remote import check_address, remote
+from servo.study.cluster.tasks import carry_out
+from servo.study.failure import ClusterLost
 
 pytestmark = pytest.mark.processes
 

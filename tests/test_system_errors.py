@@ -9,13 +9,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo.study.cluster import local as local_cluster
-from servo.study.cluster import remote as remote_cluster
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
 from servo.output.sinks import Sinks
 from servo.report import study_data, study_time
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import remote as remote_cluster
 from sim import quiet
 from sim.camera import gl
 from sim.files import reading

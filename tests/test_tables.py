@@ -21,8 +21,8 @@ from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study import work
-from servo.study.parse import KEYS, load
 from servo.study.files import StudyFile
+from servo.study.parse import KEYS, load
 from sim import kinds
 from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
@@ -96,7 +96,7 @@ class Kept:
     def __init__(self, study, folder):
         self.folder, self.written = folder, {}
         rng, self.rows = np.random.default_rng(8), []
-        for run in study.runs():
+        for run in study.jobs():
             poor = run.settings["tracker.kind"] == "kams"
             rms = float(rng.uniform(1, 2) * (3 if poor else 1))
             self.rows.append(
@@ -141,7 +141,7 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
     for name in studies():
         study = load(name)
         table = as_json(StudyFile.of(study, "again")) | {"versions": "", "scenarios": ""}
-        runs = [[r.number, r.scenario, r.seed, r.settings, r.pictured] for r in study.runs()]
+        runs = [[r.number, r.subject.name, r.seed, r.settings, r.pictured] for r in study.jobs()]
         found[name] = table | {"first": runs[0], "last": runs[-1]}
     approved("tables/studies", found)
 
