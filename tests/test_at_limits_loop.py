@@ -12,11 +12,11 @@ from servo.controllers._target_loss import TargetLoss
 from servo.estimators.jump import Cusum
 from servo.loop import run_measures
 from servo.loop.run_measures import Outcome, Report, RunMeasure
-from servo.study.bounds import missed
 from servo.scenario.load import load
+from servo.study.bounds import missed
 from servo.study.results import missed
 from servo.types import Mode
-from sim import kinds
+from sim.disturbances import KINDS as DISTURBANCES
 from sim.geometry import inverse_if_strong
 from sim.timing import Rates
 from tracking.types import Status as Tracked
@@ -38,7 +38,7 @@ def test_whole_steps(rate, fits):
 
 
 def effect(kind, time, **settings):
-    config = kinds.config_of("sim.disturbances", kind)(**settings)
+    config = DISTURBANCES.config_of(kind)(**settings)
     return config.build(np.random.default_rng(0)).at(time)
 
 

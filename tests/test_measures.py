@@ -8,9 +8,9 @@ import pytest
 from servo.loop.episode import Episode
 from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise
-from servo.study.bounds import missed
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig
+from servo.study.bounds import missed
 from sim.geometry import exp_so3
 from tracking.types import Status
 

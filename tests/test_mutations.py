@@ -9,9 +9,9 @@ from servo.controllers import _law_settings, ibvs
 from servo.features import _interaction, moments
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
-from servo.study.bounds import missed
 from servo.scenario.load import load
 from servo.sight import estimate_to_sight
+from servo.study.bounds import missed
 from servo.types import Plane
 from sim.robot.robot import Robot
 from sim.world import World
@@ -20,7 +20,10 @@ from sim.world import World
 def missed(name):
     scenario = load(name)
     report = summarise(list(run(scenario)), scenario.measure, 1 / scenario.camera.rate)
-    return {violation.name for violation in missed(report.outcome.name, report.measures, scenario.expect)}
+    return {
+        violation.name
+        for violation in missed(report.outcome.name, report.measures, scenario.expect)
+    }
 
 
 @pytest.mark.parametrize("row", ["row_xn", "row_yn", "row_an", "row_theta"])

@@ -28,7 +28,9 @@ def test_its_tables_are_those_of_the_command(result, tmp_path):
     assert result.steps.drop(columns=timed).equals(written.drop(columns=timed))
     rms = written.servo_error_px.iloc[-1]
     assert (
-        result.measures.loc["servo_rms_px", "value"] == rms == result.report.measures["servo_rms_px"]
+        result.measures.loc["servo_rms_px", "value"]
+        == rms
+        == result.report.measures["servo_rms_px"]
     )
     assert result.measures.loc["servo_rms_px", "unit"] == "px"
 

@@ -16,11 +16,11 @@ import pytest
 from servo.loop.episode import Episode
 from servo.loop.events import events
 from servo.loop.run_measures import Outcome, summarise
-from servo.study.bounds import missed
 from servo.output import plots
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.load import load
+from servo.study.bounds import missed
 from tracking.types import Estimate, State, Status
 
 ROUNDING = 1e-4
@@ -162,7 +162,9 @@ def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_
     report = replace(report_of(scripted), outcome=Outcome.LIMIT_HIT)
     values = [replace(m, value=1.5) if m.name == "step_ms" else m for m in report.measures]
     report = replace(report, measures=tuple(values))
-    missed = missed(report.outcome.name, report.measures, {"servo_rms_px": 1.0, "servo_peak_px": 500.0})
+    missed = missed(
+        report.outcome.name, report.measures, {"servo_rms_px": 1.0, "servo_peak_px": 500.0}
+    )
     RunFolder.finish(written, steps, report, missed)
     folder = shutil.copytree(written.folder, tmp_path / "run")
     said = section(folder)

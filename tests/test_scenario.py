@@ -5,7 +5,7 @@ from servo.mistake import Mistake
 from servo.scenario import catalogue
 from servo.scenario import load as s
 from servo.study.parse import load as load_study
-from sim import kinds
+from tracking import trackers
 from tracking.trackers import pf_ssd
 
 
@@ -21,7 +21,7 @@ def written(tmp_path, text):
     return str(path)
 
 
-TRACKERS = ", ".join(kinds.names("tracking.trackers"))
+TRACKERS = ", ".join(trackers.KINDS.names())
 
 BAD = {
     "unknown table": ("[camra]\n", "mine.toml: there is no key 'camra'; did you mean 'camera'?"),

@@ -9,12 +9,12 @@ import pytest
 from servo.loop.episode import Episode, run
 from servo.loop.events import events
 from servo.loop.run_measures import summarise
-from servo.study.bounds import missed
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import stream
 from servo.scenario.load import load
+from servo.study.bounds import missed
 
 
 def report_of(scenario):

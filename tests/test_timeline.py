@@ -99,7 +99,9 @@ def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
     changes = "run.duration=6.0", "run.tracker_ms=250", "measure.after=2.0"
     kinds = "none", "difference", "kalman_cv", "kalman_ca", "jump", "error_kalman", "imm"
     none, *others = (
-        measured_run(load("reversal", [*changes, f"estimator.kind={k}"]))[1].measures["servo_rms_px"]
+        measured_run(load("reversal", [*changes, f"estimator.kind={k}"]))[1].measures[
+            "servo_rms_px"
+        ]
         for k in kinds
     )
     assert max(others) < 0.8 * none

@@ -30,7 +30,8 @@ from servo.study.bounds import missed
 from servo.study.job import Job
 from servo.study.record import Record
 from sim.kinds import UnknownKind
-from tracking.drawing.contact_sheet import encoded, page, tile
+from tracking.drawing.contact_sheet import page, tile
+from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
 
 TILES = 8
