@@ -10,7 +10,7 @@ from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig
-from servo.study.bounds import missed
+from servo.study.bounds import missed_bounds
 from sim.geometry import exp_so3
 from tracking.types import Status
 
@@ -141,10 +141,10 @@ def test_outcomes(steps):
     assert report(with_status(near, Status.LOST, [119])).outcome is Outcome.TARGET_LOST
 
 
-def test_violations_say_what_was_found_and_expected(steps):
+def test_missed_bounds_say_what_was_found_and_expected(steps):
     made = report([off(s, 5.0) for s in steps])
     expect = {"servo_rms_px": 4.0, "servo_peak_px": 6.0, "settle_s": 3.0, "outcome": "TARGET_LOST"}
-    assert [str(v) for v in missed(made.outcome.name, made.measures, expect)] == [
+    assert [str(v) for v in missed_bounds(made.outcome.name, made.measures, expect)] == [
         "servo_rms_px is 5, expected at most 4",
         "settle_s is not finite, expected at most 3",
         "outcome is CONVERGED, expected TARGET_LOST",

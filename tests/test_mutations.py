@@ -11,7 +11,7 @@ from servo.loop.episode import run
 from servo.loop.run_measures import summarise
 from servo.scenario.load import load
 from servo.sight import estimate_to_sight
-from servo.study.bounds import missed
+from servo.study.bounds import missed_bounds
 from servo.types import Plane
 from sim.robot.robot import Robot
 from sim.world import World
@@ -22,7 +22,7 @@ def missed(name):
     report = summarise(list(run(scenario)), scenario.measure, 1 / scenario.camera.rate)
     return {
         violation.name
-        for violation in missed(report.outcome.name, report.measures, scenario.expect)
+        for violation in missed_bounds(report.outcome.name, report.measures, scenario.expect)
     }
 
 

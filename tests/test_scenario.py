@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from servo.loop.check_expect import check_expect
