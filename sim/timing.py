@@ -11,6 +11,8 @@ from sim.camera.camera import CameraConfig
 
 WHOLE = 1e-9
 """Tolerance for a ratio of rates to count as whole."""
+SUBFRAMES = 6
+"""Pictures that are averaged over an exposure: chosen by hand, as each is a rendering."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +91,6 @@ def _subframes(camera: CameraConfig, steps: int, end: int) -> tuple[int, ...]:
     """The physics steps of an exposure that ends at one of them."""
     if camera.exposure == 0:
         return (end,)
-    before = np.linspace(0, camera.exposure * steps, camera.subframes)[1:]
+    before = np.linspace(0, camera.exposure * steps, SUBFRAMES)[1:]
     taken = np.clip(np.rint(end - before), 0, max(end - 1, 0))
     return tuple(sorted({int(k) for k in taken} | {end}))

@@ -1,4 +1,7 @@
-"""The values that leave the world: camera, pose, frame, truth. No MuJoCo here."""
+"""The values that leave the world: camera, pose, frame, truth. No MuJoCo here.
+
+Poses compare by their numbers; postures, frames and truths, which hold many arrays, by identity.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +64,7 @@ class Camera:
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Pose:
     """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a."""
 
@@ -77,6 +80,14 @@ class Pose:
         s = np.sin(heading)
         return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pose):
+            return NotImplemented
+        same = np.array_equal(self.rotation, other.rotation)
+        return same and np.array_equal(self.translation, other.translation)
+
+    __hash__ = None  # type: ignore[assignment]  # as an array has none
+
     def __matmul__(self, other: Pose) -> Pose:
         return Pose(self.rotation @ other.rotation, self.apply(other.translation))
 
@@ -89,7 +100,7 @@ class Pose:
         return points @ self.rotation.T + self.translation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Posture:
     """What a robot knows of itself at one moment, from its joints."""
 
@@ -125,7 +136,7 @@ class Posture:
         return -self.T_base_camera.rotation[2]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One picture. It never carries the truth."""
 
@@ -139,7 +150,7 @@ class Frame:
     """False where the camera delivered nothing: the image is then the last one that came."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """Where the target really is, exact, at the time of one frame."""
 

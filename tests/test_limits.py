@@ -72,8 +72,6 @@ ABSURD = {
     "camera.width=1000000": "camera.width = 1000000: input should be less than or equal to 2560",
     "camera.height=1000000": "camera.height = 1000000: input should be less than or equal to 1920",
     "camera.rate=1e9": "camera.rate = 1000000000.0: input should be less than or equal to 1000",
-    "camera.subframes=1000": "camera.subframes = 1000: input should be less than or equal to 64",
-    "camera.supersample=99": "camera.supersample = 99: input should be less than or equal to 4",
     "world.physics_rate=1e9": (
         "world.physics_rate = 1000000000.0: input should be less than or equal to 100000"
     ),

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from sim.camera.camera import CameraConfig
 from sim.disturbances import dropped_frames, second_target, spot
 from sim.motions import line, still
 from sim.robots import arm, gantry
 from sim.targets import car
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 
 RNG = np.random.default_rng()
 STILL = still.Config(heading_deg=10.0).build(RNG)
@@ -16,7 +15,7 @@ STILL = still.Config(heading_deg=10.0).build(RNG)
 def make(motion=STILL, disturbances=(), robot=gantry):
     design, target = robot.Config().build(RNG), car.Config().build(RNG)
     rng = np.random.default_rng(1)
-    return World(WorldConfig(), design, target, CameraConfig(), motion, disturbances, rng)
+    return World(WorldParts(design, target, motion, disturbances), rng)
 
 
 def see(world, y=120.0, theta=0.0):

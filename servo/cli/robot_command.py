@@ -27,14 +27,15 @@ from sim.models.assembly import ROBOT, build_model
 from sim.models.model_files import read_spec
 from sim.motions import still
 from sim.robot.chain import Chain, flanges
+from sim.robot.design import CAMERA
 from sim.robot.drives import drive_of, kind_of_joint, wrong_drive
 from sim.robot.model import camera_chain
-from sim.robot.robot import CAMERA, Robot
+from sim.robot.robot import Robot
 from sim.robot.workspace import Workspace, sample_workspace
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 
 DEPTH = 1.0
 """How far from the target a scenario begins by default [m]."""
@@ -89,7 +90,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     design = config.build(rng)
     target = car.Config().build(rng)
     motion = still.Config().build(rng)
-    world = World(WorldConfig(), design, target, PICTURE, motion, (), rng)
+    world = World(WorldParts(design, target, motion, camera=PICTURE), rng)
     size = PICTURE.width, PICTURE.height
     room, eye = (
         OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))

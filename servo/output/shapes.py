@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from sim.geometry import matrix_of
 from sim.models.target import SHOWN
-from sim.quaternion import matrix_of
 from sim.types import Array, Image, Pose
 
 KINDS = {

@@ -14,7 +14,8 @@ from sim.camera.camera import CameraConfig
 from sim.geometry import log_se3
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
-from sim.robot.robot import Design, Robot
+from sim.robot.design import Design
+from sim.robot.robot import Robot
 from sim.types import Array, Effect, Pose
 
 PHYSICS_RATE = 480.0

@@ -33,6 +33,17 @@ class Target:
     """Whether the rectangle was found from what is seen from above, because nobody gave it."""
 
 
+def target_of(spec: mujoco.MjSpec) -> Target:
+    """Return the target of a model, with the rectangle of its site `outline`, or else the one that
+    is found from above.
+
+    Raises:
+        ValueError: Nothing of it is seen from above.
+    """
+    own = outline_site(spec)
+    return Target(spec, seen_from_above(spec) if own is None else own, found=own is None)
+
+
 def rectangle(centre: Array, length: float, width: float) -> Array:
     """Corners (4, 3) of a level rectangle, in the order of `Target.outline`.
 

@@ -10,7 +10,8 @@ from sim.believed import BelievedConfig
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import log_se3
 from sim.ranges import EachJoint
-from sim.robot.robot import CAMERA, Design, Robot
+from sim.robot.design import CAMERA, Design
+from sim.robot.robot import Robot
 from sim.types import Array, Pose, Posture
 
 
