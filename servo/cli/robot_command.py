@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from rich.console import Console
 
+from servo.cli.robot_workspace import Workspace, sample_workspace
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
@@ -31,7 +32,6 @@ from sim.robot.design import CAMERA
 from sim.robot.drives import drive_of, kind_of_joint, wrong_drive
 from sim.robot.model import camera_chain
 from sim.robot.robot import Robot
-from sim.robot.workspace import Workspace, sample_workspace
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
