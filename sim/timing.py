@@ -66,7 +66,8 @@ class Band:
 
 
 def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
-    """When the rows are exposed, from the first to the last, whose exposure ends with the interval.
+    """Return the bands of rows with their times, from the first to the last; that one's exposure
+    ends with the interval.
 
     The bands of a rolling shutter have equal intervals of time; each has the rows whose own times
     are nearest.

@@ -16,7 +16,7 @@ from sim.camera.distortion import Distortion
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 LARGEST_PICTURE = 16_384
-"""Longest side of a picture from a file [px]: larger ones only take all memory."""
+"""Longest side of a picture from a file [px]; more would take all memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,10 @@ class Camera:
 
     Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1,
     so its centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
+
+    >>> camera = Camera(fx=300.0, fy=300.0, cx=160.0, cy=120.0, width=320, height=240)
+    >>> camera.project(np.array([0.1, 0.0, 1.0])).tolist()
+    [190.0, 120.0]
     """
 
     fx: float
@@ -66,7 +70,14 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a."""
+    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a.
+
+    >>> T_world_camera = Pose.planar(1.0, 0.0, 0.0)
+    >>> T_world_camera.apply(np.array([0.5, 0.0, 0.0])).tolist()
+    [1.5, 0.0, 0.0]
+    >>> (T_world_camera @ T_world_camera.inverse()).translation.tolist()
+    [0.0, 0.0, 0.0]
+    """
 
     rotation: Array
     """Rotation (3, 3)."""
@@ -102,7 +113,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """What a robot knows of itself at one moment, from its joints."""
+    """A robot's own knowledge of its pose and motion at one moment, from its joints."""
 
     T_base_camera: Pose
     """Pose of the camera (x right, y down, z forward) in the frame that the robot is calibrated to:
@@ -191,7 +202,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What disturbs the world at one moment."""
+    """All disturbances of the world at one moment."""
 
     gain: float = 1.0
     """Factor on the brightness of the image."""

@@ -159,12 +159,12 @@ class World:
 
     @property
     def ticks(self) -> Array:
-        """When the drives take over what is asked for (n,), after a frame [s]."""
+        """Times after a frame at which the drives take over what is asked for (n,) [s]."""
         steps = self._moments[-1]
         return self.period / steps * np.arange(0.0, steps, self._drive_steps)
 
     def step(self, twists: Array) -> bool:
-        """Move until the next frame; whether a joint limit or rate made the camera slower.
+        """Move until the next frame; return True where a limit of a joint made the camera slower.
 
         Args:
             twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
@@ -201,7 +201,7 @@ class World:
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
-        """What the robot takes its posture of now for; the same object where it is right."""
+        """Return the posture of now as the robot believes it; the same object where it is right."""
         if isinstance(self._known, Robot):
             return posture
         return self._known.posture(self.data, self._accepted)
@@ -218,7 +218,7 @@ class World:
         return Frame(self._image, self.data.time, self._frames)
 
     def truth(self) -> Truth:
-        """Where the target is as of now, and how much of it is seen if that was asked for."""
+        """Return where the target is, and its visible fraction if `visibility` is set."""
         visible = self._visible() if self._visibility else None
         target = self._stage.target(self.data.time)
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
@@ -242,7 +242,7 @@ class World:
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
     def _set_stage(self, time: float) -> Pose:
-        """Put what moves by itself where it is at a time [s]; where the camera is."""
+        """Put what moves by itself where it is at a time [s]; return the camera's pose."""
         eye = self._refreshed()
         self._stage.place(self.data, time, eye)
         return self._refreshed()

@@ -82,8 +82,8 @@ ABSURD = {
     "run.latency=1000": "run.latency = 1000: input should be less than or equal to 100",
     "run.seed=99999999999999999999": "an integer is too large; the limit is 9223372036854775807",
     "goal.x=1e300": "goal.x = 1e+300: input should be less than or equal to 10000",
-    "motion={kind='spin', turn_duration=1e-9}": (
-        "motion.turn_duration = 1e-09: input should be greater than or equal to 0.1"
+    "motion={kind='stop_and_go', go=1e-9}": (
+        "motion.go = 1e-09: input should be greater than or equal to 0.1"
     ),
     "controller.acceleration=5e-324": (
         "controller.acceleration = 5e-324: input should be greater than or equal to 0.001"

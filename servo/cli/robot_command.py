@@ -1,6 +1,4 @@
-"""What `servobench robot` does: print what a robot's file has, and the table that a scenario needs
-for it; draw it in the room.
-"""
+"""`servobench robot`: print a robot's joints and its table for a scenario; draw it in the room."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -41,7 +39,7 @@ DEPTH = 1.0
 """How far from the target a scenario begins by default [m]."""
 PICTURE = CameraConfig(width=640, height=480)
 SHOWN = 12
-"""Candidates for the flange that are printed."""
+"""Largest number of candidates for the flange that are printed."""
 POSITION = 1
 RATE = 2
 """Places of an actuator's feedback in its bias."""
@@ -137,7 +135,7 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
 
 
 def _actuator(model: mujoco.MjModel, joint: int) -> str:
-    """What drives a joint in its file, and what it becomes."""
+    """Describe the actuator of a joint in its file, and its replacement."""
     drive = drive_of(model, joint)
     if drive is None:
         return "none: one is added"

@@ -1,4 +1,4 @@
-"""The scene as plain shapes, for whoever draws it without MuJoCo."""
+"""The scene as plain shapes, for recordings, which draw it without MuJoCo."""
 
 from dataclasses import dataclass
 

@@ -38,9 +38,12 @@ class Renderer(Protocol):
         ...
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Where in the picture (rows, columns) one of the geoms (a mask over geom ids) is seen.
+        """Return a mask (rows, columns) of the pixels that show one of the geoms.
 
-        Alone: with nothing in front.
+        Args:
+            data: The scene as it is.
+            geoms: A mask over geom ids.
+            alone: Draw nothing but these geoms.
         """
         ...
 

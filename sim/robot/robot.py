@@ -94,8 +94,12 @@ class Robot:
         self._ahead = mujoco.MjData(model)
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """What the robot knows of itself, as of the last kinematics; twist is its mean since the
-        last frame, accepted the mean of what its drives were set to.
+        """Return what the robot knows of itself, as of the last kinematics.
+
+        Args:
+            data: Where the joints are.
+            twist: Mean camera twist (6,) since the last frame.
+            accepted: Mean camera twist (6,) that the drives were set to.
         """
         J = self.jacobian(data)
         joints = self.joints(data)
@@ -151,7 +155,7 @@ class Robot:
         return wanted * factor, factor < 1.0
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """What joints do that are driven at these rates (n,) for a time [s]: all of it."""
+        """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
         del hold
         return rates
 

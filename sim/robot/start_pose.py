@@ -20,7 +20,8 @@ from sim.types import Array, Pose
 STEPS = 200
 TOLERANCE = 1e-10
 DAMPING = 1e-3
-"""Of the damped iteration."""
+"""Steps of the damped iteration, the error at which it ends [m, rad], which leaves starts exact to
+rounding, and its damping; chosen by hand."""
 RESTARTS = 40
 ENOUGH = 8
 """The search begins at so many places at most, and ends with so many solutions."""
@@ -105,7 +106,7 @@ def reach(
 def iterate(
     robot: Kinematics, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
 ) -> bool:
-    """Newton's method, damped, from one place; whether it ends inside the limits."""
+    """Run Newton's method, damped, from one place; True where it ends inside the limits."""
     data.qpos[robot.qpos] = home
     for _ in range(STEPS):
         _refresh(robot, data)
@@ -178,8 +179,8 @@ def _descend(
 
 
 def comfort(robot: Kinematics, data: mujoco.MjData) -> float:
-    """How well the robot can move on: far from limits and singular poses, its links neither before
-    the camera nor below the table.
+    """Rate a posture: higher where it is far from limits and singular poses, with no link before
+    the camera or below the table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()
