@@ -6,10 +6,8 @@ frame.
 
 # pyright: reportAttributeAccessIssue=false
 # LAPACK's functions come from a compiled module without stubs.
-from collections.abc import Iterable
 from math import atan2, sqrt, tan
 
-import mujoco
 import numpy as np
 from scipy.linalg import lapack
 
@@ -111,17 +109,3 @@ def inverse_if_strong(A: Array, weakest: float) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     return plain if weakest**2 * float(np.vdot(plain, plain)) <= 1.0 else None
-
-
-def matrix_of(quaternion: Iterable[float]) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion (w, x, y, z), as MuJoCo converts it."""
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, np.array(quaternion, float))
-    return matrix.reshape(3, 3)
-
-
-def quaternion_of(rotation: Array) -> Array:
-    """Return the quaternion (w, x, y, z) of a rotation matrix (3, 3), as MuJoCo converts it."""
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, rotation.flatten())
-    return quaternion

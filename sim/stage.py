@@ -8,8 +8,8 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from sim.geometry import quaternion_of
 from sim.models.assembly import SECOND, SPOT, TARGET
+from sim.models.quaternion import quaternion_of
 from sim.types import Effect, Pose
 
 BOARD = "board"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.geometry import matrix_of
+from sim.models.quaternion import matrix_of
 from sim.models.target import SHOWN
 from sim.types import Array, Image, Pose
 

@@ -6,8 +6,8 @@ from importlib import resources
 import mujoco
 
 from sim.camera.camera import FOVY, CameraConfig
-from sim.geometry import quaternion_of
 from sim.models.model_files import compiled
+from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
 from sim.robot.design import CAMERA, Design
 

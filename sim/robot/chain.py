@@ -6,7 +6,7 @@ from difflib import get_close_matches
 import mujoco
 import numpy as np
 
-from sim.geometry import matrix_of
+from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
 FEWEST = 6

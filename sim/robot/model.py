@@ -9,8 +9,8 @@ from math import cos, radians, sin
 import mujoco
 import numpy as np
 
-from sim.geometry import quaternion_of
 from sim.models.model_files import SIMULATION, compiled, leave_out
+from sim.models.quaternion import quaternion_of
 from sim.robot.chain import Chain, chain_to, name_all
 from sim.robot.design import EYE
 from sim.robot.drives import (

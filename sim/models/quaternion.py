@@ -1,0 +1,22 @@
+"""Rotations as MuJoCo's models have them: quaternions (w, x, y, z)."""
+
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+
+from sim.types import Array
+
+
+def matrix_of(quaternion: Iterable[float]) -> Array:
+    """Return the rotation matrix (3, 3) of a quaternion (w, x, y, z), as MuJoCo converts it."""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion, float))
+    return matrix.reshape(3, 3)
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """Return the quaternion (w, x, y, z) of a rotation matrix (3, 3), as MuJoCo converts it."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.flatten())
+    return quaternion
