@@ -16,7 +16,7 @@ from servo.cli.outputs import Outputs
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.output.mcap_file import RunMcap, _Kept
-from sim.quaternion import matrix_of
+from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
 CHANGES = [

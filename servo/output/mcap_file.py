@@ -25,7 +25,7 @@ from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.steps_table import quantities
-from sim.quaternion import quaternion_of
+from sim.models.quaternion import quaternion_of
 from sim.types import Array, Camera, Image, Pose
 from tracking.drawing.annotated_video import COLOURS
 from tracking.drawing.contact_sheet import TRUE

@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 from servo.mistake import Refused
 from servo.output.room_view import EYE, LOOKS_AT
 from servo.output.shapes import Shape
-from sim.quaternion import quaternion_of
+from sim.models.quaternion import quaternion_of
 from sim.types import Array
 
 IMAGE = "world/eye/image"
