@@ -30,7 +30,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
     Args:
         changes: In their order.
         file: The place of all that no change has set.
-        *settings: Such as "run.duration".
+        *settings: Such as "run.duration" and "disturbances[0].start".
 
     Returns:
         The place of the last change of one of them, of a table around it or of a value in it.
@@ -38,7 +38,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
     for change in reversed(changes):
         changed = f"{spelled(change.key, change.place)}."
         for setting in settings:
-            path = f"{setting}."
+            path = f"{setting}.".replace("[", ".").replace("]", "")
             if path.startswith(changed) or changed.startswith(path):
                 return change.place
     return file
