@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from servo.controllers import Law
 from servo.mistake import Mistake, unknown
-from servo.parts import Estimator, FeaturesConfig
+from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.scenario import given, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -69,7 +68,7 @@ class Scenario:
     tracker: PartConfig[Tracker]
     features: FeaturesConfig
     estimator: PartConfig[Estimator]
-    controller: PartConfig[Law]
+    controller: PartConfig[Callable[[Estimator], Controller]]
     disturbances: tuple[PartConfig[Disturbance], ...]
     expect: dict[str, float | str]
     """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
