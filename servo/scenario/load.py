@@ -79,22 +79,22 @@ class Scenario:
 
     @property
     def frames(self) -> int:
-        """Number of frames of a run."""
+        """Return the number of frames of a run."""
         return max(1, round(self.run.duration * self.camera.rate))
 
     @property
     def unjudged(self) -> str:
-        """A sentence where the bounds are made for another tracker; else nothing."""
+        """Return a sentence where the bounds are made for another tracker; else nothing."""
         return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
     def rates_changed(self) -> dict[str, float]:
-        """Rates [Hz] of which the run uses others than those asked for, by setting."""
+        """Return the rates [Hz] that differ from those asked for, by setting."""
         asked = self.world.physics_rate, self.world.drive_rate, self.camera.rate
         return Rates.of(*asked).changed(*asked)
 
     def settings(self) -> Table:
-        """Every value the run uses, the defaults included."""
+        """Return every value the run uses, the defaults included."""
         plain = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
         chosen = {name: _described(getattr(self, name)) for name in PLUGINS}
         listed = {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
@@ -102,7 +102,7 @@ class Scenario:
 
 
 def _described(config: Any) -> Table:
-    """The kind of a `Config` and its settings."""
+    """Return the kind of a `Config` and its settings."""
     value: Any = config
     settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
     return {"kind": kinds.kind_of(config)} | settings
@@ -111,7 +111,10 @@ def _described(config: Any) -> Table:
 def load(
     name: str | Path, overrides: Sequence[str] = (), seed: int | None = None, **settings: Any
 ) -> Scenario:
-    """A scenario by its shipped name or by the path of a TOML file.
+    """Return a scenario by its shipped name or by the path of a TOML file.
+
+    >>> load("still", ["run.duration=2"], gain=1.5).frames
+    60
 
     Args:
         name: Such as "reversal" or "mine/slow.toml".
