@@ -2,8 +2,13 @@
 Effect`, and `props`: the models that it needs in the scene.
 """
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.disturbances")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from sim.stage import Disturbance
+
+KINDS: Kinds[PartConfig[Disturbance]] = Kinds(__name__, "servobench.disturbances")
