@@ -1,5 +1,6 @@
 """Each limit of studies and commands: the last value that passes, and the first that does not."""
 
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
@@ -236,7 +237,9 @@ def test_cells_of_a_printed_table(capsys):
     from rich.console import Console
 
     success = SimpleNamespace(value=1.0, low=1.0, high=1.0, units=1, known=True)
-    cell = SimpleNamespace(settings={"a": 1}, runs=1, means={}, success=success, unit="seed")
+    cell = SimpleNamespace(
+        settings={"a": 1}, runs=1, means={}, finite=Counter(), success=success, unit="seed"
+    )
     for count, more in ((60, False), (61, True)):
         sweep_command._print_cells(Console(width=100), [cell] * count)
         assert ("... and 1 cells more, in cells.csv" in capsys.readouterr().out) is more
