@@ -11,11 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from servo.loop.step import Step
+from tracking.drawing.colours import CURVES
 from tracking.drawing.figures import Drawing, literal, panels, save
 
-MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#7b3fa0", "#159aa0", "#d6559a", "#555555")
-"""As many as the largest of our feature sets has features."""
+MEASURED = "#b8bcc4"
+ESTIMATED = "#1f7a3a"
+TRUE = "#111111"
+"""Colours of the target's motion."""
 ABOVE: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1.0, 1.0),
@@ -101,15 +103,15 @@ def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
     features = steps[0].scene.features
     for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
         error = [s.error[i] for s in steps]
-        colour = COLOURS[i % len(COLOURS)]
+        colour = CURVES[i % len(CURVES)]
         axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")
     servo = [s.servo_error for s in steps]
     tracking = [s.tracking_error for s in steps]
-    axes[1].plot(time, servo, color=COLOURS[0], lw=1.5, label="true centre to goal")
-    axes[1].plot(time, tracking, color=COLOURS[1], lw=1.0, label="estimated to true centre")
+    axes[1].plot(time, servo, color=CURVES[0], lw=1.5, label="true centre to goal")
+    axes[1].plot(time, tracking, color=CURVES[1], lw=1.0, label="estimated to true centre")
     axes[1].set_ylabel("distance [px]")
     axes[1].set_ylim(bottom=0)
     axes[1].legend(ncols=2, **ABOVE)

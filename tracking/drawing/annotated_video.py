@@ -3,18 +3,13 @@
 from pathlib import Path
 
 from sim.types import Array
-from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
 from tracking.evaluation.track import Shot
-from tracking.types import Region, Status
+from tracking.types import Region
 
-COLOURS = {
-    Status.LOCKED: (60, 220, 60),
-    Status.UNSURE: (255, 180, 30),
-    Status.LOST: (240, 50, 50),
-}
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
-CURVES = {"confidence": "#2b6cb0"}
+CURVES = {"confidence": colours.CURVES[1]}
 SMALLEST = (608, 64)
 LARGEST = (1888, 1000)
 """Pictures are enlarged or reduced to a panel between these [px]."""
@@ -43,9 +38,9 @@ class AnnotatedVideo:
         """
         status = shot.estimate.status
         outline = shot.estimate.outline(self._region)
-        marks = [(outline, COLOURS[status])]
+        marks = [(outline, colours.STATUS[status])]
         if truth is not None:
-            marks.insert(0, (truth, TRUE))
+            marks.insert(0, (truth, colours.TRUTH))
         film = self._opened(*(shot.size or SMALLEST))
         view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
         note = f"frame {shot.index}"

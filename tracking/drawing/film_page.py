@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from sim.types import Array, Image
+from tracking.drawing.colours import PARTICLES, STATUS_ON_WHITE
 from tracking.drawing.contact_sheet import outline
 from tracking.drawing.figures import DOTS, literal
-from tracking.drawing.running_chart import COLOURS, RunningChart, pixels
+from tracking.drawing.running_chart import RunningChart, pixels
 from tracking.drawing.video_writer import VideoWriter
 
 MARGIN = 16
@@ -24,7 +25,6 @@ OTHERS = 410
 STATUS = 100
 """Widths of a letter of the title, of all that stands beside it, and of the status in there [px]; a
 longer title is cut."""
-AMBER = (255, 190, 40)
 GROUND = (228, 228, 228)
 LINE = 2
 DOT = 1
@@ -56,7 +56,7 @@ def panel(
     )
     for x, y in () if particles is None else (factor * particles[:, :2]).round().tolist():
         if 0 <= x < size[0] and 0 <= y < size[1]:
-            cv2.circle(drawn, (int(x), int(y)), DOT, AMBER, -1, cv2.LINE_AA)
+            cv2.circle(drawn, (int(x), int(y)), DOT, PARTICLES, -1, cv2.LINE_AA)
     for corners, colour in marks:
         centre = corners.mean(axis=0)
         front = (corners[1] + corners[2]) / 2
@@ -138,7 +138,7 @@ class FilmPage:
             OSError: The file cannot be written.
         """
         self._note.set_text(f"{note}    t = {time:.2f} s")
-        self._status.set(text=status, color=COLOURS[status])
+        self._status.set(text=status, color=STATUS_ON_WHITE[status])
         self._page[:HEAD, -OTHERS:] = pixels(self._beside)
         top = HEAD + CAPTION
         for i, picture in enumerate(panels):

@@ -10,10 +10,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.types import Array, Image
+from tracking.drawing.colours import STATUS_ON_WHITE
 from tracking.drawing.figures import DOTS
 
-COLOURS = {"LOCKED": "#1f7a3a", "UNSURE": "#b7791f", "LOST": "#c23b2e"}
-"""Of the band and of the status's name, on white."""
 BAND = 0.07
 """Height of the band, as a share of the axes."""
 FIRST_END = 10.0
@@ -145,7 +144,9 @@ class RunningChart:
         low, high = self._at([0.0, 0.0], np.array([-2.0, -1.0]) * BAND * self._top)[:, 1]
         across = self._at(times, np.zeros(len(times)))[:, 0].round().astype(int).tolist()
         for (_, _, status), (left, right) in zip(rows[1:], pairwise(across), strict=True):
-            self.picture[round(high) + 1 : round(low), left : right + 1] = rgb(COLOURS[status])
+            self.picture[round(high) + 1 : round(low), left : right + 1] = rgb(
+                STATUS_ON_WHITE[status]
+            )
 
     def _at(self, times: Sequence[float], values: Array) -> Array:
         """Places in the picture (n, 2) [px]."""

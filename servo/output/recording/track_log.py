@@ -8,14 +8,12 @@ import rerun.blueprint as rrb
 from servo.output.recording.archetypes import Recording, outline
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
-from tracking.drawing.annotated_video import COLOURS
+from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
 from tracking.types import Region
 
 IMAGE = "image"
-WHITE = (255, 255, 255)
-AMBER = (255, 190, 40)
 
 
 class TrackLog:
@@ -39,11 +37,11 @@ class TrackLog:
             data = encoded(shot.picture.image, JPEG_QUALITY)
             rec.log(IMAGE, rr.EncodedImage(contents=data, media_type="image/jpeg"))
         corners = estimate.outline(self._region)
-        rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
+        rec.log(f"{IMAGE}/estimate", outline(corners, colours.STATUS[estimate.status]))
         if truth is not None:
-            rec.log(f"{IMAGE}/truth", outline(truth, WHITE))
+            rec.log(f"{IMAGE}/truth", outline(truth, colours.TRUTH))
         if estimate.particles is not None:
-            points = rr.Points2D(estimate.particles[:, :2], colors=AMBER, radii=0.5)
+            points = rr.Points2D(estimate.particles[:, :2], colors=colours.PARTICLES, radii=0.5)
             rec.log(f"{IMAGE}/particles", points)
         rec.log("plots/confidence", rr.Scalars(shot.confidence))
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
