@@ -7,7 +7,7 @@ from sim import kinds
 from tracking.drawing.colours import ESTIMATE, TRUTH
 from tracking.drawing.contact_sheet import TILE, sheet
 from tracking.sequences.painted.clutter import LEVELS, RADIUS
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.types import State
 
 FOLDER = "tracking.sequences.painted"
@@ -144,7 +144,7 @@ def test_a_camouflaged_car_in_one_colour_has_the_histogram_of_any_other_place():
 
 
 def test_a_contact_sheet_shows_truth_white_and_estimate_green():
-    grey = Painted(lambda _: np.full((120, 160, 3), 90, np.uint8), 9)
+    grey = PaintedSource(lambda _: np.full((120, 160, 3), 90, np.uint8), 9)
     truth = np.tile(np.array([[40, 30], [90, 30], [90, 70], [40, 70]], float), (9, 1, 1))
     sheets = [sheet(grey, truth, found, count=4) for found in (None, truth + 20)]
     assert sheets[0].shape == (TILE * 3 // 4 + 8, 4 * (TILE + 4) + 4, 3)

@@ -98,7 +98,7 @@ ENDING = tuple(
 )
 
 
-class Stopped(KeyboardInterrupt):
+class StopSignal(KeyboardInterrupt):
     """A signal that ends the command."""
 
     def __init__(self, number: int) -> None:
@@ -108,12 +108,12 @@ class Stopped(KeyboardInterrupt):
 
 def exit_code(cause: KeyboardInterrupt) -> int:
     """The exit code that shells use for a program ended by a signal."""
-    return 128 + (cause.number if isinstance(cause, Stopped) else signal.SIGINT)
+    return 128 + (cause.number if isinstance(cause, StopSignal) else signal.SIGINT)
 
 
 @contextmanager
 def ending_signals() -> Generator[None]:
-    """Raise `Stopped` at the first ending signal within the block, and ignore all later ones.
+    """Raise `StopSignal` at the first ending signal within the block, and ignore all later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
     """
@@ -124,7 +124,7 @@ def ending_signals() -> Generator[None]:
         del frame
         if not stopped:
             stopped = True
-            raise Stopped(number)
+            raise StopSignal(number)
 
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}

@@ -56,7 +56,7 @@ def select(
 
     box = region_page.ask(first.image, source, _say)
     if box is None:
-        raise Mistake("--select was closed without a region; give --region X,Y,W,H[,DEG]")
+        raise Mistake("--select was cancelled; give --region X,Y,W,H[,DEG]")
     text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
     _say(f"--region {text} repeats this choice")
     return text, itertools.chain([first], pictures)

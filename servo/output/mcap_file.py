@@ -74,7 +74,7 @@ class McapFile:
 
         self._fox = messages
         self._context = context = foxglove.Context()  # kept: its channels end with it
-        self._file = _Kept(path)
+        self._file = _CheckedFile(path)
         options = mcap.MCAPWriteOptions(chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
         self._image = channels.CompressedImageChannel("/camera/image", context=context)
@@ -184,7 +184,7 @@ class McapFile:
         )
 
 
-class _Kept:
+class _CheckedFile:
     """An unbuffered file that keeps its first error: the writer only prints errors."""
 
     def __init__(self, path: Path) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from servo.loop.step import Step
 from tracking.drawing.colours import CURVES
@@ -41,10 +40,25 @@ def figure(steps: Sequence[Step], title: str) -> Drawing:
 
 
 def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
-    """Both plots of a run as PNG files in a folder; their paths."""
+    """Write both plots of a run as PNG files into a folder; their paths."""
     title = literal(title)
-    figures = {MOTION: _motion_figure(steps, title), ERRORS: _error_figure(steps, title)}
-    return [save(figure, folder, name) for name, figure in figures.items()]
+    motion = save(motion_figure(steps, title), folder, MOTION)
+    return [motion, save(error_figure(steps, title), folder, ERRORS)]
+
+
+def motion_figure(steps: Sequence[Step], title: str) -> Drawing:
+    """Draw figure 9: the target's own motion in the image, measured, estimated and true."""
+    rows = len(_moving(steps))
+    figure, axes = _figure(rows, 0.6 + 2.4 * rows)
+    _draw_motion(steps, title, axes)
+    return figure
+
+
+def error_figure(steps: Sequence[Step], title: str) -> Drawing:
+    """Draw figure 10: the feature errors, and below them the true distance from the goal."""
+    figure, axes = _figure(2, 5.4)
+    _draw_errors(steps, title, axes)
+    return figure
 
 
 def _figure(rows: int, height: float) -> tuple[Drawing, list[Axes]]:
@@ -53,13 +67,6 @@ def _figure(rows: int, height: float) -> tuple[Drawing, list[Axes]]:
         ax.margins(x=0)
     axes[-1].set_xlabel("time [s]")
     return figure, axes
-
-
-def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
-    """Figure 9: the target's own motion in the image, measured, estimated and true."""
-    figure, axes = _figure(len(_moving(steps)), 0.6 + 2.4 * len(_moving(steps)))
-    _draw_motion(steps, title, axes)
-    return figure
 
 
 def _moving(steps: Sequence[Step]) -> tuple[str, ...]:
@@ -89,13 +96,6 @@ def _draw_motion(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
         _shade_unseen(ax, steps)
     axes[0].legend(ncols=3, **ABOVE)
     axes[0].set_title(f"{title}: the target's own motion", loc="left")
-
-
-def _error_figure(steps: Sequence[Step], title: str) -> Figure:
-    """Figure 10: the feature errors, and below them the true distance from the goal."""
-    figure, axes = _figure(2, 5.4)
-    _draw_errors(steps, title, axes)
-    return figure
 
 
 def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> None:

@@ -70,7 +70,7 @@ class Sinks:
         self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
 
 
-class Paced:
+class PacedSink:
     """A sink whose frames come no sooner than their times, since the first, over a speed."""
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:

@@ -52,7 +52,7 @@ class TrackFolder:
         sinks = dict(more or {})
         if recording:
             # rerun takes half a second to import
-            from servo.output.recording.archetypes import RecordingFile
+            from servo.output.recording.destination import RecordingFile
             from servo.output.recording.track_log import TrackLog
 
             path = folder / RECORDING

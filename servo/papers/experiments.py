@@ -13,7 +13,7 @@ from servo.bench.suites import GENERATORS, TRACKERS
 from servo.papers.groups import Result
 from sim import kinds
 from tracking.sequences.sequence import Sequence as Painting
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +59,8 @@ class Kept(Generated):
 def _kept(kind: str, config: Any, seed: int) -> Painting:
     sequence = Generated(kind, config).build(seed)
     source = sequence.source
-    assert isinstance(source, Painted)
-    return replace(sequence, source=Painted(cache(source.paint), source.count))
+    assert isinstance(source, PaintedSource)
+    return replace(sequence, source=PaintedSource(cache(source.paint), source.count))
 
 
 def generated(kind: str, **settings: Any) -> Generated:

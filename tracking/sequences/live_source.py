@@ -20,7 +20,7 @@ WAKE = 0.1
 Item = tuple[int, float | None, Image]
 
 
-class Broken(Exception):
+class SourceLost(Exception):
     """Why a camera or stream cannot be opened, or broke off."""
 
 
@@ -29,13 +29,13 @@ class Feed:
     """An open camera or stream."""
 
     pictures: Iterator[tuple[float | None, Image | None]]
-    """Stamps [s] and pictures, None where one cannot be decoded; raises Broken."""
+    """Stamps [s] and pictures, None where one cannot be decoded; raises SourceLost."""
     rate: float = RATE
     waits: bool = False
     """Whether it is a recording on a server, which waits for the tracker; nothing is dropped."""
 
 
-class Live:
+class LiveSource:
     """Pictures of a camera or stream, which can be read once."""
 
     count: int | None = None
@@ -45,7 +45,7 @@ class Live:
 
         Args:
             name: What it is called in messages.
-            opened: Opens it; raises Broken.
+            opened: Opens it; raises SourceLost.
         """
         self.name = name
         self.rate = RATE
@@ -104,7 +104,7 @@ class Live:
                         index += 1
                     if self._stop.is_set():
                         return
-        except Broken as error:
+        except SourceLost as error:
             self._broken = str(error)
 
     def _put(self, item: Item, *, wait: bool) -> None:

@@ -99,7 +99,7 @@ class Times:
 
 
 @dataclass(frozen=True, slots=True)
-class Painted:
+class PaintedSource:
     """Pictures that a function paints from their numbers."""
 
     paint: Callable[[int], Image]

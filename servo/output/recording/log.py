@@ -35,7 +35,8 @@ from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
 from servo.output.recording import archetypes
-from servo.output.recording.archetypes import IMAGE, Recording
+from servo.output.recording.destination import Recording
+from servo.output.recording.layout import IMAGE, blueprint_of_run
 from servo.output.shapes import shapes_of
 from servo.types import DOF
 from sim.robot.robot import Robot
@@ -81,7 +82,7 @@ class RerunLog:
         self._at_once = at_once
         self._second = max(1, round(episode.scenario.camera.rate))
         self._file = recording
-        self._rec = recording.begin("servobench", archetypes.blueprint(self._features))
+        self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
         self._jpegs = list[bytes]()

@@ -13,7 +13,7 @@ import numpy as np
 from rerun.chunk import RrdReader
 
 from servo.mistake import Mistake
-from servo.output.recording.archetypes import IMAGE
+from servo.output.recording.layout import IMAGE
 from servo.output.recording.view import check
 from sim.types import Array, Image
 
