@@ -14,7 +14,7 @@ from servo.output.film import PANEL, write_film
 from servo.output.room_view import RoomView
 from tracking.drawing.colours import GOAL, STATUS_ON_WHITE
 from tracking.drawing.film_page import CAPTION, CHART, HEAD, MARGIN, panel
-from tracking.drawing.running_chart import RunningChart, rgb
+from tracking.drawing.running_chart import Chart, RunningChart, rgb
 from tracking.drawing.video_writer import VideoWriter
 from tracking.sequences.video_file import Video
 
@@ -91,7 +91,7 @@ def test_a_picture_keeps_its_shape_in_its_panel():
 
 
 def test_a_chart_grows_with_time_and_values_and_says_the_status():
-    chart = RunningChart(640, 194, {"error": "#c23b2e"}, "distance [px]", end=2.0)
+    chart = RunningChart(640, 194, Chart({"error": "#c23b2e"}, "distance [px]", end=2.0))
     chart.add(0.0, [3.0], "LOCKED")
     assert (chart._end, chart._top) == (2.0, 5.0)
     chart.add(1.0, [float("nan")], "UNSURE")

@@ -9,6 +9,7 @@ from servo.loop.step import Step
 from servo.output.room_view import RoomView
 from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
+from tracking.drawing.running_chart import Chart
 
 PANEL = (616, 462)
 """Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
@@ -36,16 +37,9 @@ class RunFilm:
             OSError: The file cannot be written.
         """
         if self._opened is None:
-            film = FilmPage(
-                self._path,
-                1 / step.scene.period,
-                self._title,
-                CAPTIONS,
-                PANEL,
-                CURVES,
-                "distance [px]",
-                end=self._end,
-            )
+            rate = 1 / step.scene.period
+            chart = Chart(CURVES, "distance [px]", self._end)
+            film = FilmPage(self._path, rate, self._title, CAPTIONS, PANEL, chart)
             self._opened = film, RoomView(step.scene.room, *PANEL)
         film, room = self._opened
         marks = (

@@ -5,6 +5,7 @@ from pathlib import Path
 from sim.types import Array
 from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
+from tracking.drawing.running_chart import Chart
 from tracking.evaluation.track import Shot
 from tracking.types import Region
 
@@ -63,15 +64,6 @@ class AnnotatedVideo:
             w = max(SMALLEST[0], round(factor * width))
             h = max(SMALLEST[1], round(factor * height))
             self._size = w + w % 2, h + h % 2
-            self._film = FilmPage(
-                self._path,
-                self._rate,
-                self._title,
-                [CAPTION],
-                self._size,
-                CURVES,
-                "confidence",
-                end=self._end,
-                top=1.0,
-            )
+            chart = Chart(CURVES, "confidence", self._end, top=1.0)
+            self._film = FilmPage(self._path, self._rate, self._title, [CAPTION], self._size, chart)
         return self._film

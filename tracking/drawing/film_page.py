@@ -1,6 +1,6 @@
 """A film: a line of text, pictures beside each other, and below them a chart that grows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -12,7 +12,7 @@ from sim.types import Array, Image
 from tracking.drawing.colours import PARTICLES, STATUS_ON_WHITE
 from tracking.drawing.contact_sheet import outline
 from tracking.drawing.figures import DOTS, literal
-from tracking.drawing.running_chart import RunningChart, pixels
+from tracking.drawing.running_chart import Chart, RunningChart, pixels
 from tracking.drawing.video_writer import VideoWriter
 
 MARGIN = 16
@@ -79,11 +79,7 @@ class FilmPage:
         title: str,
         captions: Sequence[str],
         size: tuple[int, int],
-        curves: Mapping[str, str],
-        label: str,
-        *,
-        end: float | None = None,
-        top: float | None = None,
+        chart: Chart,
     ) -> None:
         """Open the file.
 
@@ -93,10 +89,7 @@ class FilmPage:
             title: What the film shows.
             captions: One above each panel.
             size: Even width and height of each panel [px].
-            curves: As for `RunningChart`.
-            label: As for `RunningChart`.
-            end: As for `RunningChart`.
-            top: As for `RunningChart`.
+            chart: What grows below them.
 
         Raises:
             OSError: The file cannot be written.
@@ -119,7 +112,7 @@ class FilmPage:
         for i, (text, caption) in enumerate(zip(texts, captions, strict=True)):
             text.set(x=(MARGIN + i * (size[0] + MARGIN)) / width, ha="left", text=caption, size=8)
         self._page[HEAD : HEAD + CAPTION] = pixels(line)
-        self._chart = RunningChart(width, CHART, curves, label, end=end, top=top)
+        self._chart = RunningChart(width, CHART, chart)
         self._video = VideoWriter(path, rate, width, height)
 
     def add(

@@ -31,18 +31,6 @@ MOST = 0.9
 """Criterion of success: an overlap above this in at least this share of the frames."""
 
 
-SHARES_OF_ONE = (
-    "auc",
-    "auc_turned",
-    "precision_20",
-    "precision_norm",
-    "completed",
-    "held",
-    "lost_auc",
-)
-"""Measures that are at most 1."""
-
-
 class Better(Enum):
     """Whether higher or lower values are better."""
 
@@ -114,11 +102,8 @@ class TrackMeasure:
     better: Better
     meaning: str
     of: Callable[[Comparison], float]
-
-    @property
-    def most(self) -> float:
-        """Its largest possible value; the smallest is 0."""
-        return 1.0 if self.name in SHARES_OF_ONE else np.inf
+    most: float = np.inf
+    """Its largest possible value; the smallest is 0."""
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
@@ -186,6 +171,7 @@ MEASURES = (
         H,
         "success: area under the curve of upright box overlap",
         lambda c: float(c.success().mean()),
+        1.0,
     ),
     TrackMeasure(
         "auc_turned",
@@ -193,6 +179,7 @@ MEASURES = (
         H,
         "the same for rectangles as they are turned",
         lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
+        1.0,
     ),
     TrackMeasure(
         "precision_20",
@@ -200,6 +187,7 @@ MEASURES = (
         H,
         "share of frames with an error of at most 20 px",
         lambda c: float(c.precision()[NEAR]),
+        1.0,
     ),
     TrackMeasure(
         "precision_norm",
@@ -207,6 +195,7 @@ MEASURES = (
         H,
         "area under the curve of error over the target's size",
         lambda c: float(np.mean(_relative(c) <= SHARES[:, None])),
+        1.0,
     ),
     TrackMeasure(
         "rmse_px",
@@ -241,6 +230,7 @@ MEASURES = (
         H,
         "1 if it was never lost",
         lambda c: float(frames_until_loss(c) == len(c.errors)),
+        1.0,
     ),
     TrackMeasure(
         "held",
@@ -248,6 +238,7 @@ MEASURES = (
         H,
         "1 if the overlap exceeds 0.5 in 90 % of the frames",
         lambda c: float(np.mean(c.overlaps > HALF) >= MOST),
+        1.0,
     ),
     TrackMeasure(
         "lost_auc",
@@ -255,6 +246,7 @@ MEASURES = (
         H,
         "area under the ROC of 1 - confidence as a sign of being off",
         lost_signal,
+        1.0,
     ),
     TrackMeasure(
         "milliseconds",
