@@ -20,6 +20,9 @@ DIGITS = 6
 def region_of(text: str) -> tuple[Region, State]:
     """Return the region "X,Y,W,H[,DEG]": top left corner, size, rotation about its centre.
 
+    >>> region_of("40,30,30,20")[1]
+    State(x=55.0, y=40.0, theta=0.0, scale=1.0)
+
     Raises:
         Mistake: The text has another form.
     """

@@ -23,7 +23,7 @@ SHARES = np.linspace(0, 0.5, 51)
 NEAR = 20
 """Error at which the precision is reported [px]."""
 LOSS_RUN = 5
-"""Number of frames in a row away from the target that count as a loss."""
+"""Number of frames in a row away from the target that count as a loss: one jump is none."""
 ON_TARGET = 0.1
 """Least overlap of a box that counts as on the target in `lost_signal`."""
 HALF = 0.5
@@ -32,7 +32,7 @@ MOST = 0.9
 
 
 class Better(Enum):
-    """Whether higher or lower values are better."""
+    """The better direction of a measure."""
 
     HIGHER = "higher"
     LOWER = "lower"
@@ -48,7 +48,7 @@ class Comparison:
     states: Array | None
     """True x, y, theta, scale (n, 4) if they are known exactly, else None."""
     present: NDArray[np.bool_]
-    """Whether the target is in the frame (n,); m of the n frames have it."""
+    """True in the frames with the target (n,); m of the n frames have it."""
     offsets: Array
     """From the true centres to those found (m, 2) [px]."""
     sizes: Array
@@ -107,12 +107,16 @@ class TrackMeasure:
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
-    """Whether the target is present (n,) in a truth (n, 4, 2)."""
+    """Return the frames (n,) of a truth (n, 4, 2) in which the target is present."""
     return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
 
 def box_overlaps(a: Array, b: Array) -> Array:
-    """Intersection over union (n,) of upright boxes (n, 4): left, top, width, height."""
+    """Return the intersection over union (n,) of upright boxes (n, 4): left, top, width, height.
+
+    >>> box_overlaps(np.array([[0.0, 0.0, 2.0, 2.0]]), np.array([[1.0, 0.0, 2.0, 2.0]])).round(3)
+    array([0.333])
+    """
     low = np.maximum(a[:, :2], b[:, :2])
     high = np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
     shared = np.prod(np.maximum(high - low, 0), axis=1)
@@ -121,7 +125,7 @@ def box_overlaps(a: Array, b: Array) -> Array:
 
 
 def turned_overlaps(a: Array, b: Array) -> Array:
-    """Intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
+    """Return the intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
     overlaps = np.zeros(len(a))
     for i, (p, q) in enumerate(zip(a.astype(np.float32), b.astype(np.float32), strict=True)):
         shared = float(cv2.intersectConvexConvex(p, q)[0])
@@ -130,14 +134,14 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 
 def frames_until_loss(c: Comparison) -> float:
-    """Number of frames before the error exceeds the target's size for five frames in a row."""
+    """Return the frames before the error exceeds the target's size for five in a row."""
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
     return float(np.argmax(runs)) if runs.any() else float(len(away))
 
 
 def lost_signal(c: Comparison) -> float:
-    """Area under the ROC curve of 1 - confidence as a sign that the box is not on the target."""
+    """Return the area under the ROC curve of 1 - confidence as a sign of being off the target."""
     off = ~c.present
     off[c.present] = c.overlaps < ON_TARGET
     doubt = 1 - c.track.confidence[: len(off)]

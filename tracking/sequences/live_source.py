@@ -16,12 +16,12 @@ from sim.types import Image
 from tracking.sequences.sources import RATE, End, Picture, Times
 
 WAKE = 0.1
-"""Time after which a waiting thread looks whether the other one has ended [s]."""
+"""Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
 Item = tuple[int, float | None, Image]
 
 
 class SourceLost(Exception):
-    """Why a camera or stream cannot be opened, or broke off."""
+    """A camera or stream cannot be opened, or broke off; the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Feed:
     """Stamps [s] and pictures, None where one cannot be decoded; raises SourceLost."""
     rate: float = RATE
     waits: bool = False
-    """Whether it is a recording on a server, which waits for the tracker; nothing is dropped."""
+    """True for a recording on a server, which waits for the tracker; nothing is dropped."""
 
 
 class LiveSource:
@@ -58,7 +58,7 @@ class LiveSource:
 
     @property
     def end(self) -> End | None:
-        """How it ended, and how many pictures were dropped."""
+        """The end, and the number of dropped pictures."""
         many = f"{self.name}: {self._given + self._dropped} pictures"
         slow = f"{self._dropped} of them were dropped, because the tracker was slower"
         slow = f"; {slow}" if self._dropped else ""

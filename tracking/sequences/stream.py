@@ -36,7 +36,7 @@ PROTOCOLS = {
     "tcp": "tcp",
     "udp": "udp",
 }
-"""What FFmpeg may open for an address: never a file of this machine."""
+"""Protocols that FFmpeg may open for an address: never a file of this machine."""
 STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 """Formats that FFmpeg may detect: no playlists, which name other addresses and files."""
 PATIENCE = 5.0
@@ -47,17 +47,21 @@ all pictures up to the next one."""
 
 
 def shown(address: str) -> str:
-    """An address without its password, to print and to store."""
+    """Return an address without its password, to print and to store.
+
+    >>> shown("rtsp://eye:secret@10.0.0.7/one")
+    'rtsp://eye:***@10.0.0.7/one'
+    """
     return PASSWORD.sub(r"\1:***@", address)
 
 
 def stream(address: str) -> LiveSource:
-    """The stream at an address that `ADDRESS` matches."""
+    """Return the stream at an address that `ADDRESS` matches."""
     return LiveSource(shown(address), lambda: _stream(address))
 
 
 def camera(number: int) -> LiveSource:
-    """A camera of this machine."""
+    """Return a camera of this machine."""
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 

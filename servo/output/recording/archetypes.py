@@ -1,4 +1,4 @@
-"""What is seen in recordings: solids in the room, and rectangles in the picture."""
+"""Archetypes of recordings: solids in the room, and rectangles in the picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a recording goes: a file, or a viewer."""
+"""Destinations of a recording: a file, or a viewer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FULL = 1 << 16
 
 
 class Recording(Protocol):
-    """Where a recording goes: a file, or a viewer."""
+    """The destination of a recording."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
         """The stream to log to."""
