@@ -26,6 +26,7 @@ from servo.output.recording import layout
 from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
+from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
@@ -124,7 +125,7 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
 def test_the_list_is_laid_out_so(console, monkeypatch, approved):
     monkeypatch.setattr(list_command, "shipped", lambda: ["still"])
     monkeypatch.setattr(list_command, "studies", lambda: ["noise"])
-    monkeypatch.setattr(list_command, "FOLDERS", {"robot": "sim.robots"})
+    monkeypatch.setattr(list_command, "FOLDERS", {"robot": robots.KINDS})
     list_command.show_all()
     approved("prints/list", lines(console))
 

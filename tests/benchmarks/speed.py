@@ -25,8 +25,8 @@ from servo.output.run_folder import RECORDING, RunFolder
 from servo.report.words import Table
 from servo.scenario.load import load
 from servo.sight.estimate_to_sight import EstimateToSight
-from sim import kinds
 from sim.types import Frame
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
 CAR_LENGTH = 0.2
@@ -82,7 +82,7 @@ def film(length: float, width: int = 320, frames: int = 40) -> Film:
 
 def tracker_ms(kind: str, film: Film, **settings: Any) -> float:
     """Median time of a tracker's update on a film [ms]."""
-    config = kinds.config_of("tracking.trackers", kind)(**settings)
+    config = TRACKERS.config(kind, **settings)
     tracker = config.build(np.random.default_rng(0))
     tracker.start(film.frames[0], film.region, film.state)
     return _median_ms([lambda f=f: tracker.update(f) for f in film.frames[1:]])
