@@ -231,19 +231,22 @@ def test_the_verdicts_shown_are_those_kept():
     assert shown == {name: (v["effect"], v["finding"]) for name, v in kept.items()}
 
 
-def settings(schema):
+def settings(schema, definitions):
     """The names of all settings in a JSON Schema, however deep."""
     if isinstance(schema, dict):
+        schema = definitions.get(schema.get("$ref", "").rpartition("/")[2], schema)
         properties = schema.get("properties", {})
         inner = [*properties.values(), *(v for k, v in schema.items() if k != "properties")]
-        return set(properties).union(*map(settings, inner))
-    return set().union(*map(settings, schema)) if isinstance(schema, list) else set()
+        return set(properties).union(*(settings(part, definitions) for part in inner))
+    inner = schema if isinstance(schema, list) else []
+    return set().union(*(settings(part, definitions) for part in inner))
 
 
 @pytest.mark.parametrize("path", MANUALS, ids=name)
 def test_every_setting_named_exists(path):
-    tables = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())["properties"]
-    there = {table: settings(tables[table]) for table in (*SECTIONS, *PLUGINS)}
+    schema = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())
+    tables = schema["properties"]
+    there = {table: settings(tables[table], schema["$defs"]) for table in (*SECTIONS, *PLUGINS)}
     there["tracker"].add("command")  # of `trax`: from the command line only, so not in the schema
     prose = BLOCK.sub("", path.read_text())
     for code in re.findall(r"`([^`\n]+)`", prose):
