@@ -237,26 +237,32 @@ def test_the_verdicts_shown_are_those_kept():
     assert shown == {name: (v["effect"], v["finding"]) for name, v in kept.items()}
 
 
-def settings(schema):
-    """The names of all settings in a JSON Schema, however deep."""
+def settings(schema, definitions):
+    """The names of all settings in a part of a JSON Schema, however deep."""
+    found = set()
     if isinstance(schema, dict):
-        properties = schema.get("properties", {})
-        inner = [*properties.values(), *(v for k, v in schema.items() if k != "properties")]
-        return set(properties).union(*map(settings, inner))
-    return set().union(*map(settings, schema)) if isinstance(schema, list) else set()
+        found = set(schema.get("properties", {}))
+        inner = [definitions.get(str(schema.get("$ref")).rpartition("/")[2]), *schema.values()]
+        found = found.union(*(settings(part, definitions) for part in inner))
+    elif isinstance(schema, list):
+        found = found.union(*(settings(part, definitions) for part in schema))
+    return found
 
 
 @pytest.mark.parametrize("path", MANUALS, ids=name)
 def test_every_setting_named_exists(path):
-    tables = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())["properties"]
-    there = {table: settings(tables[table]) for table in (*SECTIONS, *PLUGINS)}
+    schema = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())
+    there = {
+        table: settings(schema["properties"][table], schema["$defs"])
+        for table in (*SECTIONS, *PLUGINS)
+    }
     there["tracker"].add("command")  # of `trax`: from the command line only, so not in the schema
     prose = BLOCK.sub("", path.read_text())
     for code in re.findall(r"`([^`\n]+)`", prose):
         for table, keys in re.findall(
             rf"(?<![\w./])({'|'.join(there)})\.([a-z]\w*(?:\.[a-z]\w*)*)", code
         ):
-            if keys not in {"md", "py", "rrd"}:  # a file
+            if keys not in {"md", "png", "py", "rrd"}:  # a file
                 assert not {*keys.split(".")} - there[table], f"{path}: {code}"
 
 
