@@ -211,6 +211,12 @@ def test_a_table_names_every_room(folder):
     assert shown == contents(folder)
 
 
+def test_the_page_of_benchmarks_names_every_script():
+    folder = ROOT / "tests" / "benchmarks"
+    shown = set(re.findall(r"`(\w+\.py)`", (folder / "README.md").read_text()))
+    assert shown == {path.name for path in folder.glob("*.py")}
+
+
 def test_the_guide_names_every_room_of_the_world():
     shown = named(section("CONTRIBUTING.md", "## Where to find it"))
     rooms = {f"sim/{name}" for name in contents("sim") if name.endswith("/")}
@@ -253,7 +259,7 @@ def test_every_setting_named_exists(path):
         for table, keys in re.findall(
             rf"(?<![\w./])({'|'.join(there)})\.([a-z]\w*(?:\.[a-z]\w*)*)", code
         ):
-            if keys not in {"md", "py", "rrd"}:  # a file
+            if keys not in {"md", "png", "py", "rrd"}:  # a file
                 assert not {*keys.split(".")} - there[table], f"{path}: {code}"
 
 
