@@ -14,7 +14,7 @@ from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
 from servo.output.result_folder import result_folder
 from servo.output.versions import versions
-from servo.papers.claim import WORDS, Claim, Effort, Verdict
+from servo.papers.claim import WORDS, Claim, Effort, Evidence, Verdict
 from servo.papers.claims import (
     CLAIMS,
     FIGURES,
@@ -30,6 +30,7 @@ from servo.papers.loop_series import LoopSeries
 from servo.papers.tuning import TUNING
 from servo.report.words import Table
 from sim.camera import gl
+from tracking.drawing.figures import save
 from tracking.files import atomic
 from tracking.statistics.verdicts import Finding
 
@@ -63,8 +64,10 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
             if code:
                 failed = code
                 continue
-            figures = atomic.folder(folder, FIGURES)
-            verdicts[claim.name] = verdict = claim.judge(results, figures)
+            verdict = claim.judge(Evidence(results, effort, folder))
+            if verdict.figure is not None:
+                save(verdict.figure, atomic.folder(folder, FIGURES), f"{claim.name}.png")
+            verdicts[claim.name] = verdict
             _print(console, verdict)
         again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
         tested = {c.name: Judged.of(c, verdicts[c.name]) for c in chosen if c.name in verdicts}

@@ -1,47 +1,26 @@
-"""The jobs of experiments: trackers on painted sequences, and functions of the seed."""
+"""Trackers on painted sequences: their jobs, and the tracks they leave."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
+from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob, track_path
 from servo.bench.suites import GENERATORS, TRACKERS
-from servo.papers.groups import Result
 from sim import kinds
+from sim.types import Array
+from tracking.evaluation.track_file import read
 from tracking.sequences.sequence import Sequence as Painting
 from tracking.sequences.sources import Painted
-
-
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """A job that is a function of the seed."""
-
-    name: str
-    about: dict[str, Any]
-    """What else decides the result."""
-    function: Callable[[int], Result]
-    seed: int
-
-    @property
-    def key(self) -> str:
-        return f"{self.name}/{self.seed}"
-
-    def describe(self) -> dict[str, Any]:
-        return self.about | {"seed": self.seed}
-
-    def run(self, folder: Path) -> Result:
-        del folder
-        return self.function(self.seed)
 
 
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: Any
 ) -> Contender:
-    """A tracker for an experiment; by default its label contains the preset."""
+    """Return a tracker for an experiment; by default its label contains the preset."""
     begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
     config = kinds.config_of(TRACKERS, kind)(**begin | settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
@@ -64,12 +43,19 @@ def _kept(kind: str, config: Any, seed: int) -> Painting:
 
 
 def generated(kind: str, **settings: Any) -> Generated:
-    """A painted sequence for an experiment."""
+    """Return a painted sequence for an experiment."""
     return Kept(kind, kinds.config_of(GENERATORS, kind)(**settings))
 
 
 def sequence_jobs(
     trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
 ) -> list[SequenceJob]:
-    """Each tracker on each sequence with each seed; those on one sequence follow each other."""
+    """Return a job for each tracker on each sequence with each seed; those on one sequence follow
+    each other.
+    """
     return [SequenceJob(t, entry, s) for entry in entries for s in seeds for t in trackers]
+
+
+def states_found(folder: Path, label: str, entry: Entry, seed: int) -> Array:
+    """Return the states (frames, 4) of a tracker's stored track."""
+    return read(track_path(folder, f"{label}/{entry.name}-{seed}")).states

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
-from servo.papers.claim import COLOURS, Claim, Effort, Rule, Verdict, panels
+from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
+from servo.papers.drawing import lines
 from servo.papers.groups import Result, column, group, mean, mean_percent, ratio, words
 from servo.papers.loop_series import LINE, REVERSAL, LoopSeries, varied
-from tracking.drawing import figures
-from tracking.statistics.comparisons import Interval, mean_of
+from sim.types import Array
+from tracking.statistics.comparisons import mean_of
 from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 20
@@ -79,28 +79,28 @@ def _jobs(way: Way, scenario: str, effort: Effort) -> Sequence[Job]:
 
 
 def _table(results: list[Result]) -> list[list[str]]:
-    """All measures by estimator; the sign counts where the car drives along the feature."""
-    rows = [["estimator", "servo rms", "peak", "longest away", "right sign", "tilt, peak"]]
-    for e in ESTIMATORS:
-        runs = group(results, estimator=e)
-        rows.append(
-            [
-                e,
-                mean(runs, "servo_rms_px", "px"),
-                mean(runs, "servo_peak_px", "px"),
-                words(mean_of(np.array([_longest_away(r) for r in runs])), "s"),
-                words(_agreements(runs), "%") if runs[0]["scenario"] == REVERSAL else "",
-                mean(runs, "tilt_peak_deg", "deg"),
-            ]
-        )
-    return rows
+    """Return all measures by estimator; the sign counts where the car drives along the feature."""
+    runs = {e: group(results, estimator=e) for e in ESTIMATORS}
+    reverses = results[0]["scenario"] == REVERSAL
+    rows = [
+        [
+            e,
+            mean(found, "servo_rms_px", "px"),
+            mean(found, "servo_peak_px", "px"),
+            words(mean_of(_away(found)), "s"),
+            words(mean_percent(_agreement(found)), "%") if reverses else "",
+            mean(found, "tilt_peak_deg", "deg"),
+        ]
+        for e, found in runs.items()
+    ]
+    return [["estimator", "servo rms", "peak", "longest away", "right sign", "tilt, peak"], *rows]
 
 
-def _judge_lag(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
+def _judge_lag(way: Way, evidence: Evidence) -> Verdict:
     del way
+    results = evidence.results
     without, found = (column(group(results, estimator=e), "servo_rms_px") for e in ESTIMATORS)
     times = ratio(without, found)
-    figure = _draw_error(results, f"{name}: distance of the target from the goal, constant speed")
     return Verdict(
         greater(times, LESS),
         times,
@@ -108,53 +108,50 @@ def _judge_lag(results: list[Result], folder: Path, name: str, way: Way) -> Verd
         len(found),
         f"the error is {words(times)} times smaller with estimation",
         _table(results),
-        [figures.save(figure, folder, f"{name}.png")],
+        _draw_error(results, "distance of the target from the goal, constant speed"),
     )
 
 
-def _judge_sign(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
+def _judge_sign(way: Way, evidence: Evidence) -> Verdict:
     del way
-    runs = group(results, estimator=FILTER)
-    share = _agreements(runs)
-    figure, (ax,) = panels(1)
-    ax.plot(runs[0]["time"], runs[0]["estimated"], color=COLOURS[2], label="estimated")
-    ax.plot(runs[0]["time"][1:], runs[0]["true"][1:], "--", color=COLOURS[5], label="true")
-    ax.set(
-        xlabel="time [s]",
-        ylabel="d yn/dt of the target [m/s]",
-        title=f"{name}: the velocity follows the reversals ({_first_seed(runs)})",
-    )
-    ax.legend(frameon=False)
+    runs = group(evidence.results, estimator=FILTER)
+    share = mean_percent(_agreement(runs))
+    first = runs[0]
     return Verdict(
         greater(share, 100 * AGREE),
         share,
         "% of the frames",
         len(runs),
         f"right in {words(share, '%')} of the frames",
-        _table(results),
-        [figures.save(figure, folder, f"{name}.png")],
+        _table(evidence.results),
+        lines(
+            f"the velocity follows the reversals (seed {first['seed']})",
+            "time [s]",
+            "d yn/dt of the target [m/s]",
+            {
+                "estimated": (first["time"], first["estimated"]),
+                "true": (first["time"][1:], first["true"][1:]),
+            },
+        ),
     )
 
 
-def _first_seed(results: list[Result]) -> str:
-    """Such as "seed 1000": of the run that is drawn alone, or thick."""
-    return f"seed {results[0]['seed']}"
+def _agreement(runs: list[Result]) -> Array:
+    """Return the share of frames (n,) in which the velocity has the right sign."""
+    return np.array([agreement(np.array(r["estimated"]), np.array(r["true"], float)) for r in runs])
 
 
-def _agreements(runs: list[Result]) -> Interval:
-    return mean_percent(np.array([_agreement(r) for r in runs]))
-
-
-def _agreement(run: Result) -> float:
-    true = np.array([0.0 if v is None else v for v in run["true"]])
+def agreement(estimated: Array, true: Array) -> float:
+    """Return the share of the frames with a fast target in which both velocities (frames,) [m/s]
+    have the same sign; the true one is nan in the first frame.
+    """
     fast = np.abs(true) > SLOW
-    return float(np.mean(np.sign(run["estimated"])[fast] == np.sign(true[fast])))
+    return float(np.mean(np.sign(estimated)[fast] == np.sign(true)[fast]))
 
 
-def _judge_peak(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
-    runs = group(results, estimator=FILTER)
-    away = mean_of(np.array([_longest_away(r) for r in runs]))
-    figure = _draw_error(results, f"{name}: distance of the target from the goal, reversals")
+def _judge_peak(way: Way, evidence: Evidence) -> Verdict:
+    runs = group(evidence.results, estimator=FILTER)
+    away = mean_of(_away(runs))
     return Verdict(
         not_worse(away, way.within),
         away,
@@ -162,16 +159,20 @@ def _judge_peak(results: list[Result], folder: Path, name: str, way: Way) -> Ver
         len(runs),
         f"peak {mean(runs, 'servo_peak_px', 'px')}, below {BACK_PX:g} px again after "
         f"{words(away, 's')}",
-        _table(results),
-        [figures.save(figure, folder, f"{name}.png")],
+        _table(evidence.results),
+        _draw_error(evidence.results, "distance of the target from the goal, reversals"),
     )
 
 
-def _longest_away(run: Result) -> float:
-    """Longest time in a row above `BACK_PX`, after the start [s]."""
-    time = np.array(run["time"])
-    error = np.array(run["servo_error"])
-    settled = int(np.argmax(error < BACK_PX))
+def _away(runs: list[Result]) -> Array:
+    return np.array([longest_away(r["time"], r["servo_error"]) for r in runs])
+
+
+def longest_away(time: Sequence[float], error: Sequence[float]) -> float:
+    """Return the longest time in a row in which the error [px] is above `BACK_PX`, after it has
+    first been below [s].
+    """
+    settled = int(np.argmax(np.array(error) < BACK_PX))
     longest = begin = 0.0
     for t, e in zip(time[settled:], error[settled:], strict=True):
         begin = t if e < BACK_PX else begin
@@ -180,30 +181,18 @@ def _longest_away(run: Result) -> float:
 
 
 def _draw_error(results: list[Result], title: str) -> Figure:
-    figure, (ax,) = panels(1)
-    for i, estimator in enumerate(ESTIMATORS):
-        for k, run in enumerate(group(results, estimator=estimator)):
-            look: dict[str, Any] = {"alpha": 0.2, "lw": 0.7} if k else {"label": estimator}
-            ax.plot(run["time"], run["servo_error"], color=COLOURS[i], **look)
-    most = max(max(r["servo_error"]) for r in results)
-    ax.set(
-        xlabel=f"time [s] (thick: {_first_seed(results)})",
-        ylabel="distance [px]",
-        title=title,
-        ylim=(0, 1.25 * most),
-    )
-    ax.legend(frameon=False, ncols=2, loc="upper right")
-    return figure
+    """Draw the errors of the first run with each estimator."""
+    first = [group(results, estimator=estimator)[0] for estimator in ESTIMATORS]
+    curves = {r["estimator"]: (r["time"], r["servo_error"]) for r in first}
+    return lines(f"{title} (seed {first[0]['seed']})", "time [s]", "distance [px]", curves)
 
 
-Judge = Callable[[list[Result], Path, str, Way], Verdict]
+Judge = Callable[[Way, Evidence], Verdict]
 
 
 def _claim(number: int, way: Way, says: str, scenario: str, judge: Judge, rule: Rule) -> Claim:
     name = f"P1-{number}{way.ending}"
-    return Claim(
-        name, says, rule, lambda e: _jobs(way, scenario, e), lambda r, f: judge(r, f, name, way)
-    )
+    return Claim(name, says, rule, partial(judge, way), partial(_jobs, way, scenario))
 
 
 UNITS = (

@@ -8,15 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
-from pathlib import Path
 from typing import Any, ClassVar
 
 from servo.batch.jobs import Job
 from servo.bench.sequence_jobs import Contender, Generated
 from servo.output.formats import Document
-from servo.papers.claim import Claim, Effort, Rule, Verdict
+from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import contender, generated, sequence_jobs
-from servo.papers.groups import Result, column, group
+from servo.papers.groups import column, group
 from sim import kinds
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
@@ -159,18 +158,19 @@ def _jobs(family: str, effort: Effort) -> Sequence[Job]:
     return sequence_jobs(tried, of.entries, effort.seeds(of.seeds, 0))
 
 
-def _judge(family: str, results: list[Result], folder: Path) -> Verdict:
+def _judge(family: str, evidence: Evidence) -> Verdict:
+    measure = FAMILIES[family].measure
     scores: dict[str, list[tuple[Settings, float]]] = {}
-    rows = [["tracker", "settings", FAMILIES[family].measure, ""]]
+    rows = [["tracker", "settings", measure, ""]]
     for name in _members(family):
-        runs = [group(results, tracker=c.label) for c in _tried(name)]
-        found = [round(float(column(r, FAMILIES[family].measure).mean()), 4) for r in runs]
+        runs = [group(evidence.results, tracker=c.label) for c in _tried(name)]
+        found = [round(float(column(r, measure).mean()), 4) for r in runs]
         scores[name] = list(zip(TUNED[name].grid, found, strict=True))
         best = TuningFile(scores=scores).best(name)
         for settings, score in scores[name]:
-            said = ", ".join(f"{k} {v}" for k, v in settings.items())
-            rows.append([name, said, f"{score:.4g}", "best" if settings == best else ""])
-    whole = TuningFile(scores=stored().scores | scores).write(folder.parent)
+            listed = ", ".join(f"{k} {v}" for k, v in settings.items())
+            rows.append([name, listed, f"{score:.4g}", "best" if settings == best else ""])
+    whole = TuningFile(scores=stored().scores | scores).write(evidence.folder)
     nothing = Interval(0.0, 0.0, 0.0)
     return Verdict(Finding.UNDECIDED, nothing, "", 0, f"written to {whole.name}", rows)
 
@@ -187,8 +187,8 @@ TUNING = tuple(
             "none",
             "never",
         ),
-        partial(_jobs, name),
         partial(_judge, name),
+        partial(_jobs, name),
     )
     for name, family in FAMILIES.items()
 )
