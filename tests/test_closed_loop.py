@@ -3,8 +3,8 @@
 import csv
 
 import pytest
-
 from servo.bench.loop_jobs import LoopJob
+
 from servo.cli import main
 from servo.papers.experiments import contender
 from sim import kinds

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from servo.bench import suites
-from servo.bench.sequence_jobs import Contender
+from servo.study.sequence_run import Contender
 from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s

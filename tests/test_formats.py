@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from servo.bench.loop_jobs import LoopBench, LoopRun
 
 from servo.batch.jobs import ResultFile
-from servo.bench.loop_jobs import LoopBench, LoopRun
 from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.cli import main
 from servo.cli.report_command import write
@@ -22,11 +22,11 @@ from servo.loop.run_measures import Violation
 from servo.mistake import Mistake
 from servo.output import formats
 from servo.output.result_folder import Begun
-from servo.output.run_folder import RunReport
+from servo.study.run_report import RunReport
 from servo.output.track_folder import TrackReport
 from servo.papers.claim import Rule
 from servo.papers.claims import Judged, PapersReport
-from servo.study.plan import FailureFile, StudyFile
+from servo.study.files import FailureFile, StudyFile
 from tracking.evaluation import track_file
 from tracking.files.json_text import as_json
 from tracking.statistics.comparisons import Interval, McNemar
@@ -227,7 +227,7 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
     from elsewhere import MyConfig
 
     from servo.loop.measured_run import measured_run
-    from servo.output.run_folder import RunReport
+    from servo.study.run_report import RunReport
     from servo.scenario.load import load
 
     scenario = replace(load("still", ["run.duration=0.1"]), tracker=MyConfig(gain=2.0))

@@ -19,12 +19,12 @@ from commands import (
     wait_for,
     workers_of,
 )
+from servo.study.perform import TIMED, perform
 
 from servo.cli import main
 from servo.study import store
 from servo.study.parse import load
-from servo.study.perform import TIMED, perform
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 
 pytestmark = pytest.mark.processes
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import pytest
 from elsewhere import MyConfig
 
-from servo.bench.sequence_jobs import Contender
+from servo.study.sequence_run import Contender
 from servo.bench.suites import GENERATORS
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.load import load

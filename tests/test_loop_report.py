@@ -5,9 +5,9 @@ import io
 import numpy as np
 import pytest
 from rich.console import Console
+from servo.bench.loop_jobs import LoopJob, LoopRun
 
 from servo.bench import loop_jobs, suites
-from servo.bench.loop_jobs import LoopJob, LoopRun
 from servo.cli.terminal import print_table
 from servo.report.bench_section import loop_table
 

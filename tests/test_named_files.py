@@ -3,14 +3,14 @@
 from pathlib import Path
 
 import pytest
+from servo.study.perform import perform
 
-from servo.bench.sequence_jobs import Contender
+from servo.study.sequence_run import Contender
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.named_files import MISSING, digest_of, digests, found_beside
 from servo.study.parse import load as load_study
-from servo.study.perform import perform
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 from servo.study.store import opened
 from tracking.trackers import opencv
 

@@ -1,12 +1,12 @@
 """Named groups of settings in a study, and the ways that its page draws of them."""
 
 import pytest
+from servo.study.perform import perform
 
 from servo.report import study_data, study_paths
 from servo.study import store
 from servo.study.parse import load
-from servo.study.perform import perform
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 
 NAMED = """# mine
 # Two schemes from two starts.

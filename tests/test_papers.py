@@ -12,6 +12,7 @@ from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS, Known, KnownVerdicts
 from servo.papers.experiments import generated
 from servo.scenario.load import load
+from servo.study.record import Record
 from tracking.statistics.verdicts import Finding
 
 NAMES = [
@@ -104,7 +105,7 @@ def test_verdicts_are_found_on_seeds_that_no_tuning_has_seen():
         jobs = claim.jobs(FULL)
         assert len({job.key for job in jobs}) == len(jobs)
         for job in jobs:
-            assert getattr(job, "job", job).seed >= 1000
+            assert job.seed >= 1000
             # What two claims share is run once.
             assert described.setdefault(job.key, job.describe()) == job.describe()
     for claim in tuning.TUNING:
@@ -113,12 +114,12 @@ def test_verdicts_are_found_on_seeds_that_no_tuning_has_seen():
 
 def test_the_first_claim_has_all_six_trackers_on_64_sequences_as_the_paper_has_them():
     jobs = CLAIMS[0].jobs(FULL)
-    labels = [job.contender.label for job in jobs]
+    labels = [job.settings["tracker"] for job in jobs]
     assert {label: labels.count(label) for label in labels} == {
         f"{k}-published": 64
         for k in ("kams", "condensation", "mean_shift", "annealed", "hybrid", "sok")
     }
-    configs = {job.contender.label: job.contender.config for job in jobs}
+    configs = {job.settings["tracker"]: job.subject.contender.config for job in jobs}
     filters = {
         k: (c.particles, c.velocity_memory) for k, c in configs.items() if hasattr(c, "particles")
     }
@@ -152,9 +153,8 @@ def test_as_many_histograms_are_read_as_by_kams(tmp_path):
     """About 1200 a frame; what is without particles reads what it needs."""
     reads = {}
     for job in CLAIMS[1].jobs(Effort(quick=True, sequences=None)):
-        if job.entry.name == "clutter-e" and hasattr(job.contender.config, "particles"):
-            found = job.run(tmp_path)["measures"]["evaluations"]
-            reads[job.contender.label] = found
+        if job.subject.name == "clutter-e" and hasattr(job.subject.contender.config, "particles"):
+            reads[job.settings["tracker"]] = job.run(tmp_path).measures["evaluations"]
     assert len(reads) == 4
     ours = reads["kams-tuned"]
     assert all(0.85 < found / ours < 1.2 for found in reads.values()), reads
@@ -201,27 +201,26 @@ def test_a_wrong_sign_is_found():
 
 def test_the_time_away_from_the_goal_is_the_longest_after_the_start():
     error = [60, 20, 3, 2, 7, 8, 6, 2, 5, 1.0]
-    assert servo_paper.longest_away(0.1 * np.arange(10), error) == pytest.approx(0.3)
+    assert servo_paper.longest_away(0.1 * np.arange(10), np.array(error)) == pytest.approx(0.3)
 
 
 def loops(scale):
-    """Results of every estimator in every case, `scale` times its bound for kalman_cv."""
-    return [
-        {
-            "scenario": job.scenario,
-            "estimator": job.estimator,
-            "seed": job.seed,
-            "label": job.label,
-            "measures": {
-                c.measure: scale
-                * (0.9 if job.estimator == "kalman_cv" else 0.5)
-                * max(c.bounds.values())
-            },
-        }
-        for job in estimator_study.CLAIMS[0].jobs(Effort(quick=True, sequences=None))
-        for c in estimator_study.CASES
-        if (c.scenario, c.rate.replace(" ", "")) == (job.scenario, job.label)
-    ]
+    """Records of every estimator in every case, `scale` times its bound for kalman_cv."""
+    cases = {(case.motion, case.rate): case for case in estimator_study.CASES}
+    found = []
+    for job in estimator_study.CLAIMS[0].jobs(Effort(quick=True, sequences=None)):
+        case = cases[job.settings["motion"], job.settings["rate"]]
+        share = 0.9 if job.settings["estimator"] == "kalman_cv" else 0.5
+        record = Record(
+            subject=case.scenario,
+            seed=job.seed,
+            settings=job.settings,
+            outcome="CONVERGED",
+            success=True,
+            measures={case.measure: scale * share * max(case.bounds.values())},
+        )
+        found.append(record)
+    return found
 
 
 def test_estimators_are_judged_by_their_bounds_rate_by_rate(tmp_path):

@@ -1,20 +1,20 @@
 """How each claim of the papers is judged, told and drawn from results that are made up."""
 
-import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from servo.bench.sequence_jobs import Generated, track_path
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
 from servo.papers import annealing_layers, kernel_paper, kernel_surface, texture_paper, tuning
 from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS
-from servo.papers.loop_series import LoopSeries
+from servo.papers.loop_series import ERROR, ESTIMATED, TIME, TRUE, EstimatedLoop, loop_job
 from servo.scenario import load as scenarios
+from servo.study.record import Record
+from servo.study.sequence_run import Generated
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
 from tracking.sequences.sources import Picture
@@ -48,19 +48,21 @@ def measures(rng, worse):
 
 
 def results(claim, worse):
-    """Made-up results of a claim on ten units; `worse` by tracker or estimator, else 1."""
+    """Made-up records of a claim on ten units; `worse` by tracker or estimator, else 1."""
     rng, found = np.random.default_rng(4), []
     for job in claim.jobs(QUICK):
+        settings = dict(job.settings)
+        w = worse.get(settings.get("estimator", settings.get("tracker")), 1.0)
+        loop = isinstance(job.subject, EstimatedLoop)
+        if not loop:
+            settings["family"] = job.subject.name
         for seed in range(UNITS.get(claim.name, 10)):
-            if isinstance(job, LoopSeries):
-                of = {"scenario": job.scenario, "estimator": job.estimator, "label": job.label}
-                w = worse.get(job.estimator, 1.0)
-                of |= series(rng, w) | {"measures": measures(rng, w)}
-            else:
-                label, entry = job.contender.label, job.entry
-                of = {"tracker": label, "sequence": entry.name, "family": entry.name}
-                of["measures"] = measures(rng, worse.get(label, 1.0))
-            found.append(of | {"seed": seed})
+            over_time = series(rng, w) if loop else {}
+            record = Record(
+                subject=job.subject.name, seed=seed, settings=settings, outcome="CONVERGED",
+                success=True, measures=measures(rng, w), versions={}, series=over_time,
+            )  # fmt: skip
+            found.append(record)
     return found
 
 
@@ -70,10 +72,10 @@ def series(rng, worse):
     true = np.where(time < 2, 0.1, -0.1)
     late = worse * np.exp(-3 * np.abs(time - 2.2)) * 8
     return {
-        "time": time.tolist(),
-        "servo_error": (late + rng.uniform(0, 1, len(time))).tolist(),
-        "estimated": (0.9 * np.roll(true, round(10 * (worse - 1)))).tolist(),
-        "true": [None, *true[1:].tolist()],
+        TIME: time,
+        ERROR: late + rng.uniform(0, 1, len(time)),
+        ESTIMATED: 0.9 * np.roll(true, round(10 * (worse - 1))),
+        TRUE: np.array([np.nan, *true[1:]]),
     }
 
 
@@ -202,7 +204,7 @@ def test_undecided_is_what_the_interval_leaves_open(judged):
 
 def write_track(folder, label, name, sequence, off, seed=0):
     """The truth as a track, `off` pixels, degrees and percent away, in all frames or in each."""
-    path = track_path(folder, f"{label}/{name}-{seed}")
+    path = folder / "tracks" / label / f"{name}-{seed}.csv"
     path.parent.mkdir(parents=True, exist_ok=True)
     file = TrackFile(path, sequence.region)
     off = np.broadcast_to(off, len(sequence.states))
@@ -217,7 +219,7 @@ def write_track(folder, label, name, sequence, off, seed=0):
 def test_the_trackers_over_time(approved, drawn, short, tmp_path):
     claim = BY_NAME["P1-1"]
     found = results(claim, KERNELS)
-    for i, label in enumerate(dict.fromkeys(r["tracker"] for r in found)):
+    for i, label in enumerate(dict.fromkeys(r.settings["tracker"] for r in found)):
         write_track(tmp_path, label, "similarity", short.build(0), 1.0 + i)
     verdict = claim.judge(Evidence(found, QUICK, tmp_path))
     assert verdict.finding is Finding.HOLDS
@@ -234,7 +236,9 @@ def test_sizes_are_measured_where_motion_blurs_and_before(percent, finding, shor
     grown[7:12] = percent + 0.1 * np.arange(5)  # 35 to 60 % of the sequence
     grown[:7] = 1.0
     for r in found:
-        write_track(tmp_path, r["tracker"], "similarity", short.build(r["seed"]), grown, r["seed"])
+        write_track(
+            tmp_path, r.settings["tracker"], "similarity", short.build(r.seed), grown, r.seed
+        )
     verdict = claim.judge(Evidence(found, QUICK, tmp_path))
     assert verdict.finding is Finding[finding]
     assert verdict.effect.value == pytest.approx(percent + 0.2 - 1.0)
@@ -260,18 +264,19 @@ def test_likeness_is_measured_at_the_filter_at_the_truth_and_beside_it(monkeypat
     assert means[at[1]] > means[at[0]] > means[at[2]] > means[at[4]]
 
 
-def test_the_job_of_a_closed_loop_has_its_series(tmp_path):
-    job = LoopSeries("reversal", "kalman_cv", 2, ("run.duration=0.4",), "short")
-    assert job.key == "loop/reversal-short-kalman_cv-2"
-    found = json.loads(json.dumps(job.run(tmp_path)))
+def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
+    job = loop_job("reversal", "kalman_cv", 2, ["run.duration=0.4"], way="short way")
+    assert job.key == "loop/shortway-reversal-kalman_cv-2"
+    record = job.run(tmp_path)
+    kept = Record.decoded(record.encoded(job.describe()))
     changes = ["estimator.kind=kalman_cv", "run.duration=0.4"]
     scenario = scenarios.load("reversal", changes, 2)
     steps = list(run(scenario))
-    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
-    assert found["time"] == [s.frame.time for s in steps]
-    assert found["servo_error"] == [s.servo_error for s in steps]
-    assert found["estimated"] == [s.prediction.motion[1] for s in steps]
-    assert found["true"][1:] == [s.target_motion_true[1] for s in steps[1:]]
-    assert found["measures"]["servo_rms_px"] == report.value("servo_rms_px")
-    assert [found[key] for key in ("estimator", "seed", "label")] == ["kalman_cv", 2, "short"]
-    assert job.describe()["scenario"] == scenario.table
+    summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    for found in (record, kept):
+        assert found.series[TIME].tolist() == [s.frame.time for s in steps]
+        assert found.series[ERROR].tolist() == [s.servo_error for s in steps]
+        assert found.series[ESTIMATED].tolist() == [s.prediction.motion[1] for s in steps]
+        assert found.series[TRUE][1:].tolist() == [s.target_motion_true[1] for s in steps[1:]]
+        assert found.measures["servo_rms_px"] == summary.measures["servo_rms_px"]
+        assert found.settings == {"estimator": "kalman_cv", "way": "short way"}

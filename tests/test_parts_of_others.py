@@ -3,11 +3,11 @@
 import dataclasses
 
 import pytest
+from servo.study.perform import perform
 
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
-from servo.study.perform import perform
 from servo.study.plan import Base, Run
 from sim import installed, kinds
 from tracking import create

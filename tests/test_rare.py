@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from rich.console import Console
+from servo.bench.loop_jobs import LoopRun
 
 from servo.batch.workers import Ended
-from servo.bench.loop_jobs import LoopRun
 from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.cli.sweep_command import SweepRequest

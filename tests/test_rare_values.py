@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow as pa
 import pytest
+from servo.study.perform import _cell, _type
 
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
-from servo.study.perform import _cell, _type
 from sim import kinds
 from sim.camera import gl
 from sim.files import picture_file

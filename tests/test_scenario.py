@@ -1,11 +1,11 @@
 import pytest
+from servo.study.perform import perform
 
 from servo.loop.check_expect import check_expect
 from servo.mistake import Mistake
 from servo.scenario import catalogue
 from servo.scenario import load as s
 from servo.study.parse import load as load_study
-from servo.study.perform import perform
 from sim import kinds
 from tracking.trackers import pf_ssd
 

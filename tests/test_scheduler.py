@@ -13,13 +13,13 @@ from pathlib import Path
 import dask.config
 import pytest
 from commands import BIN, PATIENCE
+from servo.study.cluster.tasks import carry_out
+from servo.study.cluster.remote import check_address, remote
 
-from servo.batch import cluster as watched
-from servo.batch import local_cluster as processes
+from servo.study.cluster import tasks as watched
+from servo.study.cluster import local as processes
 from servo.batch import workers
-from servo.batch.cluster import carry_out
-from servo.batch.remote_cluster import check_address, remote
-from servo.batch.workers import Lost
+from servo.study.failure import ClusterLost
 from servo.cli import main, terminal
 from servo.mistake import Mistake, Refused
 
@@ -202,7 +202,7 @@ def test_a_cluster_whose_workers_are_gone_is_given_up_and_one_without_any(
         assert next(ends)[1].value in range(5)
         monkeypatch.setattr(watched, "PATIENCE", 2.0)
         started[1].kill()
-        with pytest.raises(Lost) as lost:
+        with pytest.raises(ClusterLost) as lost:
             for _ in ends:
                 pass
     assert str(lost.value) == f"the scheduler {address} has had no worker for 2 s"

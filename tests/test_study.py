@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
+from servo.study.perform import TIMED, perform
 
 from servo.cli import sweep_command
 from servo.scenario import load as scenarios
@@ -15,8 +16,7 @@ from servo.scenario.catalogue import shipped
 from servo.scenario.draws import Draw
 from servo.study import results, store
 from servo.study.parse import load
-from servo.study.perform import TIMED, perform
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 from sim import kinds
 from tracking.external import OF_THE_USER
 

@@ -10,14 +10,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from servo.study.perform import RunFiles, perform
 
 from servo.cli import main
 from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
 from servo.study.parse import load
-from servo.study.perform import RunFiles, perform
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 
 
 @pytest.fixture

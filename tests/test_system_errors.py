@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from servo.batch import local_cluster, remote_cluster
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import remote as remote_cluster
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder

@@ -22,7 +22,7 @@ from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study import work
 from servo.study.parse import KEYS, load
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 from sim import kinds
 from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS

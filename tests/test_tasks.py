@@ -4,13 +4,13 @@ import sys
 
 import numpy as np
 import pytest
+from servo.study.cluster.tasks import carry_out
+from servo.study.cluster.local import local
+from servo.study.cluster.remote import remote
+from servo.study.perform import TIMED
 
-from servo.batch.cluster import carry_out
-from servo.batch.local_cluster import local
-from servo.batch.remote_cluster import remote
 from servo.batch.workers import Ended, Lost, Workers
 from servo.cli import check_command, main
-from servo.study.perform import TIMED
 
 pytestmark = pytest.mark.processes
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 
-from servo.batch.workers import Workers
-from servo.cli.terminal import complain, plain, print_table, work
+from servo.cli.terminal import complain, complete_jobs, plain, print_table
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
-from servo.output.result_folder import result_folder
 from servo.output.versions import versions
 from servo.papers.claim import WORDS, Claim, Effort, Evidence, Verdict
 from servo.papers.claims import (
@@ -26,9 +25,12 @@ from servo.papers.claims import (
     known,
 )
 from servo.papers.groups import words
-from servo.papers.loop_series import LoopSeries
+from servo.papers.loop_series import EstimatedLoop
 from servo.papers.tuning import TUNING
 from servo.report.words import Table
+from servo.study.execute import Workers
+from servo.study.files import StudyFile
+from servo.study.store import GOES_ON, Store, opened
 from sim.camera import gl
 from tracking.drawing.figures import save
 from tracking.files import atomic
@@ -50,38 +52,58 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     except ValueError as error:
         raise Mistake(str(error)) from None
     folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
+    again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
     console = Console(quiet=quiet)
-    if any(isinstance(job, LoopSeries) for some in jobs.values() for job in some):
-        gl.backend()
     runs = {job.key for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}
-    failed = 0
-    with Workers(workers) as pool, result_folder(folder, "papers"):
+    if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
+        gl.backend()  # it says in one sentence where this machine cannot render
+    with opened(folder, _described(again)), Workers(workers) as pool:
         plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
         for claim in chosen:
             _print_rule(console, claim)
-            results, code = work(jobs[claim.name], folder, pool, console, claim.name)
-            if code:
-                failed = code
+            store = Store(folder)
+            if complete_jobs(jobs[claim.name], store, pool, console, claim.name, GOES_ON):
                 continue
-            verdict = claim.judge(Evidence(results, effort, folder))
+            records = store.records(jobs[claim.name], series=True)
+            verdict = claim.judge(Evidence(records, effort, folder))
             if verdict.figure is not None:
                 save(verdict.figure, atomic.folder(folder, FIGURES), f"{claim.name}.png")
             verdicts[claim.name] = verdict
             _print(console, verdict)
-        again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
         tested = {c.name: Judged.of(c, verdicts[c.name]) for c in chosen if c.name in verdicts}
         written = PapersReport(
             command=again, versions=versions(), quick=effort.quick, claims=tested
         ).write(folder)
         found = KnownVerdicts.of(verdicts)
         found.write(folder)
-    _print_rows(console, tested)
+    plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
+    for name, judged in tested.items():
+        plain(console, judged.row(name))
     plain(console, f"  {folder / FIGURES}\n  {written}")
     broken = [] if effort.quick else known().broken(found)
     for sentence in broken:
         complain(f"papers: {sentence}")
-    return failed or (1 if broken else 0)
+    return 1 if broken or len(verdicts) < len(chosen) else 0
+
+
+def _described(command: str) -> StudyFile:
+    """Return the description of the folder; it is the same for all claims, which share runs."""
+    return StudyFile(
+        command=command,
+        versions=versions(),
+        holds="papers",
+        name="papers",
+        title="Claims of the three papers, tested again.",
+        axes={},
+        draws={},
+        seeds=[],
+        compare=None,
+        expect={},
+        runs=0,
+        table={},
+        scenarios={},
+    )
 
 
 def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
@@ -102,16 +124,8 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
 
 def _print_rule(console: Console, claim: Claim) -> None:
     """Print what is claimed and how it will be judged, before anything is run."""
-    r = claim.rule
     console.print(f"\n[bold]{claim.name}[/] {escape(claim.says)}", highlight=False)
-    for name, text in (
-        ("measure", r.measure),
-        ("settings", r.settings),
-        ("units", r.units),
-        ("margin", r.margin),
-        ("test", r.test),
-        ("holds", r.holds),
-    ):
+    for name, text in asdict(claim.rule).items():
         console.print(f"  {name + ':':9} {escape(text)}", highlight=False)
 
 
@@ -124,10 +138,3 @@ def _print(console: Console, verdict: Verdict) -> None:
     if verdict.table:
         head, *rows = verdict.table
         print_table(console, Table(head, rows, words=range(len(head))))
-
-
-def _print_rows(console: Console, tested: dict[str, Judged]) -> None:
-    """Print the claims as rows of a Markdown table, for the README of the papers."""
-    plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
-    for name, judged in tested.items():
-        plain(console, judged.row(name))

@@ -20,6 +20,7 @@ from servo.scenario.draws import LAWS
 from servo.scenario.load import SECTIONS
 from servo.study import parse
 from servo.study.axes import COUNTS, ENDS, MOST_VALUES
+from servo.study.bounds import SUCCESS_RATE
 from sim import kinds
 
 
@@ -84,7 +85,7 @@ def sweep_schema() -> Schema:
             "default": parse.SEEDS,
         },
         "compare": name | {"description": "The axis whose values are compared with each other."},
-        "expect": table({parse.SUCCESS: share} | _bounds(), "Bounds on the whole study."),
+        "expect": table({SUCCESS_RATE: share} | _bounds(), "Bounds on the whole study."),
     }
     return table(properties, "A study of this scenario: servobench sweep FILE.")
 

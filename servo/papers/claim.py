@@ -8,8 +8,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
-from servo.papers.groups import Result
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.sequence_run import TRACKER
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 
@@ -39,18 +40,18 @@ class Effort:
 class Evidence:
     """What a judge sees."""
 
-    results: list[Result]
+    records: list[Record]
     """In the order of the jobs."""
     effort: Effort
     folder: Path
     """Where the jobs have left their files."""
 
     @property
-    def trackers(self) -> dict[str, list[Result]]:
-        """The results of each tracker, in their order."""
-        found: dict[str, list[Result]] = {}
-        for result in self.results:
-            found.setdefault(result["tracker"], []).append(result)
+    def trackers(self) -> dict[str, list[Record]]:
+        """The records of each tracker, in their order."""
+        found: dict[str, list[Record]] = {}
+        for record in self.records:
+            found.setdefault(record.settings[TRACKER], []).append(record)
         return found
 
 

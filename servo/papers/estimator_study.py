@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.drawing import BLACK, COLOURS, bars, panels
-from servo.papers.groups import Result, column, group
-from servo.papers.loop_series import LoopSeries
+from servo.papers.groups import column, group
+from servo.papers.loop_series import loop_job
+from servo.study.job import Job
+from servo.study.record import Record
 from sim import kinds
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
@@ -65,7 +66,7 @@ CASES = (
 
 def _jobs(effort: Effort) -> Sequence[Job]:
     return [
-        LoopSeries(case.scenario, estimator, seed, case.changes, case.rate.replace(" ", ""))
+        loop_job(case.scenario, estimator, seed, case.changes, rate=case.rate, motion=case.motion)
         for case in CASES
         for estimator in kinds.names("servo.estimators")
         for seed in effort.seeds(SEEDS)
@@ -78,7 +79,7 @@ Scores = dict[str, list[Interval]]
 
 def _judge(evidence: Evidence) -> Verdict:
     found: Scores = {
-        estimator: [_score(evidence.results, estimator, case) for case in CASES]
+        estimator: [_score(evidence.records, estimator, case) for case in CASES]
         for estimator in kinds.names("servo.estimators")
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
@@ -96,9 +97,8 @@ def _judge(evidence: Evidence) -> Verdict:
     )
 
 
-def _score(results: Sequence[Result], estimator: str, case: Case) -> Interval:
-    label = case.rate.replace(" ", "")
-    runs = group(results, estimator=estimator, scenario=case.scenario, label=label)
+def _score(records: list[Record], estimator: str, case: Case) -> Interval:
+    runs = group(records, estimator=estimator, rate=case.rate, motion=case.motion)
     return mean_of(column(runs, case.measure))
 
 

@@ -8,8 +8,17 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob, track_path
 from servo.bench.suites import GENERATORS, TRACKERS
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.sequence_run import (
+    TRACKER,
+    TRACKS,
+    Contender,
+    Entry,
+    Generated,
+    TrackedSequence,
+)
 from sim import kinds
 from sim.types import Array
 from tracking.evaluation.track_file import read
@@ -49,13 +58,25 @@ def generated(kind: str, **settings: Any) -> Generated:
 
 def sequence_jobs(
     trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
-) -> list[SequenceJob]:
+) -> list[Job]:
     """Return a job for each tracker on each sequence with each seed; those on one sequence follow
     each other.
     """
-    return [SequenceJob(t, entry, s) for entry in entries for s in seeds for t in trackers]
+    return [
+        Job(
+            0,
+            TrackedSequence(tracker, entry),
+            seed,
+            {TRACKER: tracker.label},
+            name=f"{tracker.label}/{entry.name}-{seed}",
+        )
+        for entry in entries
+        for seed in seeds
+        for tracker in trackers
+    ]
 
 
-def states_found(folder: Path, label: str, entry: Entry, seed: int) -> Array:
-    """Return the states (frames, 4) of a tracker's stored track."""
-    return read(track_path(folder, f"{label}/{entry.name}-{seed}")).states
+def states_found(folder: Path, run: Record) -> Array:
+    """Return the states (frames, 4) of the track that a run has left."""
+    track = f"{run.settings[TRACKER]}/{run.settings['family']}-{run.seed}.csv"
+    return read(folder / TRACKS / track).states

@@ -1,4 +1,4 @@
-"""Results of runs: those with something in common, their measures, differences and ratios."""
+"""Records of runs: those with something in common, their measures, differences and ratios."""
 
 from __future__ import annotations
 
@@ -8,44 +8,42 @@ from typing import Any
 
 import numpy as np
 
+from servo.study.record import Record
 from sim.types import Array
 from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
 
-Result = dict[str, Any]
+
+def group(records: Sequence[Record], **settings: Any) -> list[Record]:
+    """Return the records with these settings."""
+    return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 
 
-def group(results: Sequence[Result], **wanted: Any) -> list[Result]:
-    """Return the results with these values."""
-    return [r for r in results if all(r[key] == value for key, value in wanted.items())]
+def column(records: Sequence[Record], measure: str) -> Array:
+    """Return a measure over records (n,); nan where it does not apply."""
+    return np.array([r.measures[measure] for r in records])
 
 
-def column(results: Sequence[Result], measure: str) -> Array:
-    """Return a measure over results (n,); nan where it does not apply."""
-    found = [r["measures"][measure] for r in results]
-    return np.array([np.nan if v is None else v for v in found], dtype=float)
-
-
-def done(results: Sequence[Result]) -> str:
+def done(records: Sequence[Record]) -> str:
     """Return how many completed, such as "3 of 4"."""
-    return f"{int(column(results, 'completed').sum())} of {len(results)}"
+    return f"{int(column(records, 'completed').sum())} of {len(records)}"
 
 
-def reads(results: Sequence[Result]) -> str:
+def reads(records: Sequence[Record]) -> str:
     """Return the mean number of histograms read a frame."""
-    return f"{column(results, 'evaluations').mean():.0f}"
+    return f"{column(records, 'evaluations').mean():.0f}"
 
 
-def difference(first: Sequence[Result], second: Sequence[Result], measure: str) -> Interval:
+def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
     """Return the mean of first less second, each pair on the same unit."""
     return mean_of(column(first, measure) - column(second, measure))
 
 
-def completed(results: Sequence[Result]) -> Interval:
+def completed(records: Sequence[Record]) -> Interval:
     """Return the share of sequences on which the target was never lost [%]."""
-    return _percent(mean_of(column(results, "completed")))
+    return _percent(mean_of(column(records, "completed")))
 
 
-def completed_more(first: Sequence[Result], second: Sequence[Result]) -> Interval:
+def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
     """Return how many more the first completes than the second on the same sequences [%]."""
     return _percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
@@ -73,6 +71,6 @@ def words(interval: Interval, unit: str = "") -> str:
     return f"{value} ({interval.low:.3g} to {interval.high:.3g})"
 
 
-def mean(results: Sequence[Result], measure: str, unit: str = "") -> str:
+def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
     """Return the mean of a measure with its interval, in words."""
-    return words(mean_of(column(results, measure)), unit)
+    return words(mean_of(column(records, measure)), unit)

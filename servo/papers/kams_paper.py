@@ -9,13 +9,10 @@ from functools import partial
 
 import numpy as np
 
-from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Contender, Generated, Recorded
 from servo.papers.claim import WORDS, Claim, Effort, Evidence, Rule, Verdict, every
 from servo.papers.drawing import dots, intervals
 from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import (
-    Result,
     column,
     completed,
     completed_more,
@@ -26,6 +23,9 @@ from servo.papers.groups import (
     words,
 )
 from servo.papers.tuning import AS_PUBLISHED, LEVELS, published, tuned
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.sequence_run import Contender, Generated, Recorded
 from tracking.sequences.sequence import read_all
 from tracking.sequences.sources import RATE
 from tracking.statistics.comparisons import Interval, McNemar, holm
@@ -159,7 +159,7 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
     )
 
 
-def _mcnemar(first: Sequence[Result], second: Sequence[Result], measure: str) -> McNemar:
+def _mcnemar(first: Sequence[Record], second: Sequence[Record], measure: str) -> McNemar:
     return McNemar.of(column(first, measure), column(second, measure))
 
 

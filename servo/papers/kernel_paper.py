@@ -10,12 +10,10 @@ from time import perf_counter
 import numpy as np
 from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
 from servo.papers.drawing import dots, lines
 from servo.papers.experiments import generated, sequence_jobs, states_found
 from servo.papers.groups import (
-    Result,
     column,
     completed_more,
     difference,
@@ -26,6 +24,8 @@ from servo.papers.groups import (
     words,
 )
 from servo.papers.tuning import published, tuned
+from servo.study.job import Job
+from servo.study.record import Record
 from sim.types import Array, Frame
 from tracking.sequences.painted.similarity import FAST, HIDDEN_AT
 from tracking.sequences.sources import RATE
@@ -53,7 +53,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))
 
 
-def _table(runs: dict[str, list[Result]]) -> list[list[str]]:
+def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
     rows = [
         [
             label,
@@ -100,12 +100,11 @@ def _angle_errors(evidence: Evidence, label: str) -> Array:
     return np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - true[:, 2])))))
 
 
-def _states(evidence: Evidence, run: Result) -> tuple[Array, Array]:
+def _states(evidence: Evidence, run: Record) -> tuple[Array, Array]:
     """Return the states that a tracker found, and the true ones (frames, 4)."""
-    found = states_found(evidence.folder, run["tracker"], SIMILARITY, run["seed"])
-    true = SIMILARITY.build(run["seed"]).states
+    true = SIMILARITY.build(run.seed).states
     assert true is not None
-    return found, true
+    return states_found(evidence.folder, run), true
 
 
 def _judge_pair(evidence: Evidence) -> Verdict:
@@ -160,7 +159,7 @@ def _milliseconds(seed: int) -> list[float]:
     return np.median(spent[1:], axis=0).tolist()
 
 
-def _draw_angles(runs: dict[str, list[Result]]) -> Figure:
+def _draw_angles(runs: dict[str, list[Record]]) -> Figure:
     errors = {label: column(found, "angle_rmse_deg") for label, found in runs.items()}
     return dots("angle RMSE", "angle RMSE [deg]", errors, "y")
 
@@ -222,7 +221,7 @@ def _judge_blurred(evidence: Evidence) -> Verdict:
     )
 
 
-def _size(evidence: Evidence, run: Result) -> tuple[float, float]:
+def _size(evidence: Evidence, run: Record) -> tuple[float, float]:
     """Return ln of the found over the true size where motion blurs, and before that [%]."""
     found, true = _states(evidence, run)
     off = 100 * np.log(found[:, 3] / true[:, 3])

@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from servo.batch.jobs import Job
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
 from servo.papers.drawing import lines
 from servo.papers.experiments import contender, sequence_jobs
 from servo.papers.groups import column, group, words
 from servo.papers.kams_paper import clutter
 from servo.papers.tuning import AS_PUBLISHED, TUNED
+from servo.study.job import Job
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import greater
@@ -65,7 +65,7 @@ def needed(shares: Array) -> Array:
 def _judge(rivals: Sequence[str], bound: float, evidence: Evidence) -> Verdict:
     completed = {
         k: np.array(
-            [column(group(evidence.results, tracker=_label(k, n)), "completed") for n in COUNTS]
+            [column(group(evidence.records, tracker=_label(k, n)), "completed") for n in COUNTS]
         )
         for k in KINDS
     }

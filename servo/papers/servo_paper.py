@@ -9,11 +9,12 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.drawing import lines
-from servo.papers.groups import Result, column, group, mean, mean_percent, ratio, words
-from servo.papers.loop_series import LINE, REVERSAL, LoopSeries, varied
+from servo.papers.groups import column, group, mean, mean_percent, ratio, words
+from servo.papers.loop_series import ERROR, ESTIMATED, LINE, REVERSAL, TIME, TRUE, loop_job, varied
+from servo.study.job import Job
+from servo.study.record import Record
 from sim.types import Array
 from tracking.statistics.comparisons import mean_of
 from tracking.statistics.verdicts import greater, not_worse
@@ -72,16 +73,16 @@ OURS = Way(
 def _jobs(way: Way, scenario: str, effort: Effort) -> Sequence[Job]:
     counts = f"measure.after={way.after[scenario]}"
     return [
-        LoopSeries(scenario, e, s, (*way.changes, counts, *varied(scenario, s)), way.label)
+        loop_job(scenario, e, s, [*way.changes, counts, *varied(scenario, s)], way=way.label)
         for e in ESTIMATORS
         for s in effort.seeds(SEEDS, FIRST)
     ]
 
 
-def _table(results: list[Result]) -> list[list[str]]:
+def _table(records: list[Record]) -> list[list[str]]:
     """Return all measures by estimator; the sign counts where the car drives along the feature."""
-    runs = {e: group(results, estimator=e) for e in ESTIMATORS}
-    reverses = results[0]["scenario"] == REVERSAL
+    runs = {e: group(records, estimator=e) for e in ESTIMATORS}
+    reverses = records[0].subject == REVERSAL
     rows = [
         [
             e,
@@ -98,8 +99,8 @@ def _table(results: list[Result]) -> list[list[str]]:
 
 def _judge_lag(way: Way, evidence: Evidence) -> Verdict:
     del way
-    results = evidence.results
-    without, found = (column(group(results, estimator=e), "servo_rms_px") for e in ESTIMATORS)
+    records = evidence.records
+    without, found = (column(group(records, estimator=e), "servo_rms_px") for e in ESTIMATORS)
     times = ratio(without, found)
     return Verdict(
         greater(times, LESS),
@@ -107,38 +108,39 @@ def _judge_lag(way: Way, evidence: Evidence) -> Verdict:
         "times smaller",
         len(found),
         f"the error is {words(times)} times smaller with estimation",
-        _table(results),
-        _draw_error(results, "distance of the target from the goal, constant speed"),
+        _table(records),
+        _draw_error(records, "distance of the target from the goal, constant speed"),
     )
 
 
 def _judge_sign(way: Way, evidence: Evidence) -> Verdict:
     del way
-    runs = group(evidence.results, estimator=FILTER)
+    runs = group(evidence.records, estimator=FILTER)
     share = mean_percent(_agreement(runs))
     first = runs[0]
+    time = first.series[TIME]
     return Verdict(
         greater(share, 100 * AGREE),
         share,
         "% of the frames",
         len(runs),
         f"right in {words(share, '%')} of the frames",
-        _table(evidence.results),
+        _table(evidence.records),
         lines(
-            f"the velocity follows the reversals (seed {first['seed']})",
+            f"the velocity follows the reversals (seed {first.seed})",
             "time [s]",
             "d yn/dt of the target [m/s]",
             {
-                "estimated": (first["time"], first["estimated"]),
-                "true": (first["time"][1:], first["true"][1:]),
+                "estimated": (time, first.series[ESTIMATED]),
+                "true": (time[1:], first.series[TRUE][1:]),
             },
         ),
     )
 
 
-def _agreement(runs: list[Result]) -> Array:
+def _agreement(runs: list[Record]) -> Array:
     """Return the share of frames (n,) in which the velocity has the right sign."""
-    return np.array([agreement(np.array(r["estimated"]), np.array(r["true"], float)) for r in runs])
+    return np.array([agreement(r.series[ESTIMATED], r.series[TRUE]) for r in runs])
 
 
 def agreement(estimated: Array, true: Array) -> float:
@@ -150,7 +152,7 @@ def agreement(estimated: Array, true: Array) -> float:
 
 
 def _judge_peak(way: Way, evidence: Evidence) -> Verdict:
-    runs = group(evidence.results, estimator=FILTER)
+    runs = group(evidence.records, estimator=FILTER)
     away = mean_of(_away(runs))
     return Verdict(
         not_worse(away, way.within),
@@ -159,20 +161,20 @@ def _judge_peak(way: Way, evidence: Evidence) -> Verdict:
         len(runs),
         f"peak {mean(runs, 'servo_peak_px', 'px')}, below {BACK_PX:g} px again after "
         f"{words(away, 's')}",
-        _table(evidence.results),
-        _draw_error(evidence.results, "distance of the target from the goal, reversals"),
+        _table(evidence.records),
+        _draw_error(evidence.records, "distance of the target from the goal, reversals"),
     )
 
 
-def _away(runs: list[Result]) -> Array:
-    return np.array([longest_away(r["time"], r["servo_error"]) for r in runs])
+def _away(runs: list[Record]) -> Array:
+    return np.array([longest_away(r.series[TIME], r.series[ERROR]) for r in runs])
 
 
-def longest_away(time: Sequence[float], error: Sequence[float]) -> float:
+def longest_away(time: Array, error: Array) -> float:
     """Return the longest time in a row in which the error [px] is above `BACK_PX`, after it has
     first been below [s].
     """
-    settled = int(np.argmax(np.array(error) < BACK_PX))
+    settled = int(np.argmax(error < BACK_PX))
     longest = begin = 0.0
     for t, e in zip(time[settled:], error[settled:], strict=True):
         begin = t if e < BACK_PX else begin
@@ -180,11 +182,11 @@ def longest_away(time: Sequence[float], error: Sequence[float]) -> float:
     return longest
 
 
-def _draw_error(results: list[Result], title: str) -> Figure:
+def _draw_error(records: list[Record], title: str) -> Figure:
     """Draw the errors of the first run with each estimator."""
-    first = [group(results, estimator=estimator)[0] for estimator in ESTIMATORS]
-    curves = {r["estimator"]: (r["time"], r["servo_error"]) for r in first}
-    return lines(f"{title} (seed {first[0]['seed']})", "time [s]", "distance [px]", curves)
+    first = [group(records, estimator=estimator)[0] for estimator in ESTIMATORS]
+    curves = {r.settings["estimator"]: (r.series[TIME], r.series[ERROR]) for r in first}
+    return lines(f"{title} (seed {first[0].seed})", "time [s]", "distance [px]", curves)
 
 
 Judge = Callable[[Way, Evidence], Verdict]

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Contender, Generated
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
 from servo.papers.drawing import dots, lines
 from servo.papers.experiments import contender, generated, sequence_jobs, states_found
 from servo.papers.groups import column, completed, mean, mean_percent, ratio, words
 from servo.papers.tuning import published, tuned
+from servo.study.job import Job
+from servo.study.sequence_run import Contender, Generated
 from sim.types import Array
 from tracking.settings import PLAIN
 from tracking.statistics.comparisons import mean_of
@@ -83,12 +83,9 @@ def _jobs_likeness(effort: Effort) -> Sequence[Job]:
 
 
 def _judge_likeness(evidence: Evidence) -> Verdict:
-    filter_ = published(FILTER)
     found = [
-        coefficients(
-            filter_, r["seed"], states_found(evidence.folder, filter_.label, TEXTURE, r["seed"])
-        )
-        for r in evidence.results
+        coefficients(published(FILTER), run.seed, states_found(evidence.folder, run))
+        for run in evidence.records
     ]
     return judged({place: np.array([one[place] for one in found]) for place in found[0]})
 

@@ -10,12 +10,12 @@ from functools import cache, partial
 from importlib import resources
 from typing import Any, ClassVar
 
-from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Contender, Generated
 from servo.output.formats import Document
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import column, group
+from servo.study.job import Job
+from servo.study.sequence_run import Contender, Generated
 from sim import kinds
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
@@ -163,7 +163,7 @@ def _judge(family: str, evidence: Evidence) -> Verdict:
     scores: dict[str, list[tuple[Settings, float]]] = {}
     rows = [["tracker", "settings", measure, ""]]
     for name in _members(family):
-        runs = [group(evidence.results, tracker=c.label) for c in _tried(name)]
+        runs = [group(evidence.records, tracker=c.label) for c in _tried(name)]
         found = [round(float(column(r, measure).mean()), 4) for r in runs]
         scores[name] = list(zip(TUNED[name].grid, found, strict=True))
         best = TuningFile(scores=scores).best(name)

@@ -11,13 +11,13 @@ import time
 from pathlib import Path
 
 import psutil
+from servo.study.cluster.tasks import carry_out
+from servo.study.cluster.local import local
+from servo.study.perform import perform
 
-from servo.batch.cluster import carry_out
-from servo.batch.local_cluster import local
 from servo.study import store
 from servo.study.parse import load
-from servo.study.perform import perform
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
 
 MEGA = 2**20
 SHORT = ["run.duration=0.2", "tracker.kind=frozen"]
