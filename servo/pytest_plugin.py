@@ -58,12 +58,12 @@ class ScenarioTest(pytest.Item):
         from servo.loop.check_expect import check_expect
         from servo.loop.measured_run import measured_run
         from servo.scenario.load import load
-        from servo.study.bounds import missed
+        from servo.study.bounds import missed_bounds
 
         scenario = load(str(self.path), seed=self.seed)
         check_expect(scenario)
         summary = measured_run(scenario)[1]
-        found = missed(summary.outcome.name, summary.measures, scenario.expect)
+        found = missed_bounds(summary.outcome.name, summary.measures, scenario.expect)
         if found:
             raise MissedBounds("\n".join(f"missed: {m}" for m in found))
 

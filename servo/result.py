@@ -35,8 +35,8 @@ from servo.study.bounds import MissedBound
 from servo.study.job import Job
 from servo.study.record import Record
 from servo.study.scenario_run import LoadedScenario, record_of
-from tracking.drawing.contact_sheet import encoded
 from tracking.drawing.figures import Drawing
+from tracking.drawing.picture_bytes import encoded
 
 QUALITY = 95
 """Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""

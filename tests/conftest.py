@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -25,8 +25,6 @@ settings.register_profile(
 settings.load_profile("repeatable")
 
 ROOT = Path(__file__).parents[1]
-SHARED = ROOT.parent / "shared" / "data"
-SEQUENCES = Path(os.environ.get("SERVOBENCH_SEQUENCES", SHARED / "sequences"))
 REFERENCE_CASES = {
     "visp_run": ("visp_closed_loops.json", "runs"),
     "moment_case": ("moment_vectors.json", "cases"),
@@ -38,19 +36,19 @@ REFERENCE_CASES = {
 
 
 def reference_folder():
-    """The reference data: what SERVOBENCH_REFERENCE names, the whole set beside the project, or the
-    few cases in tests/data.
-    """
-    asked = os.environ.get("SERVOBENCH_REFERENCE")
-    if asked:
-        return Path(asked)
-    whole = SHARED / "servo"
-    return whole if whole.is_dir() else ROOT / "tests" / "data"
+    """The reference data: the folder that SERVOBENCH_REFERENCE names, or the few cases here."""
+    return Path(os.environ.get("SERVOBENCH_REFERENCE") or ROOT / "tests" / "data")
+
+
+def sequences_folder():
+    """The folder of annotated sequences that SERVOBENCH_SEQUENCES names; None where it is unset."""
+    named = os.environ.get("SERVOBENCH_SEQUENCES")
+    return Path(named) if named else None
 
 
 def pytest_report_header():
-    there = SEQUENCES if SEQUENCES.is_dir() else "none: tests on them are skipped"
-    return [f"reference data: {reference_folder()}", f"annotated sequences: {there}"]
+    sequences = sequences_folder() or "none (SERVOBENCH_SEQUENCES): tests on them are skipped"
+    return [f"reference data: {reference_folder()}", f"annotated sequences: {sequences}"]
 
 
 def pytest_generate_tests(metafunc):
@@ -69,9 +67,11 @@ def root() -> Path:
 
 @pytest.fixture(scope="session")
 def shared_sequences() -> Path:
-    if not SEQUENCES.is_dir():
-        pytest.skip(f"the annotated sequences are not on this machine ({SEQUENCES})")
-    return SEQUENCES
+    folder = sequences_folder()
+    if folder is None:
+        pytest.skip("SERVOBENCH_SEQUENCES names no folder of annotated sequences")
+    assert folder.is_dir(), folder
+    return folder
 
 
 @pytest.fixture(scope="session")
@@ -163,7 +163,6 @@ def study_place(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
-    from servo.study.perform import perform
 
     from servo.study import store
     from servo.study.files import StudyFile

@@ -5,10 +5,6 @@ from types import SimpleNamespace
 import pytest
 from distributed.core import Status
 
-from servo.study.cluster import local as local_cluster
-from servo.study.cluster import remote as remote_cluster
-from servo.study.cluster import tasks as cluster
-from servo.study.failure import ClusterLost
 from servo.bench.sequence_jobs import LONGEST_LABEL, Contender
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused
@@ -18,6 +14,10 @@ from servo.scenario import toml
 from servo.scenario.draws import LARGEST
 from servo.study import parse
 from servo.study.axes import MOST_VALUES, axes_of
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import remote as remote_cluster
+from servo.study.cluster import tasks as cluster
+from servo.study.failure import ClusterLost
 
 
 def passes(check, *arguments):

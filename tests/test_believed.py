@@ -13,7 +13,6 @@ from dark import Dark
 import servo.loop.episode
 from servo.loop.episode import Episode
 from servo.loop.run_measures import summarise
-from servo.mistake import Mistake
 from servo.scenario.load import load
 from sim.geometry import angle_of, exp_se3, log_se3
 from tracking.types import Estimate, State, Status, unknown_covariance
@@ -99,8 +98,8 @@ def test_a_wrong_hand_eye_pose_bends_the_way_and_not_its_end(features):
     for changes in ((), wrong):
         steps, report = run(kind, TILTED, *changes)
         ways.append(np.array([s.T_object_camera.translation for s in steps]))
-        assert report.value("end_position_mm") < 0.1
-        assert report.value("end_rotation_deg") < 0.01
+        assert report.measures["end_position_mm"] < 0.1
+        assert report.measures["end_rotation_deg"] < 0.01
     assert np.linalg.norm(ways[0] - ways[1], axis=1).max() > 0.1
 
 
@@ -137,7 +136,7 @@ def test_wrong_intrinsics_leave_what_the_goal_is_wrong_by(features, wrong, goal,
     changes = f"features.kind={features}", f"believed.{wrong}", f"believed.goal={goal}"
     off, turned = end_of(*changes)
     np.testing.assert_allclose(off, np.multiply(end, DEPTH), atol=1e-4)
-    measured = run(*changes)[1].value("end_position_mm")
+    measured = run(*changes)[1].measures["end_position_mm"]
     assert measured == pytest.approx(1e3 * DEPTH * np.linalg.norm(end), abs=0.1)
     assert np.degrees(turned) < 0.02
 
@@ -174,11 +173,3 @@ def test_an_ignored_distortion_changes_the_depth_by_what_it_does_to_the_corners(
     off, turned = end_of(f"features.kind={features}", *lens, "believed.ignore_distortion=true")
     assert off[2] == pytest.approx(-0.3 * 2 * 0.1**2, rel=0.02)
     assert np.degrees(turned) < 0.02
-
-
-def test_the_old_place_of_the_depth_is_named():
-    with pytest.raises(Mistake) as found:
-        load("still", ["sight.depth_factor=2.0"])
-    assert str(found.value) == (
-        "--set sight.depth_factor=2.0: sight.depth_factor is believed.depth_factor now"
-    )

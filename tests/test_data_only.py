@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from servo.bench import suites
-from servo.study.sequence_run import Contender
 from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.study.sequence_run import Contender
 from sim import kinds
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), suites.GENERATORS]
@@ -70,17 +70,17 @@ def trap(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_name_that_is_no_file_of_the_folder_is_refused_and_nothing_imported(folder, trap):
-    kinds.names(folder)  # imports the folder itself
+    folder.names()  # imports the folder itself
     before = set(sys.modules)
     for name in NO_KINDS:
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.config_of(folder, name)
+            folder.config_of(name)
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.preset(folder, name, "paper")
+            folder.preset(name, "paper")
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.summary(folder, name)
+            folder.summary(name)
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.presets(folder, name)
+            folder.presets(name)
     assert set(sys.modules) == before
 
 

@@ -1,14 +1,15 @@
 """A `Config` carries its kind, whatever table a scenario came from."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import pytest
 from elsewhere import MyConfig
 
-from servo.study.sequence_run import Contender
 from servo.bench.suites import GENERATORS
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.load import load
+from servo.study.sequence_run import Contender
 from sim import kinds
 from tracking.trackers import kams
 
@@ -17,7 +18,12 @@ FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERAT
 
 @dataclass(frozen=True)
 class Named(MyConfig):
-    kind: str = "mine"
+    kind: ClassVar[str] = "mine"
+
+
+@dataclass(frozen=True)
+class Confusing(MyConfig):
+    kind: str = "a setting of theirs"
 
 
 def bare(config):
@@ -27,13 +33,14 @@ def bare(config):
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_every_kind_of_ours_is_named_by_its_file(folder):
-    names = kinds.names(folder)
-    assert [kinds.kind_of(bare(kinds.config_of(folder, name))) for name in names] == names
+    names = folder.names()
+    assert [kinds.kind_of(bare(folder.config_of(name))) for name in names] == names
 
 
 def test_one_from_elsewhere_is_named_by_module_and_class_or_by_itself():
     assert kinds.kind_of(MyConfig()) == "elsewhere:MyConfig"
     assert kinds.kind_of(Named()) == "mine"
+    assert kinds.kind_of(Confusing()).endswith("test_kind_of:Confusing")
 
 
 def test_settings_name_what_replaced_a_part():

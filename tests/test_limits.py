@@ -7,17 +7,16 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
 
-from servo.batch import workers
 from servo.bench.suites import GENERATORS
 from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS
-from sim import kinds
+from servo.study import execute as workers
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 CONFIGS = [*s.SECTIONS.values()]
-CONFIGS += [kinds.config_of(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
+CONFIGS += [folder.config_of(kind) for folder in FOLDERS for kind in folder.names()]
 
 
 def numbers(config):

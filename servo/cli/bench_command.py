@@ -24,7 +24,8 @@ from servo.study.record import Record, parquet, table_of
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
 from servo.study.store import RESULTS, Store, opened
 from tracking.drawing import curves
-from tracking.drawing.contact_sheet import encoded, sheet
+from tracking.drawing.contact_sheet import sheet
+from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text

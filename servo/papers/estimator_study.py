@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from servo.estimators import KINDS as ESTIMATORS
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.drawing import BLACK, COLOURS, bars, panels
 from servo.papers.groups import column, group
 from servo.papers.loop_series import loop_job
 from servo.study.job import Job
 from servo.study.record import Record
-from sim import kinds
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
 
@@ -68,7 +68,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     return [
         loop_job(case.scenario, estimator, seed, case.changes, rate=case.rate, motion=case.motion)
         for case in CASES
-        for estimator in kinds.names("servo.estimators")
+        for estimator in ESTIMATORS.names()
         for seed in effort.seeds(SEEDS)
     ]
 
@@ -80,7 +80,7 @@ Scores = dict[str, list[Interval]]
 def _judge(evidence: Evidence) -> Verdict:
     found: Scores = {
         estimator: [_score(evidence.records, estimator, case) for case in CASES]
-        for estimator in kinds.names("servo.estimators")
+        for estimator in ESTIMATORS.names()
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)

@@ -8,7 +8,6 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from servo.bench.suites import GENERATORS, TRACKERS
 from servo.study.job import Job
 from servo.study.record import Record
 from servo.study.sequence_run import (
@@ -19,19 +18,19 @@ from servo.study.sequence_run import (
     Generated,
     TrackedSequence,
 )
-from sim import kinds
 from sim.types import Array
 from tracking.evaluation.track_file import read
+from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import Sequence as Painting
 from tracking.sequences.sources import Painted
+from tracking.trackers import KINDS as TRACKERS
 
 
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: Any
 ) -> Contender:
     """Return a tracker for an experiment; by default its label contains the preset."""
-    begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
-    config = kinds.config_of(TRACKERS, kind)(**begin | settings)
+    config = TRACKERS.config(kind, preset, **settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 
@@ -53,7 +52,7 @@ def _kept(kind: str, config: Any, seed: int) -> Painting:
 
 def generated(kind: str, **settings: Any) -> Generated:
     """Return a painted sequence for an experiment."""
-    return Kept(kind, kinds.config_of(GENERATORS, kind)(**settings))
+    return Kept(kind, GENERATORS.config(kind, **settings))
 
 
 def sequence_jobs(

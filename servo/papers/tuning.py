@@ -16,9 +16,9 @@ from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import column, group
 from servo.study.job import Job
 from servo.study.sequence_run import Contender, Generated
-from sim import kinds
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
+from tracking.trackers import KINDS as TRACKERS
 
 Settings = dict[str, Any]
 NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
@@ -55,7 +55,7 @@ class Tuned:
 
 
 def _scaled(kind: str) -> tuple[Settings, ...]:
-    own = kinds.config_of("tracking.trackers", kind)()
+    own = TRACKERS.config(kind)
     return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
 
 

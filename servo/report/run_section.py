@@ -19,7 +19,8 @@ from servo.report.words import Badge, Table, Tone, shown
 from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.run_report import RunReport
 from sim.types import Array
-from tracking.drawing.contact_sheet import encoded, page, tile
+from tracking.drawing.contact_sheet import page, tile
+from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture as Shown
 
 TILES = 12

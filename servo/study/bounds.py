@@ -36,7 +36,7 @@ def is_kept(value: float | None, bound: float) -> bool:
     return value is not None and np.isfinite(value) and value <= bound
 
 
-def missed(
+def missed_bounds(
     outcome: str, measures: Mapping[str, float | None], expect: Mapping[str, float | str]
 ) -> tuple[MissedBound, ...]:
     """Return the bounds that a run does not keep.

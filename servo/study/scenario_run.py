@@ -26,11 +26,12 @@ from servo.scenario.load import Scenario, Table
 from servo.scenario.named_files import digest_of
 from servo.scenario.toml import assignment, put
 from servo.study.axes import SCENARIO, Named
-from servo.study.bounds import missed
+from servo.study.bounds import missed_bounds
 from servo.study.job import Job
 from servo.study.record import Record
 from sim.kinds import UnknownKind
-from tracking.drawing.contact_sheet import encoded, page, tile
+from tracking.drawing.contact_sheet import page, tile
+from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
 
 TILES = 8
@@ -176,7 +177,7 @@ def record_of(
         outcome=outcome,
         success=outcome == expected,
         measures=summary.measures | {TRACK_MS: track_ms},
-        missed=missed(outcome, summary.measures, scenario.expect),
+        missed=missed_bounds(outcome, summary.measures, scenario.expect),
         repeats=scenario.run.repeats,
         series=_series(steps),
         sheet=sheet,

@@ -15,6 +15,7 @@ from servo.sight.exact import object_frame, plane_in, sight_of
 from servo.types import CameraImage, Sight
 from sim import kinds
 from sim.installed import Trusted
+from sim.kinds import Kinds
 from sim.types import Camera, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
@@ -57,7 +58,7 @@ def contract(check: Callable[..., None]) -> Callable[..., None]:
     return checked
 
 
-def config_of(folder: str, part: Any) -> Any:
+def config_of(folder: Kinds[Any], part: Any) -> Any:
     """The `Config` instance of what a check was given.
 
     Raises:
@@ -68,8 +69,8 @@ def config_of(folder: str, part: Any) -> Any:
         return given
     try:
         if isinstance(part, str):
-            return kinds.config_of(folder, Trusted(part))()
-        return kinds.as_config(folder, part, getattr(part, "__qualname__", repr(part)))()
+            return folder.config_of(Trusted(part))()
+        return folder.as_config(part, getattr(part, "__qualname__", repr(part)))()
     except kinds.UnknownKind as error:
         raise BrokenContract(str(error)) from error
 

@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from servo.controllers import KINDS as CONTROLLERS
+from servo.estimators import KINDS as ESTIMATORS
 from servo.estimators.none import Config as NoEstimate
+from servo.features import KINDS as FEATURES
 from servo.features.moments import Config as MomentsConfig
 from servo.parts import FeatureSet, Task
 from servo.testing._given import (
@@ -43,7 +46,7 @@ def check_features(features: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    found = _features(config_of("servo.features", features))
+    found = _features(config_of(FEATURES, features))
     k = len(found.names)
     require(k > 0 and len(set(found.names)) == k, f"names are {found.names}; all must differ")
     require(len(found.units) == k, f"there are {k} names and {len(found.units)} units")
@@ -104,7 +107,7 @@ def check_estimator(estimator: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    config = config_of("servo.estimators", estimator)
+    config = config_of(ESTIMATORS, estimator)
     once, again = (_estimates(config) for _ in range(2))
     require(
         all(np.array_equal(a, b) for a, b in zip(once, again, strict=True)),
@@ -153,7 +156,7 @@ def check_controller(controller: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    config = config_of("servo.controllers", controller)
+    config = config_of(CONTROLLERS, controller)
     for latency in (0, 2):
         once, again = (_twists(config, latency) for _ in range(2))
         require(

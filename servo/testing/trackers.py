@@ -20,9 +20,9 @@ from servo.testing._given import (
     require,
 )
 from sim.types import Frame, Image
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Estimate, Region, Status, Tracker
 
-FOLDER = "tracking.trackers"
 ODD = {"black": ((120, 160, 3), 0), "white": ((120, 160, 3), 255), "tiny": ((7, 9, 3), 0)}
 """Pictures that come from any camera sooner or later: size and grey level."""
 
@@ -58,7 +58,7 @@ def check_tracker(tracker: Any, picture: Image | None = None) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    subject = _Subject(config_of(FOLDER, tracker), picture)
+    subject = _Subject(config_of(TRACKERS, tracker), picture)
     _check_estimates(subject)
     _check_repetition(subject)
     _check_buffer(subject)

@@ -11,10 +11,14 @@ import numpy as np
 
 from servo.testing._given import BrokenContract, built, config_of, contract, require
 from sim.camera.camera import CameraConfig
+from sim.disturbances import KINDS as DISTURBANCES
 from sim.geometry import log_se3
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
+from sim.motions import KINDS as MOTIONS
 from sim.robot.robot import Design, Robot
+from sim.robots import KINDS as ROBOTS
+from sim.targets import KINDS as TARGETS
 from sim.types import Array, Effect, Pose
 
 PHYSICS_RATE = 480.0
@@ -36,7 +40,7 @@ def check_motion(motion: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    config = config_of("sim.motions", motion)
+    config = config_of(MOTIONS, motion)
     once, again = (built(config, ("at",), seed=4) for _ in range(2))
     for time in TIMES:
         pose = once.at(time)
@@ -59,7 +63,7 @@ def check_disturbance(disturbance: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    found = built(config_of("sim.disturbances", disturbance), ("at",))
+    found = built(config_of(DISTURBANCES, disturbance), ("at",))
     require(
         isinstance(getattr(found, "props", None), tuple),
         "it has no tuple `props`; () if it needs nothing in the scene",
@@ -79,7 +83,7 @@ def check_robot(robot: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    design = built(config_of("sim.robots", robot), ())
+    design = built(config_of(ROBOTS, robot), ())
     kind = type(design).__name__
     require(isinstance(design, Design), f"build(rng) gave {kind}; return a Design")
     try:
@@ -121,7 +125,7 @@ def check_target(target: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    found = built(config_of("sim.targets", target), ())
+    found = built(config_of(TARGETS, target), ())
     kind = type(found).__name__
     require(isinstance(found, Target), f"build(rng) gave {kind}; return a Target")
     outline = np.asarray(found.outline)
