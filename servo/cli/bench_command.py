@@ -30,6 +30,8 @@ from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 
+COLUMNS = (TRACKER, "sequence", "family", "seed", "drawn", "frames")
+"""Columns of runs.csv before those of the measures."""
 WIDE = 7
 """Most columns of a table that fit beside its names."""
 
@@ -137,10 +139,19 @@ def _described(request: BenchRequest, subjects: Sequence[TrackedSequence]) -> St
 def _write(
     store: Store, records: Sequence[Record], ranks: Sequence[Rank], title: str
 ) -> list[Path]:
-    table = table_of(records)
-    shown = [name for name in table.column_names if not name.startswith("version_")]
-    rows = table.select(shown).drop_columns(["missed"]).to_pylist()
-    lines = [list(row.values()) for row in rows]
+    names = list(records[0].measures)
+    lines = [
+        [
+            record.settings[TRACKER],
+            record.subject,
+            record.settings["family"],
+            record.seed,
+            record.settings["drawn"],
+            record.settings["frames"],
+            *(record.row[name] for name in names),
+        ]
+        for record in records
+    ]
     results = [
         {
             TRACKER: record.settings[TRACKER],
@@ -150,8 +161,8 @@ def _write(
         for record in records
     ]
     return [
-        store.write(RESULTS, parquet(table)),
-        store.write("runs.csv", csv_text(list(rows[0]), lines)),
+        store.write(RESULTS, parquet(table_of(records))),
+        store.write("runs.csv", csv_text([*COLUMNS, *names], lines)),
         store.write("table.csv", ranking.table_csv(ranks)),
         *curves.draw(results, [rank.tracker for rank in ranks], title, store.folder),
     ]
