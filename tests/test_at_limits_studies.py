@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import pytest
 from distributed.core import Status
 
-from servo.bench.sequence_jobs import LONGEST_LABEL, Contender
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused
 from servo.output import track_folder
@@ -18,6 +17,7 @@ from servo.study.cluster import local as local_cluster
 from servo.study.cluster import remote as remote_cluster
 from servo.study.cluster import tasks as cluster
 from servo.study.failure import ClusterLost
+from servo.study.sequence_run import LONGEST_LABEL, Contender
 
 
 def passes(check, *arguments):

@@ -34,7 +34,7 @@ def paths(study: StudyResults) -> list[PageImage]:
     found: dict[str, dict[str, tuple[Row, Series]]] = {}
     for row in study.rows:
         series = study.series.get(row["run"])
-        if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series.values:
+        if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series:
             other = {key: row[key] for key in study.axes if key != compared}
             found.setdefault(listed(other), {})[str(row[compared])] = row, series
     return [
@@ -57,7 +57,7 @@ def _size(study: StudyResults) -> tuple[int, int]:
 
 def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
     figure = Figure(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
-    ways = {n: np.column_stack([s.values[k] for k in CAMERA]) for n, (_, s) in runs.items()}
+    ways = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [way for name, way in ways.items() if runs[name][0]["success"]]
     most = 1.1 * np.max([np.abs(way).max(axis=0) for way in arrived or ways.values()], axis=0)
     for i, (name, (row, series)) in enumerate(runs.items()):
@@ -65,9 +65,7 @@ def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
         _in_space(space, ways[name], max(*most[:2], 0.7 * most[2]), most[2])
         space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=8)
         image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
-        _in_image(
-            image, np.column_stack([series.values[k] for k in CORNERS]).reshape(-1, 4, 2), size
-        )
+        _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=DOTS)
     return file.getvalue()
