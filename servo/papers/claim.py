@@ -24,7 +24,7 @@ QUICK = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How many runs test each claim."""
+    """The number of runs that test each claim."""
 
     quick: bool
     """Run one seed of each, none of a verdict's, to check that everything works."""
@@ -38,13 +38,13 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What a judge sees."""
+    """The runs of a claim, which its judge is given."""
 
     records: list[Record]
     """In the order of the jobs."""
     effort: Effort
     folder: Path
-    """Where the jobs have left their files."""
+    """Of the study, with the tracks of its runs."""
 
     @property
     def trackers(self) -> dict[str, list[Record]]:
@@ -57,16 +57,16 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How a claim is judged, written before any run."""
+    """The rule of a verdict, written before any run."""
 
     measure: str
     settings: str
     units: str
-    """What could have been otherwise, and how many of them there are."""
+    """The number and kind of what could have been otherwise."""
     margin: str
     test: str
     holds: str
-    """When the claim holds."""
+    """The condition under which the claim holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Verdict:
 
     finding: Finding
     effect: Interval
-    """What was compared with the bound, with its 95 % interval."""
+    """The value that is compared with the bound, with its 95 % interval."""
     unit: str
     """Of the effect."""
     count: int
@@ -93,7 +93,7 @@ class Claim:
 
     name: str
     says: str
-    """What the paper says, in one sentence."""
+    """The paper's statement, in one sentence."""
     rule: Rule
     judge: Callable[[Evidence], Verdict]
     jobs: Callable[[Effort], Sequence[Job]] = lambda _: ()

@@ -23,15 +23,13 @@ from tracking.files.json_text import number
 
 CLAIMS = (
     *sorted(
-        (
-            *kams_paper.CLAIMS,
-            *annealing_layers.CLAIMS,
-            *particle_counts.CLAIMS,
-            *kernel_paper.CLAIMS,
-            *kernel_surface.CLAIMS,
-            *servo_paper.CLAIMS,
-            *texture_paper.CLAIMS,
-        ),
+        kams_paper.CLAIMS
+        + annealing_layers.CLAIMS
+        + particle_counts.CLAIMS
+        + kernel_paper.CLAIMS
+        + kernel_surface.CLAIMS
+        + servo_paper.CLAIMS
+        + texture_paper.CLAIMS,
         key=lambda claim: claim.name,
     ),
     *estimator_study.CLAIMS,

@@ -47,7 +47,7 @@ class Case:
 
     @property
     def title(self) -> str:
-        """Such as "sine rms"."""
+        """Motion and measure, such as "sine rms"."""
         return f"{self.motion} {'peak' if self.measure == PEAK else 'rms'}"
 
 
@@ -118,12 +118,12 @@ def _table(found: Scores) -> list[list[str]]:
     rows = [["px", "rate", *(c.title for c in CASES if c.rate == FAST)]]
     for rate in AT:
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
-        for name, intervals in found.items():
-            rows.append([name, rate, *(_short(intervals[i]) for i in chosen)])
-        for bounded in ("kalman_cv", BEST):
-            bounds = [CASES[i].bounds.get(bounded) for i in chosen]
-            cells = ("" if b is None else f"<= {b:g}" for b in bounds)
-            rows.append([f"({bounded})", rate, *cells])
+        rows += [
+            [name, rate, *(_short(scores[i]) for i in chosen)] for name, scores in found.items()
+        ]
+        for name in ("kalman_cv", BEST):
+            bounds = (CASES[i].bounds.get(name) for i in chosen)
+            rows.append([f"({name})", rate, *("" if b is None else f"<= {b:g}" for b in bounds)])
     return rows
 
 

@@ -35,15 +35,15 @@ def contender(
 
 
 @dataclass(frozen=True, slots=True)
-class Kept(Generated):
+class CachedPainting(Generated):
     """A painted sequence whose pictures are kept for the next tracker: painting takes longer."""
 
     def build(self, seed: int) -> Painting:
-        return _kept(self.kind, self.config, seed)
+        return _painted(self.kind, self.config, seed)
 
 
 @lru_cache(maxsize=1)
-def _kept(kind: str, config: Any, seed: int) -> Painting:
+def _painted(kind: str, config: Any, seed: int) -> Painting:
     sequence = Generated(kind, config).build(seed)
     source = sequence.source
     assert isinstance(source, Painted)
@@ -52,7 +52,7 @@ def _kept(kind: str, config: Any, seed: int) -> Painting:
 
 def generated(kind: str, **settings: Any) -> Generated:
     """Return a painted sequence for an experiment."""
-    return Kept(kind, GENERATORS.config(kind, **settings))
+    return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
 
 def sequence_jobs(

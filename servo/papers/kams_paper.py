@@ -93,18 +93,7 @@ and its p value after Holm's correction.
 """
 
 
-def _not_fewer(gain: Interval, test: McNemar, p: float) -> Finding:
-    del test, p
-    return greater(gain, -MARGIN)
-
-
-def _more(gain: Interval, test: McNemar, p: float) -> Finding:
-    del test, p
-    return greater(gain, 0.0)
-
-
-def _significantly(gain: Interval, test: McNemar, p: float) -> Finding:
-    del gain
+def _significantly(_: Interval, test: McNemar, p: float) -> Finding:
     if p >= SIGNIFICANT:
         return Finding.UNDECIDED
     return Finding.HOLDS if test.wins > test.losses else Finding.DOES_NOT_HOLD
@@ -164,8 +153,8 @@ def _mcnemar(first: Sequence[Record], second: Sequence[Record], measure: str) ->
 
 
 def _errors(effort: Effort) -> Sequence[Job]:
-    levels = [clutter(level) for level in EASY]
-    return sequence_jobs([published("kams"), tuned("kams")], levels, effort.seeds(SEEDS_ERROR))
+    trackers = [published("kams"), tuned("kams")]
+    return sequence_jobs(trackers, [clutter(c) for c in EASY], effort.seeds(SEEDS_ERROR))
 
 
 def _judge_errors(evidence: Evidence) -> Verdict:
@@ -220,7 +209,7 @@ CLAIMS = (
             PAIRED,
             "not fewer completed than by each of five",
         ),
-        partial(_judge_pairs, _not_fewer),
+        partial(_judge_pairs, lambda gain, *_: greater(gain, -MARGIN)),
         _published(*RIVALS),
     ),
     Claim(
@@ -263,7 +252,7 @@ CLAIMS = (
             PAIRED,
             "more completed than by Condensation, annealing and hybrid each",
         ),
-        partial(_judge_pairs, _more),
+        partial(_judge_pairs, lambda gain, *_: greater(gain, 0.0)),
         _published(*OF_200),
     ),
     Claim(
@@ -277,7 +266,7 @@ CLAIMS = (
             PAIRED,
             "not fewer completed",
         ),
-        partial(_judge_pairs, _not_fewer),
+        partial(_judge_pairs, lambda gain, *_: greater(gain, -MARGIN)),
         _layers,
     ),
 )

@@ -25,7 +25,7 @@ SEEDS = 32
 ENOUGH = 0.9
 """Share of the sequences that must be completed."""
 DRAWS = 2000
-"""How often the sequences are drawn anew for an interval."""
+"""Number of draws of the sequences behind an interval."""
 FEWER = 4.0
 """Least ratio that is 75 % fewer."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -38,8 +38,8 @@ BACK_PX = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """How the claims about the loop are tested: as the paper prints it, or as it is here."""
+class Conditions:
+    """The conditions of a test in the loop: those that the paper prints, or ours."""
 
     ending: str
     """Of the claims' names."""
@@ -47,12 +47,12 @@ class Way:
     settings: str
     changes: tuple[str, ...]
     after: dict[str, float]
-    """When the errors begin to count [s], by scenario."""
+    """Time from which the errors count [s], by scenario."""
     within: float
     """Longest time to recover after a reversal [s]."""
 
 
-AS_PRINTED = Way(
+AS_PRINTED = Conditions(
     "a",
     "5Hz",
     "5 Hz, the law as printed: six degrees of freedom, four features fed forward",
@@ -60,7 +60,7 @@ AS_PRINTED = Way(
     {LINE: 3.0, REVERSAL: 5.0},
     2.0,
 )
-OURS = Way(
+OURS = Conditions(
     "b",
     "30Hz",
     "30 Hz, our law: four degrees of freedom, two features fed forward",
@@ -70,10 +70,16 @@ OURS = Way(
 )
 
 
-def _jobs(way: Way, scenario: str, effort: Effort) -> Sequence[Job]:
-    counts = f"measure.after={way.after[scenario]}"
+def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> Sequence[Job]:
+    counts = f"measure.after={conditions.after[scenario]}"
     return [
-        loop_job(scenario, e, s, [*way.changes, counts, *varied(scenario, s)], way=way.label)
+        loop_job(
+            scenario,
+            e,
+            s,
+            [*conditions.changes, counts, *varied(scenario, s)],
+            rate=conditions.label,
+        )
         for e in ESTIMATORS
         for s in effort.seeds(SEEDS, FIRST)
     ]
@@ -97,8 +103,7 @@ def _table(records: list[Record]) -> list[list[str]]:
     return [["estimator", "servo rms", "peak", "longest away", "right sign", "tilt, peak"], *rows]
 
 
-def _judge_lag(way: Way, evidence: Evidence) -> Verdict:
-    del way
+def _judge_lag(evidence: Evidence) -> Verdict:
     records = evidence.records
     without, found = (column(group(records, estimator=e), "servo_rms_px") for e in ESTIMATORS)
     times = ratio(without, found)
@@ -113,8 +118,7 @@ def _judge_lag(way: Way, evidence: Evidence) -> Verdict:
     )
 
 
-def _judge_sign(way: Way, evidence: Evidence) -> Verdict:
-    del way
+def _judge_sign(evidence: Evidence) -> Verdict:
     runs = group(evidence.records, estimator=FILTER)
     share = mean_percent(_agreement(runs))
     first = runs[0]
@@ -151,11 +155,11 @@ def agreement(estimated: Array, true: Array) -> float:
     return float(np.mean(np.sign(estimated)[fast] == np.sign(true)[fast]))
 
 
-def _judge_peak(way: Way, evidence: Evidence) -> Verdict:
+def _judge_peak(within: float, evidence: Evidence) -> Verdict:
     runs = group(evidence.records, estimator=FILTER)
     away = mean_of(_away(runs))
     return Verdict(
-        not_worse(away, way.within),
+        not_worse(away, within),
         away,
         "s",
         len(runs),
@@ -189,14 +193,6 @@ def _draw_error(records: list[Record], title: str) -> Figure:
     return lines(f"{title} (seed {first[0].seed})", "time [s]", "distance [px]", curves)
 
 
-Judge = Callable[[Way, Evidence], Verdict]
-
-
-def _claim(number: int, way: Way, says: str, scenario: str, judge: Judge, rule: Rule) -> Claim:
-    name = f"P1-{number}{way.ending}"
-    return Claim(name, says, rule, partial(judge, way), partial(_jobs, way, scenario))
-
-
 UNITS = (
     f"{SEEDS} runs of {{}} with drawn start, heading, speed and reversals, clear of toys, seeds "
     f"from {FIRST} on"
@@ -204,55 +200,50 @@ UNITS = (
 MEAN = "95 % interval of the mean"
 
 
-def _three(way: Way) -> tuple[Claim, ...]:
-    line = UNITS.format("`line`")
-    reversal = UNITS.format("`reversal`")
+def _three(conditions: Conditions) -> tuple[Claim, ...]:
     return (
-        _claim(
-            4,
-            way,
+        Claim(
+            f"P1-4{conditions.ending}",
             "with Kalman estimation of the target's motion the camera no longer lags "
             "(figures 9, 10)",
-            LINE,
-            _judge_lag,
             Rule(
                 "rms distance from the goal without estimation over that with it",
-                way.settings,
-                line,
+                conditions.settings,
+                UNITS.format("`line`"),
                 f"{LESS:g}",
                 "95 % interval of the geometric mean ratio",
                 f"above {LESS:g}",
             ),
+            _judge_lag,
+            partial(_jobs, conditions, LINE),
         ),
-        _claim(
-            5,
-            way,
+        Claim(
+            f"P1-5{conditions.ending}",
             "the sign of the estimated velocity follows the car's reversals (figure 9)",
-            REVERSAL,
-            _judge_sign,
             Rule(
                 "share of frames with the right sign of d yn/dt",
-                way.settings,
-                reversal,
+                conditions.settings,
+                UNITS.format("`reversal`"),
                 f"{100 * AGREE:g} %",
                 MEAN,
                 f"above {100 * AGREE:g} %",
             ),
+            _judge_sign,
+            partial(_jobs, conditions, REVERSAL),
         ),
-        _claim(
-            6,
-            way,
+        Claim(
+            f"P1-6{conditions.ending}",
             "at a reversal the error peaks and comes back (figures 10, 11)",
-            REVERSAL,
-            _judge_peak,
             Rule(
                 f"longest time above {BACK_PX:g} px after the start",
-                way.settings,
-                reversal,
-                f"{way.within:g} s",
+                conditions.settings,
+                UNITS.format("`reversal`"),
+                f"{conditions.within:g} s",
                 MEAN,
-                f"below {way.within:g} s",
+                f"below {conditions.within:g} s",
             ),
+            partial(_judge_peak, conditions.within),
+            partial(_jobs, conditions, REVERSAL),
         ),
     )
 

@@ -50,7 +50,7 @@ class Tuned:
     grid: tuple[Settings, ...]
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """The tracker with some settings, called NAME-ENDING."""
+        """Return the tracker with some settings, called NAME-ENDING."""
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
 
@@ -109,7 +109,7 @@ class TuningFile(Document):
     scores: dict[str, list[tuple[dict[str, float | str], float]]]
 
     def best(self, name: str) -> Settings:
-        """The settings of a tracker with the best score; the first of those that are equal."""
+        """Return the settings with the best score; the first of those that are equal."""
         sign = FAMILIES[TUNED[name].family].sign
         settings = max(self.scores[name], key=lambda one: sign * one[1])[0]
         return {k: type(TUNED[name].grid[0][k])(v) for k, v in settings.items()}
@@ -117,13 +117,13 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """What was found when the trackers were tuned."""
+    """Return the scores that were found when the trackers were tuned."""
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """A tracker as its paper has it."""
+    """Return a tracker as its paper has it."""
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
 
@@ -139,7 +139,7 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """A tracker with its own best settings."""
+    """Return a tracker with its own best settings."""
     return TUNED[name].contender(name, stored().best(name), "tuned")
 
 

@@ -9,7 +9,7 @@ from servo.study.results import Cell
 
 
 def cell_row(cell: Cell, measures: Iterable[str]) -> list[str]:
-    """Its axis values, its units, the share held with its interval, and means of measures."""
+    """Return axis values, units, the share held with its interval, and means of measures."""
     means = (shown(mean and mean.value) for mean in map(cell.means.get, measures))
     axes = map(shown, cell.settings.values())
     return [*axes, counted(cell.success, cell.unit), spread(cell.success), *means]

@@ -52,7 +52,7 @@ class Curve:
     colour: str = INK
     dashed: bool = False
     points: bool = False
-    """Whether it is drawn as points with error bars."""
+    """Drawn as points with error bars, not as a line with a band."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,8 @@ CELL = 2.1
 
 
 def paths(study: StudyResults) -> list[PageImage]:
-    """One picture for each combination of the other axes, with a column for each value of the axis
-    that is compared; of the first seed. Only studies of named groups have them.
+    """Return a picture for each combination of the other axes, with a column for each value of the
+    axis that is compared; of the first seed. Only studies of named groups have them.
     """
     compared = study.compared
     if compared is None or not shows(study):
@@ -44,12 +44,12 @@ def paths(study: StudyResults) -> list[PageImage]:
 
 
 def shows(study: StudyResults) -> bool:
-    """Whether the study compares named groups of settings: these have such pictures."""
+    """Return whether the study compares named groups of settings: these have such pictures."""
     return study.compared in study.plan.table.get("named", {})
 
 
 def _size(study: StudyResults) -> tuple[int, int]:
-    """Width and height of the pictures [px]."""
+    """Return width and height of the camera's pictures [px]."""
     camera = next(iter(study.plan.scenarios.values())).get("camera", {})
     default = CameraConfig()
     return camera.get("width", default.width), camera.get("height", default.height)

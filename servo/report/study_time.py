@@ -39,7 +39,7 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Errors and survival over time, with a colour for each value of the compared axis."""
+    """Return errors and survival over time, with a colour for each value of the compared axis."""
     groups = {
         name: [s for row in rows if (s := study.series.get(row["run"])) is not None]
         for name, rows in study.groups(study.compared).items()
@@ -113,7 +113,7 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Error and success rate against each numeric axis, with a colour for each compared value."""
+    """Return error and success rate against each numeric axis, with a colour a compared value."""
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []
     for key in numeric[:MOST_AXES]:
@@ -134,7 +134,7 @@ def against(study: StudyResults) -> list[Figure]:
 
 
 def heat_maps(study: StudyResults) -> list[Figure]:
-    """Success rate and median error over two axes: numeric ones first, then the compared one."""
+    """Return success rate and median error over two axes: numeric first, then the compared one."""
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:
         return []
