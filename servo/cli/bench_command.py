@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +10,8 @@ from rich.console import Console
 
 from servo.bench import ranking, suites
 from servo.bench.ranking import Rank
-from servo.cli.sweep_command import SweepRequest, run_study
-from servo.cli.terminal import complete_jobs, plain, print_table
+from servo.cli.sweep_command import run_study
+from servo.cli.terminal import complete_jobs, go_on, plain, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
@@ -23,6 +22,7 @@ from servo.study.parse import load
 from servo.study.record import Record, parquet, table_of
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
 from servo.study.store import RESULTS, Store, opened
+from sim.camera import gl
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet
 from tracking.drawing.picture_bytes import encoded
@@ -78,8 +78,7 @@ def run(request: BenchRequest) -> int:
     ]
     title = Path(request.suite).stem
     workers = Workers(request.workers)
-    out = f" --out {shlex.quote(str(request.out))}" if request.out else ""
-    again = f"go on with: {request.command}{out}"
+    again = go_on(request.command, request.out)
     with opened(request.folder, _described(request, subjects)) as store, workers:
         failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
         records = store.records(jobs, series=True)
@@ -96,17 +95,9 @@ def run(request: BenchRequest) -> int:
 def _closed_loop(request: BenchRequest, console: Console) -> int:
     chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
     study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
-    sweep = SweepRequest(
-        study=suites.CLOSED_LOOP,
-        changes=(),
-        seeds=request.seeds,
-        workers=request.workers,
-        scheduler=None,
-        out=request.out,
-        quiet=request.quiet,
-    )
-    described = StudyFile.of(study, request.command)
-    return run_study(study, described, request.folder, sweep, console)
+    workers = Workers(request.workers)
+    gl.backend()
+    return run_study(study, request.command, workers, request.folder, console)
 
 
 def _subjects(request: BenchRequest) -> list[TrackedSequence]:

@@ -11,14 +11,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from servo.loop.check_expect import check_expect
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
 from servo.scenario import source
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.draws import Value
 from servo.scenario.load import parse as parse_scenario
-from servo.scenario.named_files import digests
+from servo.scenario.named_files import digests, found_beside, named_in
 from servo.scenario.toml import assignment, is_number
 from servo.study.axes import (
     ENDS,
@@ -30,7 +29,7 @@ from servo.study.axes import (
     flat,
     named_of,
 )
-from servo.study.bounds import SUCCESS_RATE
+from servo.study.bounds import SUCCESS_RATE, check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
 
@@ -71,6 +70,11 @@ def load(
     table, place = source.read(str(path))
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
+    for key in table:
+        if key not in KEYS:
+            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    bases = _bases(table.get("scenario"), path, place)
+    table = found_beside(table, path.parent, *(base.table for base in bases))
     changed = _changed(table, changes, place)
     if changes:
         table["set"] = changed
@@ -80,7 +84,7 @@ def load(
         table["seeds"] = seeds
     if trackers is not None:
         table = table | {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
-    study = _study(table, changed, path, place)
+    study = _study(table, changed, bases, path, place)
     _check(study, place)
     return study
 
@@ -109,17 +113,19 @@ def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[
     return changed
 
 
-def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: str) -> Study:
-    for key in table:
-        if key not in KEYS:
-            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+def _study(
+    table: dict[str, Any],
+    changed: dict[str, Any],
+    bases: tuple[StudiedScenario, ...],
+    path: Path,
+    place: str,
+) -> Study:
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
     named = named_of(_table(table.get("named", {}), f"{place}: named"), place)
     groups = tuple(Axis(key, tuple(groups)) for key, groups in named.items())
-    plain = _bases(table.get("scenario"), path, place)
-    files = digests(table, *(base.table for base in plain))
+    files = digests(named_in(table, *(base.table for base in bases)))
     bases = tuple(
-        replace(base, study=path.name, changes=changed, named=named, files=files) for base in plain
+        replace(base, study=path.name, changes=changed, named=named, files=files) for base in bases
     )
     study = Study(
         name=path.stem,

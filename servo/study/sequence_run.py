@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.scenario.named_files import digests
+from servo.scenario.named_files import digests, named_by
 from servo.study.job import Job
 from servo.study.record import SEQUENCE, Record
 from sim.kinds import kind_of
@@ -55,7 +55,7 @@ class Contender:
         """Kind and settings, and the digests of model files where it has some."""
         settings = as_json(self.config)
         found = {"kind": kind_of(self.config), "settings": settings}
-        return found | {"files": files} if (files := digests(settings)) else found
+        return found | {"files": files} if (files := digests(named_by(self.config))) else found
 
 
 @dataclass(frozen=True, slots=True)
