@@ -5,7 +5,7 @@ import pytest
 
 from servo.report import charts
 from servo.report.charts import Curve, Scale
-from tracking.statistics.comparisons import Interval
+from servo.report.drawing import colour
 
 
 @pytest.fixture
@@ -22,9 +22,9 @@ def test_curves_with_bands_points_dashes_and_shade(chart):
     y = np.array([1.0, 3.0, 2.0, 5.0, 4.0])
     drawn = [
         Curve("plain", X, y),
-        Curve("band", X, y + 1, y, y + 3, colour=charts.colour(1)),
-        Curve("points", X, y / 2, y / 2 - 0.2, y, colour=charts.colour(2), points=True),
-        Curve("dashed", X, -y, colour=charts.colour(3), dashed=True),
+        Curve("band", X, y + 1, y, y + 3, colour=colour(1)),
+        Curve("points", X, y / 2, y / 2 - 0.2, y, colour=colour(2), points=True),
+        Curve("dashed", X, -y, colour=colour(3), dashed=True),
     ]
     shade = X, np.array([False, True, True, False, False])
     chart(
@@ -43,19 +43,6 @@ def test_a_curve_over_decades_has_a_logarithmic_axis(chart, deep):
 def test_a_curve_below_the_factor_keeps_its_axis(chart):
     axis = Scale("y", low=0, high=50, log_from=100.0)
     chart("linear", charts.curves("t", Scale("x"), axis, [Curve("one", X, 10 + 10 * X)]))
-
-
-@pytest.mark.parametrize("largest", [4.0, 400.0])
-def test_values_by_name_and_group(chart, largest):
-    groups = {
-        "a": [Interval(1.0, 0.5, 2.0), None, Interval(largest, 3.0, largest + 1)],
-        "b": [Interval(2.0, 2.5, 2.5), Interval(1.5, 1.0, 2.0), Interval(1.2, 1.1, 1.3)],
-    }
-    chart(f"names-{largest:g}", charts.by_name("t", "px", ["one", "two", "three"], groups))
-
-
-def test_values_by_name_of_one_group(chart):
-    chart("names", charts.by_name("t", "px", ["one"], {"all": [Interval(1.0, 0.5, 2.0)]}))
 
 
 @pytest.mark.parametrize(

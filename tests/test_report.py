@@ -1,5 +1,6 @@
 """`servobench report`: what a page says of a study, and that any page is whole, safe and fits."""
 
+import itertools
 import json
 import re
 import shutil
@@ -7,18 +8,17 @@ import sys
 
 import cv2
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from servo.cli import main
 from servo.cli.report_command import write
 from servo.report import study_section
+from servo.study.bounds import MissedBound
 from servo.study.files import FailureFile, StudyFile
+from servo.study.record import Record
 
 EVIL = "<script>alert(1)</script>"
 AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
-FLOATS = pa.list_(pa.float32())
 
 
 def encoded(kind):
@@ -26,7 +26,7 @@ def encoded(kind):
     return cv2.imencode(kind, image)[1].tobytes()
 
 
-def make_study(folder, *, finished=True, seeds=2, **changes):
+def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
     """Runs 0..7: kams is lost at 5 Hz from 2 s on; servo_rms_px is the run's number."""
     (folder / "runs").mkdir(parents=True)
     manifest = {
@@ -34,7 +34,7 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
         "title": "How slow may it be?",
         "command": "servobench sweep rates",
         "versions": {"servobench": "0.1.0"},
-        "axes": AXES,
+        "axes": AXES | {"tracker.kind": list(kinds)},
         "seeds": list(range(seeds)),
         "draws": {"start.x": {"uniform": [-80, 80]}},
         "compare": "tracker.kind",
@@ -44,42 +44,29 @@ def make_study(folder, *, finished=True, seeds=2, **changes):
         "scenarios": {},
     } | changes
     StudyFile(**manifest).write(folder)
-    rows = []
-    for kind in AXES["tracker.kind"]:
-        for rate in AXES["camera.rate"]:
-            for seed in range(seeds):
-                held = kind == "pf_ssd" or rate == 30.0
-                rows.append(
-                    {
-                        "run": len(rows),
-                        "scenario": "line",
-                        "seed": seed,
-                        "tracker.kind": kind,
-                        "camera.rate": rate,
-                        "start.x": 1.5,
-                        "success": held,
-                        "missed": []
-                        if held
-                        else [{"name": "settle_s", "found": None, "bound": "3"}],
-                        "outcome": "CONVERGED" if held else "TARGET_LOST",
-                        "servo_rms_px": float(len(rows)),
-                        "settle_s": None,
-                    }
-                )
-    for row in rows:
-        time = np.arange(0, 4, 0.2)
-        error = np.full(len(time), 3.0 + row["run"])
-        table = pa.Table.from_pylist([row])
-        for name, values, kind in (
-            ("time_s", time.tolist(), FLOATS),
-            ("servo_error_px", error.tolist(), FLOATS),
-            ("on_target", (time < (9 if row["success"] else 2)).tolist(), pa.list_(pa.bool_())),
-            ("sheet", encoded(".jpg"), pa.binary()),
-        ):
-            table = table.append_column(name, pa.array([values], kind))
-        pq.write_table(table, folder / "runs" / f"{row['run']:06}.parquet")
-    if finished:
-        pq.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
+    time = np.arange(0, 4, 0.2)
+    cells = itertools.product(kinds, AXES["camera.rate"], range(seeds))
+    for number, (kind, rate, seed) in enumerate(cells):
+        held = kind == kinds[0] or rate == 30.0
+        series = {
+            "time_s": time,
+            "servo_error_px": np.full(len(time), 3.0 + number),
+            "on_target": time < (9 if held else 2),
+        }
+        record = Record(
+            number=number,
+            subject="line",
+            seed=seed,
+            settings={"tracker.kind": kind, "camera.rate": rate, "start.x": 1.5},
+            outcome="CONVERGED" if held else "TARGET_LOST",
+            success=held,
+            measures={"servo_rms_px": float(number), "settle_s": np.nan},
+            missed=() if held else (MissedBound("settle_s", None, 3.0),),
+            versions={},
+            series=series,
+            sheet=encoded(".jpg"),
+        )
+        (folder / "runs" / f"{number:06}.parquet").write_bytes(record.encoded({}))
     return folder
 
 
@@ -136,7 +123,7 @@ def test_a_difference_that_is_sure_is_a_sentence(tmp_path):
 
 
 def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
-    folder = make_study(tmp_path / "study", finished=False)
+    folder = make_study(tmp_path / "study")
     (folder / "runs" / "000001.parquet").unlink()
     (folder / "runs" / "000002.parquet").write_bytes(bytes(100))
     (folder / "failures").mkdir()
@@ -150,7 +137,7 @@ def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
 
 CASES = {
     "done": {},
-    "not-done": {"seeds": 5, "finished": False},
+    "not-done": {"seeds": 5},
     "no-axes": {"axes": {}, "compare": None, "expect": {}},
     "one-axis": {"axes": {"camera.rate": [5.0, 30.0]}, "expect": {"servo_rms_px": 60.0}},
     "names": {"axes": {"tracker.kind": AXES["tracker.kind"]}, "draws": {}},
@@ -170,13 +157,13 @@ def test_all_that_is_said_and_drawn_of_a_study(name, section, approved, tmp_path
 
 
 def test_a_study_without_runs_still_has_a_page(tmp_path):
-    folder = make_study(tmp_path / "study", finished=False)
+    folder = make_study(tmp_path / "study")
     shutil.rmtree(folder / "runs")
     assert "0 of 8 runs" in text_of(folder, tmp_path)
 
 
 def test_what_is_too_much_is_cut_and_said(tmp_path):
-    folder = make_study(tmp_path / "study", seeds=7, finished=False)
+    folder = make_study(tmp_path / "study", seeds=7)
     pictures = next(b for b in study_section.section(folder).blocks if b.title == "Contact sheets")
     assert len(pictures.pictures) == 24
     assert "At most 24 are shown." in pictures.text
@@ -187,17 +174,8 @@ def test_no_text_from_a_file_becomes_part_of_the_page(ran, tmp_path):
     report = json.loads((ran / "report.json").read_text()) | {"scenario": EVIL}
     report["missed"] = [{"name": EVIL, "found": 2.0, "bound": 1.0}]
     (tmp_path / "run" / "report.json").write_text(json.dumps(report))
-    axes = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
-    folder = make_study(tmp_path / "study", title=EVIL, axes=axes, versions={EVIL: EVIL})
-    table = pq.read_table(folder / "results.parquet").to_pylist()
-    named = [
-        row | {"tracker.kind": f"$x{EVIL}"} if row["tracker.kind"] == "kams" else row
-        for row in table
-    ]
-    pq.write_table(pa.Table.from_pylist(named), folder / "results.parquet")
-    axes["tracker.kind"][1] = f"$x{EVIL}"
-    manifest = json.loads((folder / "study.json").read_text()) | {"axes": axes}
-    (folder / "study.json").write_text(json.dumps(manifest))
+    kinds = ("pf_ssd", f"$x{EVIL}")
+    folder = make_study(tmp_path / "study", title=EVIL, kinds=kinds, versions={EVIL: EVIL})
     page = write([tmp_path / "run", folder], tmp_path / "page.html").read_text()
     assert "<script" not in page
     assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") > 10

@@ -13,7 +13,6 @@ import pytest
 
 from servo.cli.report_command import write
 from servo.mistake import Mistake
-from servo.report.study_data import Series
 from servo.report.study_time import band, survival
 from servo.study.files import StudyFile
 from servo.study.record import Record
@@ -133,7 +132,7 @@ def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
 def test_survival_counts_who_was_never_off_the_target_after_the_first_second():
     time = np.arange(0, 4, 0.5)
     never, early, late = np.ones(8), time != 0.5, time < 2
-    series = [Series(time, {"on_target": np.asarray(on, float)}) for on in (never, early, late)]
+    series = [{"time_s": time, "on_target": on} for on in (never, early, late)]
     times, share = survival(series)
     assert times[-1] == 4.0
     assert share[times < 2].tolist() == [1.0] * int(np.sum(times < 2))
@@ -143,7 +142,7 @@ def test_survival_counts_who_was_never_off_the_target_after_the_first_second():
 def test_a_band_has_the_percentiles_of_the_runs_that_last_so_long():
     long, short = np.arange(0, 4, 0.5), np.arange(0, 2, 0.5)
     series = [
-        Series(t, {"e": np.full(len(t), v)}) for t, v in ((long, 0.0), (long, 10.0), (short, 5.0))
+        {"time_s": t, "e": np.full(len(t), v)} for t, v in ((long, 0.0), (long, 10.0), (short, 5.0))
     ]
     times, (low, middle, high) = band(series, "e")
     np.testing.assert_allclose([low[0], middle[0], high[0]], [1, 5, 9])

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
-from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
 from servo.output.sinks import Sinks
 from servo.report import study_time
@@ -69,20 +68,6 @@ def test_a_recording_that_ends_early_costs_nothing_else():
         RunFolder.close(folder)
         assert str(sinks.refused) == "log: it ends too early: it ends"
         assert rows == (["one", "two", "closed"] if act == "add" else ["closed"])
-
-
-def test_a_folder_of_results_that_cannot_be_begun_or_gone_on_with(monkeypatch, tmp_path):
-    with monkeypatch.context() as broken:
-        broken.setattr(atomic, "write", refusing(OSError(errno.EACCES, "Permission denied")))
-        with pytest.raises(Mistake) as told, result_folder(tmp_path / "a", "bench"):
-            pass
-    place = tmp_path / "a"
-    assert str(told.value) == f"{place}: cannot write to this folder: Permission denied"
-    with pytest.raises(Refused) as refused, result_folder(tmp_path / "b", "bench"):
-        raise DISK
-    assert str(refused.value) == (
-        f"Input/output error; what is in {tmp_path}/b is whole; the same command goes on from there"
-    )
 
 
 @pytest.mark.parametrize(
@@ -192,8 +177,8 @@ def test_a_device_is_one_that_mujoco_can_open(monkeypatch, opened, expected):
 
 
 def test_series_without_values_have_no_curve():
-    series = [SimpleNamespace(values={"other": np.ones(3)}, time=np.arange(3.0), duration=3.0)]
-    unknown = SimpleNamespace(values={"x": np.full(3, np.nan)}, time=np.arange(3.0), duration=3.0)
+    series = [{"time_s": np.arange(3.0), "other": np.ones(3)}]
+    unknown = {"time_s": np.arange(3.0), "x": np.full(3, np.nan)}
     assert study_time.band([*series, unknown], "x") is None
     assert study_time.survival(series) is None
     assert study_time._survival({"all": series}, "") is None

@@ -22,6 +22,8 @@ def _study(folder: Path) -> Section:
     study = StudyFile.read(folder / StudyFile.FILE)
     if study.holds == "bench":
         return bench_section.section(folder, study)
+    if study.holds == "papers":
+        return papers_section.section(folder)
     return study_section.section(folder)
 
 

@@ -9,7 +9,6 @@ from typing import ClassVar
 from servo.output.formats import Document, Made
 from servo.papers import (
     annealing_layers,
-    camouflage_claim,
     estimator_study,
     kams_paper,
     kernel_paper,
@@ -24,16 +23,13 @@ from tracking.files.json_text import number
 
 CLAIMS = (
     *sorted(
-        (
-            *kams_paper.CLAIMS,
-            *annealing_layers.CLAIMS,
-            *particle_counts.CLAIMS,
-            *kernel_paper.CLAIMS,
-            *kernel_surface.CLAIMS,
-            *servo_paper.CLAIMS,
-            *texture_paper.CLAIMS,
-            *camouflage_claim.CLAIMS,
-        ),
+        kams_paper.CLAIMS
+        + annealing_layers.CLAIMS
+        + particle_counts.CLAIMS
+        + kernel_paper.CLAIMS
+        + kernel_surface.CLAIMS
+        + servo_paper.CLAIMS
+        + texture_paper.CLAIMS,
         key=lambda claim: claim.name,
     ),
     *estimator_study.CLAIMS,
@@ -66,44 +62,36 @@ class Judged:
 
     @staticmethod
     def of(claim: Claim, verdict: Verdict) -> Judged:
-        """A claim with its verdict."""
-        figures = [f"{FIGURES}/{path.name}" for path in verdict.figures]
-        e = verdict.effect
-        value = number(e.value)
-        low = number(e.low)
-        high = number(e.high)
+        """Return a claim with its verdict."""
         return Judged(
             claim.says,
             claim.rule,
             WORDS[verdict.finding],
-            value,
-            low,
-            high,
+            number(verdict.effect.value),
+            number(verdict.effect.low),
+            number(verdict.effect.high),
             verdict.unit,
             verdict.count,
             verdict.measured,
             verdict.table,
-            figures,
+            [] if verdict.figure is None else [f"{FIGURES}/{claim.name}.png"],
         )
 
     def row(self, name: str) -> str:
-        """The claim's line in a Markdown table under `TITLES`."""
-        r = self.rule
-        drawn = ", ".join(path.rpartition("/")[2] for path in self.figures)
+        """Return the claim's line in a Markdown table under `TITLES`."""
+        effect, low, high = (
+            "-" if value is None else f"{value:.3g}" for value in (self.effect, self.low, self.high)
+        )
         cells = (
             f"{name} {self.says}",
-            f"{r.measure}; holds: {r.holds}",
-            f"{_short(self.effect)} {self.unit}",
-            f"{_short(self.low)} to {_short(self.high)}",
-            f"{self.count}: {r.units}",
+            f"{self.rule.measure}; holds: {self.rule.holds}",
+            f"{effect} {self.unit}",
+            f"{low} to {high}",
+            f"{self.count}: {self.rule.units}",
             self.finding,
-            drawn,
+            ", ".join(path.rpartition("/")[2] for path in self.figures),
         )
         return f"| {' | '.join(cells)} |"
-
-
-def _short(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +125,7 @@ class KnownVerdicts(Document):
 
     @staticmethod
     def of(verdicts: dict[str, Verdict]) -> KnownVerdicts:
-        """Those of this run."""
+        """Return the verdicts of this run."""
         return KnownVerdicts(
             claims={
                 name: Known(WORDS[v.finding], words(v.effect, v.unit))
@@ -146,7 +134,7 @@ class KnownVerdicts(Document):
         )
 
     def broken(self, now: KnownVerdicts) -> list[str]:
-        """A sentence for each claim of this run whose verdict is another one."""
+        """Return a sentence for each claim of this run whose verdict is another one."""
         return [
             f"{name}: {new.finding}, {new.effect}; it was: {old.finding}, {old.effect}"
             for name, new in now.claims.items()
@@ -155,6 +143,6 @@ class KnownVerdicts(Document):
 
 
 def known() -> KnownVerdicts:
-    """The verdicts that belong to this version."""
+    """Return the verdicts that belong to this version."""
     with resources.as_file(resources.files("servo.papers") / KnownVerdicts.FILE) as path:
         return KnownVerdicts.read(path)

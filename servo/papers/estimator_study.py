@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
 from servo.estimators import KINDS as ESTIMATORS
-from servo.papers.claim import COLOURS, Claim, Effort, Rule, Verdict, panels
-from servo.papers.groups import Result, column, group
-from servo.papers.loop_series import LoopSeries
-from tracking.drawing import figures
+from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
+from servo.papers.drawing import BLACK, COLOURS, bars, panels
+from servo.papers.groups import column, group
+from servo.papers.loop_series import loop_job
+from servo.study.job import Job
+from servo.study.record import Record
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
 
@@ -26,6 +26,8 @@ RMS = "servo_rms_px"
 PEAK = "servo_peak_px"
 FAST = "30 Hz"
 SLOW = "5 Hz"
+LEGEND_FROM = 60.0
+"""Upper end of the first axis [px], which leaves space for the legend."""
 LONG = ("run.duration=20.0", "measure.after=5.0")
 AT = {FAST: (), SLOW: ("camera.rate=5.0", "controller.gain=1.0")}
 """Changes of a scenario for each rate; they keep lambda T below 1/4."""
@@ -45,7 +47,7 @@ class Case:
 
     @property
     def title(self) -> str:
-        """Such as "sine rms"."""
+        """Motion and measure, such as "sine rms"."""
         return f"{self.motion} {'peak' if self.measure == PEAK else 'rms'}"
 
 
@@ -64,54 +66,44 @@ CASES = (
 
 def _jobs(effort: Effort) -> Sequence[Job]:
     return [
-        LoopSeries(case.scenario, estimator, seed, case.changes, case.rate.replace(" ", ""))
+        loop_job(case.scenario, estimator, seed, case.changes, rate=case.rate, motion=case.motion)
         for case in CASES
         for estimator in ESTIMATORS.names()
         for seed in effort.seeds(SEEDS)
     ]
 
 
-ROOM = 60.0
-"""Upper end of the first axis [px]: room for the legend."""
 Scores = dict[str, list[Interval]]
 """A mean with its interval for each case, by estimator."""
 
 
-def _judge(results: list[Result], folder: Path) -> Verdict:
+def _judge(evidence: Evidence) -> Verdict:
     found: Scores = {
-        estimator: [
-            mean_of(
-                column(
-                    group(
-                        results,
-                        estimator=estimator,
-                        scenario=c.scenario,
-                        label=c.rate.replace(" ", ""),
-                    ),
-                    c.measure,
-                )
-            )
-            for c in CASES
-        ]
+        estimator: [_score(evidence.records, estimator, case) for case in CASES]
         for estimator in ESTIMATORS.names()
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)
     kept = bounds - len(missed)
-    said = f"{kept} of {bounds} bounds kept"
+    counted = f"{kept} of {bounds} bounds kept"
     return Verdict(
         Finding.DOES_NOT_HOLD if missed else Finding.HOLDS,
         Interval(kept, kept, kept),
         "bounds kept",
         bounds,
-        f"{said}; missed: {', '.join(missed)}" if missed else said,
+        f"{counted}; missed: {', '.join(missed)}" if missed else counted,
         _table(found),
-        [figures.save(_draw(found), folder, "estimators.png")],
+        _draw({name: scores for name, scores in found.items() if name != NONE}),
     )
 
 
+def _score(records: list[Record], estimator: str, case: Case) -> Interval:
+    runs = group(records, estimator=estimator, rate=case.rate, motion=case.motion)
+    return mean_of(column(runs, case.measure))
+
+
 def _missed(found: Scores, i: int, case: Case) -> list[str]:
-    """The bounds of a case that are not kept, in words."""
+    """Return the bounds of a case that are not kept, in words."""
     values = {name: intervals[i].value for name, intervals in found.items()}
     values[BEST] = min(value for name, value in values.items() if name != IDEAL)
     return [
@@ -122,51 +114,41 @@ def _missed(found: Scores, i: int, case: Case) -> list[str]:
 
 
 def _table(found: Scores) -> list[list[str]]:
-    """A row for each rate and estimator; the bounds follow the rows of their rate."""
+    """Return a row for each rate and estimator; the bounds follow the rows of their rate."""
     rows = [["px", "rate", *(c.title for c in CASES if c.rate == FAST)]]
     for rate in AT:
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
-        for name, intervals in found.items():
-            rows.append([name, rate, *(_short(intervals[i]) for i in chosen)])
-        for bounded in ("kalman_cv", BEST):
-            bounds = [CASES[i].bounds.get(bounded) for i in chosen]
-            cells = ("" if b is None else f"<= {b:g}" for b in bounds)
-            rows.append([f"({bounded})", rate, *cells])
+        rows += [
+            [name, rate, *(_short(scores[i]) for i in chosen)] for name, scores in found.items()
+        ]
+        for name in ("kalman_cv", BEST):
+            bounds = (CASES[i].bounds.get(name) for i in chosen)
+            rows.append([f"({name})", rate, *("" if b is None else f"<= {b:g}" for b in bounds)])
     return rows
 
 
 def _short(i: Interval) -> str:
-    """A mean and half the width of its interval."""
+    """Return a mean and half the width of its interval."""
     return f"{i.value:.3g} ±{(i.high - i.low) / 2:.1g}"
 
 
 def _draw(found: Scores) -> Figure:
-    """A panel for each rate: errors of the estimators by motion, with intervals and bounds."""
+    """Draw a panel for each rate: errors of the estimators by motion, with the bounds."""
     figure, both = panels(2, width=9.0)
-    names = [name for name in found if name != NONE]
     for ax, rate in zip(both, AT, strict=True):
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
-        for k, name in enumerate(names):
-            place = np.arange(len(chosen)) + 0.1 * (k - (len(names) - 1) / 2)
-            means = np.array([found[name][i].value for i in chosen])
-            ends = np.array([(found[name][i].low, found[name][i].high) for i in chosen]).T
-            ax.errorbar(
-                place,
-                means,
-                np.abs(ends - means),
-                fmt="o",
-                ms=4,
-                capsize=2,
-                color=COLOURS[k % len(COLOURS)],
-                label=name,
-            )
+        for k, (name, scores) in enumerate(found.items()):
+            at = np.arange(len(chosen)) + 0.1 * (k - (len(found) - 1) / 2)
+            means, ends = bars([scores[i] for i in chosen])
+            colour = COLOURS[k % len(COLOURS)]
+            ax.errorbar(at, means, ends, fmt="o", ms=4, capsize=2, color=colour, label=name)
         for x, i in enumerate(chosen):
-            for bound in CASES[i].bounds.values():
-                ax.hlines(bound, x - 0.4, x + 0.4, color="#111111", lw=0.8, ls="--")
-        titles = [CASES[i].title for i in chosen]
-        ax.set(xticks=range(len(chosen)), xticklabels=titles, ylabel="distance [px]")
-        ax.set(yscale="log", title=f"{rate}; dashed: the bounds")
-    both[0].set_ylim(top=ROOM)
+            ax.hlines(
+                list(CASES[i].bounds.values()), x - 0.4, x + 0.4, color=BLACK, lw=0.8, ls="--"
+            )
+        ax.set(xticks=range(len(chosen)), xticklabels=[CASES[i].title for i in chosen])
+        ax.set(ylabel="distance [px]", yscale="log", title=f"{rate}; dashed: the bounds")
+    both[0].set_ylim(top=LEGEND_FROM)
     both[0].legend(frameon=False, ncols=4)
     return figure
 
@@ -183,7 +165,7 @@ CLAIMS = (
             "none",
             "all bounds kept",
         ),
-        _jobs,
         _judge,
+        _jobs,
     ),
 )

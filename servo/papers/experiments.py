@@ -1,60 +1,49 @@
-"""The jobs of experiments: trackers on painted sequences, and functions of the seed."""
+"""Trackers on painted sequences: their jobs, and the tracks they leave."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
-from servo.bench.suites import GENERATORS, TRACKERS
-from servo.papers.groups import Result
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.sequence_run import (
+    TRACKER,
+    TRACKS,
+    Contender,
+    Entry,
+    Generated,
+    TrackedSequence,
+)
+from sim.types import Array
+from tracking.evaluation.track_file import read
+from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import Sequence as Painting
 from tracking.sequences.sources import PaintedSource
-
-
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """A job that is a function of the seed."""
-
-    name: str
-    about: dict[str, Any]
-    """What else decides the result."""
-    function: Callable[[int], Result]
-    seed: int
-
-    @property
-    def key(self) -> str:
-        return f"{self.name}/{self.seed}"
-
-    def describe(self) -> dict[str, Any]:
-        return self.about | {"seed": self.seed}
-
-    def run(self, folder: Path) -> Result:
-        del folder
-        return self.function(self.seed)
+from tracking.trackers import KINDS as TRACKERS
 
 
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: Any
 ) -> Contender:
-    """A tracker for an experiment; by default its label contains the preset."""
+    """Return a tracker for an experiment; by default its label contains the preset."""
     config = TRACKERS.config(kind, preset, **settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 
 @dataclass(frozen=True, slots=True)
-class Kept(Generated):
+class CachedPainting(Generated):
     """A painted sequence whose pictures are kept for the next tracker: painting takes longer."""
 
     def build(self, seed: int) -> Painting:
-        return _kept(self.kind, self.config, seed)
+        return _painted(self.kind, self.config, seed)
 
 
 @lru_cache(maxsize=1)
-def _kept(kind: str, config: Any, seed: int) -> Painting:
+def _painted(kind: str, config: Any, seed: int) -> Painting:
     sequence = Generated(kind, config).build(seed)
     source = sequence.source
     assert isinstance(source, PaintedSource)
@@ -62,12 +51,31 @@ def _kept(kind: str, config: Any, seed: int) -> Painting:
 
 
 def generated(kind: str, **settings: Any) -> Generated:
-    """A painted sequence for an experiment."""
-    return Kept(kind, GENERATORS.config(kind, **settings))
+    """Return a painted sequence for an experiment."""
+    return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
 
 def sequence_jobs(
     trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
-) -> list[SequenceJob]:
-    """Each tracker on each sequence with each seed; those on one sequence follow each other."""
-    return [SequenceJob(t, entry, s) for entry in entries for s in seeds for t in trackers]
+) -> list[Job]:
+    """Return a job for each tracker on each sequence with each seed; those on one sequence follow
+    each other.
+    """
+    return [
+        Job(
+            0,
+            TrackedSequence(tracker, entry),
+            seed,
+            {TRACKER: tracker.label},
+            name=f"{tracker.label}/{entry.name}-{seed}",
+        )
+        for entry in entries
+        for seed in seeds
+        for tracker in trackers
+    ]
+
+
+def states_found(folder: Path, run: Record) -> Array:
+    """Return the states (frames, 4) of the track that a run has left."""
+    track = f"{run.settings[TRACKER]}/{run.settings['family']}-{run.seed}.csv"
+    return read(folder / TRACKS / track).states

@@ -1,4 +1,4 @@
-"""Results of runs: those with something in common, their measures, differences and ratios."""
+"""Records of runs: those with something in common, their measures, differences and ratios."""
 
 from __future__ import annotations
 
@@ -8,48 +8,48 @@ from typing import Any
 
 import numpy as np
 
+from servo.study.record import Record
 from sim.types import Array
 from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
 
-Result = dict[str, Any]
+
+def group(records: Sequence[Record], **settings: Any) -> list[Record]:
+    """Return the records with these settings."""
+    return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 
 
-def group(results: Sequence[Result], **wanted: Any) -> list[Result]:
-    """The results with these values."""
-    return [r for r in results if all(r[key] == value for key, value in wanted.items())]
+def column(records: Sequence[Record], measure: str) -> Array:
+    """Return a measure over records (n,); nan where it does not apply."""
+    return np.array([r.measures[measure] for r in records])
 
 
-def by_tracker(results: Sequence[Result]) -> dict[str, list[Result]]:
-    """The results of each tracker, in their order."""
-    return {
-        label: group(results, tracker=label)
-        for label in dict.fromkeys(r["tracker"] for r in results)
-    }
+def done(records: Sequence[Record]) -> str:
+    """Return how many completed, such as "3 of 4"."""
+    return f"{int(column(records, 'completed').sum())} of {len(records)}"
 
 
-def column(results: Sequence[Result], measure: str) -> Array:
-    """A measure over results (n,); nan where it does not apply."""
-    found = [r["measures"][measure] for r in results]
-    return np.array([np.nan if v is None else v for v in found], dtype=float)
+def reads(records: Sequence[Record]) -> str:
+    """Return the mean number of histograms read a frame."""
+    return f"{column(records, 'evaluations').mean():.0f}"
 
 
-def difference(first: Sequence[Result], second: Sequence[Result], measure: str) -> Interval:
-    """The mean of first less second, each pair on the same unit."""
+def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
+    """Return the mean of first less second, each pair on the same unit."""
     return mean_of(column(first, measure) - column(second, measure))
 
 
-def completed(results: Sequence[Result]) -> Interval:
-    """The share of sequences on which the target was never lost [%]."""
-    return _percent(mean_of(column(results, "completed")))
+def completed(records: Sequence[Record]) -> Interval:
+    """Return the share of sequences on which the target was never lost [%]."""
+    return _percent(mean_of(column(records, "completed")))
 
 
-def completed_more(first: Sequence[Result], second: Sequence[Result]) -> Interval:
-    """The share that the first completes, less that of the second on the same sequences [%]."""
+def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
+    """Return how many more the first completes than the second on the same sequences [%]."""
     return _percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
 
 def mean_percent(shares: Array) -> Interval:
-    """The mean of shares (n,), each of one unit [%]."""
+    """Return the mean of shares (n,), each of one unit [%]."""
     return mean_of(100 * shares, least=0.0, most=100.0)
 
 
@@ -58,19 +58,19 @@ def _percent(share: Interval) -> Interval:
 
 
 def ratio(first: Array, second: Array) -> Interval:
-    """The geometric mean of first over second (n,), each pair of the same unit."""
+    """Return the geometric mean of first over second (n,), each pair of the same unit."""
     log = mean_of(np.log(first / second))
     return Interval(*np.exp([log.value, log.low, log.high]).tolist())
 
 
 def words(interval: Interval, unit: str = "") -> str:
-    """Such as "2.1 px (1.9 to 2.4)"; without the ends where there is no interval."""
+    """Return text such as "2.1 px (1.9 to 2.4)"; without the ends where there is no interval."""
     value = f"{interval.value:.3g} {unit}".rstrip()
     if not interval.known:
         return value
     return f"{value} ({interval.low:.3g} to {interval.high:.3g})"
 
 
-def mean(results: Sequence[Result], measure: str, unit: str = "") -> str:
-    """The mean of a measure with its interval, in words."""
-    return words(mean_of(column(results, measure)), unit)
+def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
+    """Return the mean of a measure with its interval, in words."""
+    return words(mean_of(column(records, measure)), unit)

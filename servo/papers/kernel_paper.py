@@ -5,244 +5,228 @@ probabilistic, and combined.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from time import perf_counter
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import track_path
-from servo.papers.claim import (
-    COLOURS,
-    FRESH,
-    Claim,
-    Effort,
-    Rule,
-    Verdict,
-    every,
-    panels,
-    plain_ticks,
-)
-from servo.papers.experiments import sequence_jobs
+from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
+from servo.papers.drawing import dots, lines
+from servo.papers.experiments import generated, sequence_jobs, states_found
 from servo.papers.groups import (
-    Result,
-    by_tracker,
     column,
     completed_more,
     difference,
-    group,
+    done,
     mean,
     ratio,
+    reads,
     words,
 )
-from servo.papers.kernel_jobs import SIMILARITY, Interleaved, Tracked
 from servo.papers.tuning import published, tuned
-from tracking.drawing import figures
-from tracking.evaluation.track_file import read
-from tracking.sequences.painted.similarity import HIDDEN_AT
-from tracking.statistics.comparisons import Interval, mean_of
-from tracking.statistics.verdicts import Finding, greater, not_worse
+from servo.study.job import Job
+from servo.study.record import Record
+from sim.types import Array, Frame
+from tracking.sequences.painted.similarity import FAST, HIDDEN_AT
+from tracking.sequences.sources import RATE
+from tracking.statistics.comparisons import mean_of
+from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 60
-SEEDS_TIMED = 4
 """With 30 sequences the interval of losses would reach 9 % even if neither lost the target."""
+SEEDS_TIMED = 4
+SIMILARITY = generated("similarity")
 KINDS = ("pf_ssd", "mk_pf", "mk_pf-75", "mk_ssd")
 OURS, WHOLE, FEW, ALONE = (published(k).label for k in KINDS)
 MARGIN_DEG = 0.3
 MARGIN_PX = 1.0
 MARGIN_LOST = 5.0
+"""Largest differences of angle [deg], position [px] and losses [%] that count as equally good."""
 HALF = 0.5
+"""Largest share of the reads."""
 FAILS = 50.0
 """Least difference of completions that counts as failing [%]."""
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
     trackers = [of(kind) for of in (published, tuned) for kind in KINDS]
-    return [Tracked(job) for job in sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))]
+    return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))
 
 
-def _verdict(
-    results: list[Result], finding: Finding, effect: Interval, unit: str, said: str, picture: Path
-) -> Verdict:
-    """A verdict with the table of all trackers."""
+def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
     rows = [
         [
-            "tracker",
-            "angle RMSE",
-            "position RMSE",
-            "never lost",
-            "reads",
-            "ms",
-            "size, blurred",
-            "size, before",
+            label,
+            mean(found, "angle_rmse_deg", "deg"),
+            mean(found, "rmse_px", "px"),
+            done(found),
+            reads(found),
+            f"{np.median(column(found, 'milliseconds')):.2f}",
         ]
+        for label, found in runs.items()
     ]
-    for label, found in by_tracker(results).items():
-        rows.append(
-            [
-                label,
-                mean(found, "angle_rmse_deg", "deg"),
-                mean(found, "rmse_px", "px"),
-                f"{int(column(found, 'completed').sum())} of {len(found)}",
-                f"{column(found, 'evaluations').mean():.0f}",
-                f"{np.median(column(found, 'milliseconds')):.2f}",
-                *(mean(found, m, "%") for m in ("size_blurred", "size_before")),
-            ]
-        )
-    count = len(group(results, tracker=OURS))
-    return Verdict(finding, effect, unit, count, said, rows, [picture])
+    return [["tracker", "angle RMSE", "position RMSE", "never lost", "reads", "ms"], *rows]
 
 
-def _angle(results: list[Result], first: str, second: str) -> Interval:
-    one, other = (group(results, tracker=label) for label in (first, second))
-    return difference(one, other, "angle_rmse_deg")
-
-
-def _judge_best(results: list[Result], folder: Path) -> Verdict:
-    gains = {o: _angle(results, o, OURS) for o in (WHOLE, FEW, ALONE)}
-    nearest = min(gains, key=lambda o: gains[o].value)
-    said = ", ".join(f"{o} {words(i)}" for o, i in gains.items())
-    return _verdict(
-        results,
-        every(greater(i, 0.0) for i in gains.values()),
-        gains[nearest],
+def _judge_best(evidence: Evidence) -> Verdict:
+    runs = evidence.trackers
+    gains = {o: difference(runs[o], runs[OURS], "angle_rmse_deg") for o in (WHOLE, FEW, ALONE)}
+    nearest = min(gains.values(), key=lambda gain: gain.value)
+    listed = ", ".join(f"{o} {words(gain)}" for o, gain in gains.items())
+    return Verdict(
+        every(greater(gain, 0.0) for gain in gains.values()),
+        nearest,
         "deg less than the nearest",
-        f"angle RMSE of others less the combination's [deg]: {said}",
-        _over_time(folder, results[0]["seed"]),
+        len(runs[OURS]),
+        f"angle RMSE of others less the combination's [deg]: {listed}",
+        _table(runs),
+        lines(
+            "fast from 35 to 60 %, hidden at 75 %, the first sequence",
+            "frame",
+            "angle error [deg]",
+            {
+                label: (np.arange(len(errors)), errors)
+                for label in (OURS, WHOLE, FEW, ALONE)
+                for errors in [_angle_errors(evidence, label)]
+            },
+            top=30,
+        ),
     )
 
 
-def _over_time(folder: Path, seed: int) -> Path:
-    """Draw errors of angle and position over one sequence, as figures 6 and 7; the file's path."""
-    states = SIMILARITY.build(seed).states
-    assert states is not None
-    figure, (above, below) = panels(2)
-    for i, label in enumerate((OURS, WHOLE, FEW, ALONE)):
-        found = read(track_path(folder.parent, f"{label}/similarity-{seed}")).states
-        turned = np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - states[:, 2])))))
-        above.plot(turned, color=COLOURS[i], lw=1.0, label=label)
-        below.plot(np.hypot(*(found - states)[:, :2].T), color=COLOURS[i], lw=1.0)
-    above.set(
-        ylabel="angle error [deg]",
-        ylim=(0, 30),
-        title=f"P1-1: fast from 35 to 60 %, hidden at 75 % (seed {seed})",
-    )
-    below.set(ylabel="position error [px]", xlabel="frame", ylim=(0, 60))
-    above.legend(frameon=False, ncols=2, fontsize=7)
-    return figures.save(figure, folder, "P1-1.png")
+def _angle_errors(evidence: Evidence, label: str) -> Array:
+    """Return the errors of a tracker's angle (frames,) on the first sequence [deg]."""
+    found, true = _states(evidence, evidence.trackers[label][0])
+    return np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - true[:, 2])))))
 
 
-def _judge_pair(results: list[Result], folder: Path) -> Verdict:
-    timed = [r for r in results if "times" in r]
-    results = [r for r in results if "times" not in r]
-    ours, whole = (group(results, tracker=label) for label in (OURS, WHOLE))
+def _states(evidence: Evidence, run: Record) -> tuple[Array, Array]:
+    """Return the states that a tracker found, and the true ones (frames, 4)."""
+    true = SIMILARITY.build(run.seed).states
+    assert true is not None
+    return states_found(evidence.folder, run), true
+
+
+def _judge_pair(evidence: Evidence) -> Verdict:
+    runs = evidence.trackers
+    ours = runs[OURS]
+    whole = runs[WHOLE]
     angle = difference(ours, whole, "angle_rmse_deg")
     place = difference(ours, whole, "rmse_px")
     lost = completed_more(whole, ours)
-    reads = ratio(column(ours, "evaluations"), column(whole, "evaluations"))
-    times = np.array([r["times"] for r in timed])
-    time = ratio(times[:, 0], times[:, 1])
+    read = ratio(column(ours, "evaluations"), column(whole, "evaluations"))
+    times = np.array([_milliseconds(seed) for seed in evidence.effort.seeds(SEEDS_TIMED)])
     parts = {
         "angle": not_worse(angle, MARGIN_DEG),
         "position": not_worse(place, MARGIN_PX),
         "losses": not_worse(lost, MARGIN_LOST),
-        "reads": not_worse(reads, HALF),
+        "reads": not_worse(read, HALF),
     }
-    said = (
+    return Verdict(
+        every(parts.values()),
+        angle,
+        "deg",
+        len(ours),
         f"75 with SSD less 500: angle {words(angle, 'deg')}, position {words(place, 'px')}, losses "
-        f"{words(lost, '%')}, reads {words(reads)} times, interleaved time {words(time)} times; "
-        + ", ".join(f"{k} {f.name.lower().replace('_', ' ')}" for k, f in parts.items())
+        f"{words(lost, '%')}, reads {words(read)} times, interleaved time "
+        f"{words(ratio(times[:, 0], times[:, 1]))} times; "
+        + ", ".join(f"{k} {f.name.lower().replace('_', ' ')}" for k, f in parts.items()),
+        _table(runs),
+        _draw_angles(runs),
     )
-    picture = _scatter(results, OURS, WHOLE, folder, "P1-2")
-    return _verdict(results, every(parts.values()), angle, "deg", said, picture)
 
 
-def _scatter(results: list[Result], first: str, second: str, folder: Path, name: str) -> Path:
-    """Draw the angle errors of two trackers, one dot a sequence; the file's path."""
-    figure, (ax,) = figures.panels(5.0, 4.5)
-    x, y = (column(group(results, tracker=t), "angle_rmse_deg") for t in (second, first))
-    kept = np.array([column(group(results, tracker=t), "completed") for t in (second, first)])
-    for both, colour, said in (
-        (True, COLOURS[1], "never lost"),
-        (False, COLOURS[0], "lost by one"),
-    ):
-        at = kept.all(axis=0) == both
-        ax.scatter(x[at], y[at], s=16, color=colour, label=said)
-    ends = [0.8 * min(x.min(), y.min()), 1.25 * max(x.max(), y.max())]
-    ax.plot(ends, ends, "--", color=COLOURS[5], lw=0.8)
-    ax.set(
-        xlabel=f"{second} [deg]",
-        ylabel=f"{first} [deg]",
-        xscale="log",
-        yscale="log",
-        title=f"{name}: angle RMSE, one dot a sequence",
-    )
-    plain_ticks(ax.xaxis, ax.yaxis)
-    ax.legend(frameon=False)
-    return figures.save(figure, folder, f"{name}.png")
+def _milliseconds(seed: int) -> list[float]:
+    """Return the median times a picture of the combination and of 500 particles [ms], which take
+    each picture of a sequence in turn: so the machine's load is the same for both.
+    """
+    sequence = SIMILARITY.build(seed)
+    configs = [published(kind).config for kind in KINDS[:2]]
+    trackers = [config.build(np.random.default_rng(seed)) for config in configs]
+    spent: list[list[float]] = []
+    for k, picture in enumerate(sequence.source):
+        assert picture.image is not None
+        frame = Frame(picture.image, k / RATE, k)
+        row: list[float] = []
+        for tracker in trackers:
+            began = perf_counter()
+            if k == 0:
+                tracker.start(frame, sequence.region, sequence.start)
+            else:
+                tracker.update(frame)
+            row.append(1e3 * (perf_counter() - began))
+        spent.append(row)
+    return np.median(spent[1:], axis=0).tolist()
 
 
-def _judge_alone(results: list[Result], folder: Path) -> Verdict:
-    ours, alone = (group(results, tracker=label) for label in (OURS, ALONE))
-    gain = completed_more(ours, alone)
-    figure, (ax,) = panels(1)
-    c = SIMILARITY.config
-    at = np.arange(c.frames)
-    hidden = HIDDEN_AT * c.frames - c.hidden
-    early = int(np.sum(column(alone, "frames_until_loss") < hidden))
-    for i, label in enumerate((OURS, WHOLE, FEW, ALONE)):
-        until = column(group(results, tracker=label), "frames_until_loss")
-        held = 100 * np.mean(until[:, None] > at, axis=0)
-        ax.plot(at, held, color=COLOURS[i], label=label)
-    ax.axvline(HIDDEN_AT * len(at), color="#111111", lw=0.8, ls="--")
-    ax.set(
-        xlabel="frame (dashed: hidden)",
-        ylabel="not lost yet [%]",
-        ylim=(0, 103),
-        title="P1-7: sequences followed so far",
-    )
-    ax.legend(frameon=False)
-    return _verdict(
-        results,
+def _draw_angles(runs: dict[str, list[Record]]) -> Figure:
+    errors = {label: column(found, "angle_rmse_deg") for label, found in runs.items()}
+    return dots("angle RMSE", "angle RMSE [deg]", errors, "y")
+
+
+def _judge_alone(evidence: Evidence) -> Verdict:
+    runs = evidence.trackers
+    gain = completed_more(runs[OURS], runs[ALONE])
+    until = {o: column(runs[o], "frames_until_loss") for o in (OURS, WHOLE, FEW, ALONE)}
+    config = SIMILARITY.config
+    at = np.arange(config.frames)
+    early = int(np.sum(until[ALONE] < HIDDEN_AT * config.frames - config.hidden))
+    return Verdict(
         greater(gain, FAILS),
         gain,
         "% of the sequences",
+        len(runs[OURS]),
         f"the combination completes {words(gain, '%')} more than the kernels alone, which lost "
-        f"{early} of {len(alone)} before the target was hidden",
-        figures.save(figure, folder, "P1-7.png"),
+        f"{early} of {len(runs[ALONE])} before the target was hidden",
+        _table(runs),
+        lines(
+            "sequences followed so far",
+            "frame",
+            "not lost yet [%]",
+            {o: (at, 100 * np.mean(ends[:, None] > at, axis=0)) for o, ends in until.items()},
+            top=103,
+        ),
     )
 
 
-def _judge_few(results: list[Result], folder: Path) -> Verdict:
-    more = _angle(results, FEW, WHOLE)
-    said = f"angle RMSE of 75 less that of 500 {words(more, 'deg')}"
-    picture = _scatter(results, FEW, WHOLE, folder, "P1-8")
-    return _verdict(results, greater(more, 0.0), more, "deg", said, picture)
+def _judge_few(evidence: Evidence) -> Verdict:
+    runs = evidence.trackers
+    more = difference(runs[FEW], runs[WHOLE], "angle_rmse_deg")
+    return Verdict(
+        greater(more, 0.0),
+        more,
+        "deg",
+        len(runs[OURS]),
+        f"angle RMSE of 75 less that of 500 {words(more, 'deg')}",
+        _table(runs),
+        _draw_angles(runs),
+    )
 
 
-def _judge_blurred(results: list[Result], folder: Path) -> Verdict:
-    runs = {label: group(results, tracker=label) for label in (OURS, WHOLE, ALONE)}
-    change = {k: column(r, "size_blurred") - column(r, "size_before") for k, r in runs.items()}
-    figure, (ax,) = panels(1)
-    for i, (label, found) in enumerate(change.items()):
-        ax.plot(i + np.linspace(-0.15, 0.15, len(found)), found, ".", color=COLOURS[i], label=label)
-    ax.axhline(0.0, color="#111111", lw=0.8, ls="--")
-    ax.set_xticks(range(len(change)), list(change))
-    ax.set(ylabel="size found over true [%]", title="P1-9: what blur changes, one dot a sequence")
-    effect = mean_of(change[OURS])
-    said = ", ".join(f"{k} {words(mean_of(v))}" for k, v in change.items())
-    return _verdict(
-        results,
-        not_worse(effect, 0.0),
-        effect,
+def _judge_blurred(evidence: Evidence) -> Verdict:
+    runs = evidence.trackers
+    sizes = {o: np.array([_size(evidence, r) for r in found]) for o, found in runs.items()}
+    change = {o: sizes[o][:, 0] - sizes[o][:, 1] for o in (OURS, WHOLE, ALONE)}
+    means = {o: mean_of(values) for o, values in change.items()}
+    rows = [[o, *(words(mean_of(v), "%") for v in size.T)] for o, size in sizes.items()]
+    listed = ", ".join(f"{o} {words(i)}" for o, i in means.items())
+    return Verdict(
+        not_worse(means[OURS], 0.0),
+        means[OURS],
         "% of the size",
-        f"size found over true, blurred less before [%]: {said}",
-        figures.save(figure, folder, "P1-9.png"),
+        len(runs[OURS]),
+        f"size found over true, blurred less before [%]: {listed}",
+        [["tracker", "size, blurred", "size, before"], *rows],
+        dots("what blur changes", "size found over true [%]", change),
     )
 
 
-def _pair(effort: Effort) -> Sequence[Job]:
-    both = published(KINDS[0]), published(KINDS[1])
-    return [*_jobs(effort), *(Interleaved(both, s) for s in effort.seeds(SEEDS_TIMED))]
+def _size(evidence: Evidence, run: Record) -> tuple[float, float]:
+    """Return ln of the found over the true size where motion blurs, and before that [%]."""
+    found, true = _states(evidence, run)
+    off = 100 * np.log(found[:, 3] / true[:, 3])
+    fast = slice(*(round(share * len(off)) for share in FAST))
+    return float(off[fast].mean()), float(off[: fast.start].mean())
 
 
 UNITS = f"{SEEDS} painted `similarity` sequences, seeds from {FRESH} on"
@@ -261,22 +245,23 @@ CLAIMS = (
             PAIRED,
             "above 0 against all three",
         ),
-        _jobs,
         _judge_best,
+        _jobs,
     ),
     Claim(
         "P1-2",
         "75 particles with SSD are as accurate as 500 without, in a third of the time",
         Rule(
-            "angle and position RMSE, losses, histograms read; time of both in turn, told only",
+            "angle and position RMSE, losses, histograms read; the time of both in turn is shown "
+            "only",
             SETTINGS,
             UNITS,
             f"{MARGIN_DEG:g} deg, {MARGIN_PX:g} px, {MARGIN_LOST:g} %",
             f"{PAIRED}; reads: of the geometric mean ratio",
             f"none is worse by its margin, and at most {HALF:g} of the reads",
         ),
-        _pair,
         _judge_pair,
+        _jobs,
     ),
     Claim(
         "P1-7",
@@ -289,8 +274,8 @@ CLAIMS = (
             PAIRED,
             f"above {FAILS:g} %",
         ),
-        _jobs,
         _judge_alone,
+        _jobs,
     ),
     Claim(
         "P1-8",
@@ -298,8 +283,8 @@ CLAIMS = (
         Rule(
             "angle RMSE of 75 particles less that of 500", SETTINGS, UNITS, "0", PAIRED, "above 0"
         ),
-        _jobs,
         _judge_few,
+        _jobs,
     ),
     Claim(
         "P1-9",
@@ -313,7 +298,7 @@ CLAIMS = (
             PAIRED,
             "below 0",
         ),
-        _jobs,
         _judge_blurred,
+        _jobs,
     ),
 )

@@ -1,8 +1,9 @@
-"""The jobs of the claims about the closed loop: a scenario with an estimator, and its draws."""
+"""Jobs of the claims about the closed loop: a scenario with an estimator, and its draws."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from math import cos, radians, sin
@@ -13,29 +14,34 @@ import mujoco
 import numpy as np
 
 from servo.loop.measured_run import measured_run
-from servo.papers.groups import Result
 from servo.scenario import load as scenarios
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.scenario_run import record_of
 from sim.types import Array
-from tracking.files.json_text import number
 
 ALONG = "yn"
 """The feature along which the car of `reversal` drives back and forth."""
+TIME = "time_s"
+ERROR = "servo_error_px"
+ESTIMATED = "motion_estimated"
+TRUE = "motion_true"
 LINE = "line"
 REVERSAL = "reversal"
-BEFORE = 0.45
-"""How far from the middle of the table the car of `line` starts [m]."""
+START_DISTANCE = 0.45
+"""Distance from the middle of the table at which the car of `line` starts [m]."""
 CAR = (0.11, 0.06)
-"""Half the length and width of what must be free around the car (2,) [m]."""
-EVERY = 0.05
+"""Half the length and width of the rectangle around the car that must be free (2,) [m]."""
+INTERVAL = 0.05
 """Time between two places at which the car must be clear of toys [s]."""
 
 
 def varied(scenario: str, seed: int) -> tuple[str, ...]:
-    """Draws of a run: the start of the camera; heading, speed and place of the car, and how long it
-    drives before it reverses, which is also the phase of its reversals. What lets the car drive
-    through a toy on the table is drawn again.
+    """Return the drawn settings of a run: the start of the camera; heading, speed and place of the
+    car, and the distance that it drives before it reverses, which is also the phase of its
+    reversals. A draw that lets the car drive through a toy on the table is drawn again.
     """
     rng = np.random.default_rng([seed, *b"vary"])
     while True:
@@ -45,10 +51,10 @@ def varied(scenario: str, seed: int) -> tuple[str, ...]:
 
 
 def is_clear(scenario: Scenario) -> bool:
-    """Whether the car drives around all toys of the room."""
+    """Return whether the car drives around all toys of the room."""
     places, radii = _toys()
     motion = scenario.motion.build(stream(scenario.run.seed, "motion"))
-    for time in np.arange(0.0, scenario.run.duration, EVERY):
+    for time in np.arange(0.0, scenario.run.duration, INTERVAL):
         car = motion.at(float(time)).inverse()
         seen = places @ car.rotation.T + car.translation
         apart = np.linalg.norm(np.maximum(np.abs(seen[:, :2]) - CAR, 0.0), axis=1)
@@ -59,7 +65,7 @@ def is_clear(scenario: Scenario) -> bool:
 
 @cache
 def _toys() -> tuple[Array, Array]:
-    """Where the toys are (n, 3), and the radius around each (n,) [m]."""
+    """Return the places of the toys (n, 3), and the radius around each (n,) [m]."""
     with resources.as_file(resources.files("scenes")) as folder:
         room = mujoco.MjSpec.from_file(str(folder / "room.xml"))
     names = [geom.name for geom in room.geoms if geom.classname.name == "toy"]
@@ -81,48 +87,43 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
     if scenario == REVERSAL:
         drawn["motion.length"] = length
     else:
-        drawn["motion.x"] = -BEFORE * cos(radians(heading))
-        drawn["motion.y"] = -BEFORE * sin(radians(heading))
+        drawn["motion.x"] = -START_DISTANCE * cos(radians(heading))
+        drawn["motion.y"] = -START_DISTANCE * sin(radians(heading))
     return tuple(f"{key}={value:.4f}" for key, value in drawn.items())
 
 
 @dataclass(frozen=True, slots=True)
-class LoopSeries:
-    """A job: one scenario in the closed loop with one estimator and one seed."""
+class EstimatedLoop:
+    """A subject: a scenario in the closed loop, whose record has the target's motion over time."""
 
-    scenario: str
-    estimator: str
-    seed: int
-    changes: tuple[str, ...] = ()
+    name: str
+    """Name of the scenario."""
+    changes: tuple[str, ...]
     """As with --set."""
-    label: str = ""
-    """Distinguishes jobs that differ in `changes` only."""
-
-    @property
-    def key(self) -> str:
-        parts = [self.scenario, self.label, self.estimator, str(self.seed)]
-        return "loop/" + "-".join(filter(None, parts))
 
     def describe(self) -> dict[str, Any]:
-        return {"scenario": self._scenario().table}
+        """Return the scenario and its changes."""
+        return {"scenario": self.name, "changes": list(self.changes)}
 
-    def run(self, folder: Path) -> Result:
-        """Measures, and errors and velocities over time."""
+    def perform(self, job: Job, folder: Path) -> Record:
+        """Run the scenario; errors [px] and velocities [m/s] keep all their digits."""
         del folder
-        steps, report = measured_run(self._scenario())
+        scenario = scenarios.load(self.name, self.changes, job.seed)
+        steps, _ = measured_run(scenario)
         along = steps[0].scene.features.names.index(ALONG)
-        return {
-            "scenario": self.scenario,
-            "estimator": self.estimator,
-            "seed": self.seed,
-            "label": self.label,
-            "measures": {name: number(value) for name, value in report.measures.items()},
-            "time": [s.frame.time for s in steps],
-            "servo_error": [s.servo_error for s in steps],
-            "estimated": [float(s.prediction.motion[along]) for s in steps],
-            "true": [number(float(s.target_motion_true[along])) for s in steps],
+        series = {
+            TIME: np.array([s.frame.time for s in steps]),
+            ERROR: np.array([s.servo_error for s in steps]),
+            ESTIMATED: np.array([s.prediction.motion[along] for s in steps]),
+            TRUE: np.array([s.target_motion_true[along] for s in steps]),
         }
+        return replace(record_of(job, scenario, steps), series=series)
 
-    def _scenario(self) -> Scenario:
-        changes = [f"estimator.kind={self.estimator}", *self.changes]
-        return scenarios.load(self.scenario, changes, self.seed)
+
+def loop_job(
+    scenario: str, estimator: str, seed: int, changes: Sequence[str], **settings: str
+) -> Job:
+    """Return the job of a scenario with an estimator; further settings distinguish it."""
+    name = "-".join([*settings.values(), scenario, estimator, str(seed)]).replace(" ", "")
+    subject = EstimatedLoop(scenario, (f"estimator.kind={estimator}", *changes))
+    return Job(0, subject, seed, {"estimator": estimator, **settings}, name=f"loop/{name}")

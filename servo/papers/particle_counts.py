@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
-from servo.batch.jobs import Job
-from servo.papers.claim import COLOURS, FRESH, Claim, Effort, Rule, Verdict, every, panels
+from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
+from servo.papers.drawing import lines
 from servo.papers.experiments import contender, sequence_jobs
-from servo.papers.groups import Result, column, group, words
+from servo.papers.groups import column, group, words
 from servo.papers.kams_paper import clutter
 from servo.papers.tuning import AS_PUBLISHED, TUNED
+from servo.study.job import Job
 from sim.types import Array
-from tracking.drawing import figures
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import greater
 
@@ -25,8 +25,9 @@ SEEDS = 32
 ENOUGH = 0.9
 """Share of the sequences that must be completed."""
 DRAWS = 2000
+"""Number of draws of the sequences behind an interval."""
 FEWER = 4.0
-"""75 % fewer."""
+"""Least ratio that is 75 % fewer."""
 
 
 def _label(kind: str, count: int) -> str:
@@ -43,8 +44,13 @@ def _jobs(effort: Effort) -> Sequence[Job]:
 
 
 def needed(shares: Array) -> Array:
-    """Particles (n,) at which shares (counts, n) reach `ENOUGH`, between counts by the logarithm;
-    twice the largest count where they do not.
+    """Return how many particles reach `ENOUGH`, between the counts by the logarithm.
+
+    Args:
+        shares: Shares of completed sequences (counts, n).
+
+    Returns:
+        Particles (n,); twice the largest count where they do not reach it.
     """
     logs = np.log2([*COUNTS, 2 * COUNTS[-1]])
     grown = np.vstack([np.maximum.accumulate(shares), np.full(shares.shape[1], 1.0)])
@@ -56,65 +62,47 @@ def needed(shares: Array) -> Array:
     return 2.0 ** (logs[before] + part * (logs[at] - logs[before]))
 
 
-def _of_draws(results: Sequence[Result]) -> dict[str, Array]:
-    """Particles needed (1 + draws,) by tracker: of all sequences, then of sequences drawn anew, the
-    same for all trackers.
-    """
-    done = {
-        k: np.array([column(group(results, tracker=_label(k, n)), "completed") for n in COUNTS])
+def _judge(rivals: Sequence[str], bound: float, evidence: Evidence) -> Verdict:
+    completed = {
+        k: np.array(
+            [column(group(evidence.records, tracker=_label(k, n)), "completed") for n in COUNTS]
+        )
         for k in KINDS
     }
-    size = done[KINDS[0]].shape[1]
+    size = completed["kams"].shape[1]
     drawn = np.random.default_rng(0).integers(0, size, (DRAWS, size))
+    # All sequences first, then the draws, which are the same for all trackers.
     which = np.vstack([np.arange(size), drawn])
-    return {k: needed(d[:, which].mean(axis=2)) for k, d in done.items()}
-
-
-def _judge(
-    results: list[Result], folder: Path, name: str, rivals: Sequence[str], bound: float
-) -> Verdict:
-    found = _of_draws(results)
-    ratios = {k: _interval(found[k] / found["kams"]) for k in rivals}
-    nearest = min(ratios, key=lambda k: ratios[k].low)
-    table = [["tracker", f"particles for {ENOUGH:.0%}", "over KAMS's", *map(str, COUNTS)]]
-    figure, (ax,) = panels(1)
-    for i, k in enumerate(KINDS):
-        shares = [
-            100 * column(group(results, tracker=_label(k, n)), "completed").mean() for n in COUNTS
-        ]
-        table.append(
-            [
-                k,
-                words(_interval(found[k])),
-                words(_interval(found[k] / found["kams"])),
-                *(f"{s:.0f} %" for s in shares),
-            ]
-        )
-        ax.plot(COUNTS, shares, "o-", color=COLOURS[i], label=k)
-    ax.axhline(100 * ENOUGH, color="#111111", lw=0.8, ls="--")
-    ax.set_xscale("log", base=2)
-    ax.set_xticks(COUNTS, map(str, COUNTS))
-    ax.set(
-        xlabel="particles",
-        ylabel="sequences completed [%]",
-        ylim=(0, 102),
-        title=f"{name}: completion by number of particles",
-    )
-    ax.legend(frameon=False)
+    found = {k: needed(c[:, which].mean(axis=2)) for k, c in completed.items()}
+    ratios = {k: _interval(found[k] / found["kams"]) for k in KINDS}
+    nearest = min(rivals, key=lambda k: ratios[k].low)
+    shares = {k: 100 * c.mean(axis=1) for k, c in completed.items()}
+    rows = [
+        [k, words(_interval(found[k])), words(ratios[k]), *(f"{s:.0f} %" for s in shares[k])]
+        for k in KINDS
+    ]
     return Verdict(
-        every(greater(i, bound) for i in ratios.values()),
+        every(greater(ratios[k], bound) for k in rivals),
         ratios[nearest],
         "times KAMS's particles",
-        len(group(results, tracker=_label("kams", COUNTS[0]))),
+        size,
         f"least ratio of particles needed: {nearest} ({2 * COUNTS[-1]} stands for more than "
         f"{COUNTS[-1]})",
-        table,
-        [figures.save(figure, folder, f"{name}.png")],
+        [["tracker", f"particles for {ENOUGH:.0%}", "over KAMS's", *map(str, COUNTS)], *rows],
+        lines(
+            "completion by number of particles",
+            "particles",
+            "sequences completed [%]",
+            {kind: (COUNTS, share) for kind, share in shares.items()},
+            top=102,
+            marker="o",
+            logarithmic="x",
+        ),
     )
 
 
 def _interval(values: Array) -> Interval:
-    """The first value, with the percentile interval of the others, which were drawn."""
+    """Return the first value with the percentile interval of the others, which were drawn."""
     low, high = np.percentile(values[1:], [2.5, 97.5])
     return Interval(float(values[0]), float(low), float(high))
 
@@ -128,7 +116,7 @@ def _claim(name: str, says: str, rivals: Sequence[str], bound: float) -> Claim:
         f"95 % percentile interval of {DRAWS} draws of the sequences",
         f"above {bound:g} for {', '.join(rivals)}",
     )
-    return Claim(name, says, rule, _jobs, lambda r, f: _judge(r, f, name, rivals, bound))
+    return Claim(name, says, rule, partial(_judge, rivals, bound), _jobs)
 
 
 CLAIMS = (

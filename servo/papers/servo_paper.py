@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from servo.batch.jobs import Job
-from servo.papers.claim import COLOURS, Claim, Effort, Rule, Verdict, panels
-from servo.papers.groups import Result, column, group, mean, mean_percent, ratio, words
-from servo.papers.loop_series import LINE, REVERSAL, LoopSeries, varied
-from tracking.drawing import figures
-from tracking.statistics.comparisons import Interval, mean_of
+from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
+from servo.papers.drawing import lines
+from servo.papers.groups import column, group, mean, mean_percent, ratio, words
+from servo.papers.loop_series import ERROR, ESTIMATED, LINE, REVERSAL, TIME, TRUE, loop_job, varied
+from servo.study.job import Job
+from servo.study.record import Record
+from sim.types import Array
+from tracking.statistics.comparisons import mean_of
 from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 20
@@ -37,8 +38,8 @@ BACK_PX = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """How the claims about the loop are tested: as the paper prints it, or as it is here."""
+class Conditions:
+    """The conditions of a test in the loop: those that the paper prints, or ours."""
 
     ending: str
     """Of the claims' names."""
@@ -46,12 +47,12 @@ class Way:
     settings: str
     changes: tuple[str, ...]
     after: dict[str, float]
-    """When the errors begin to count [s], by scenario."""
+    """Time from which the errors count [s], by scenario."""
     within: float
     """Longest time to recover after a reversal [s]."""
 
 
-AS_PRINTED = Way(
+AS_PRINTED = Conditions(
     "a",
     "5Hz",
     "5 Hz, the law as printed: six degrees of freedom, four features fed forward",
@@ -59,7 +60,7 @@ AS_PRINTED = Way(
     {LINE: 3.0, REVERSAL: 5.0},
     2.0,
 )
-OURS = Way(
+OURS = Conditions(
     "b",
     "30Hz",
     "30 Hz, our law: four degrees of freedom, two features fed forward",
@@ -69,108 +70,114 @@ OURS = Way(
 )
 
 
-def _jobs(way: Way, scenario: str, effort: Effort) -> Sequence[Job]:
-    counts = f"measure.after={way.after[scenario]}"
+def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> Sequence[Job]:
+    counts = f"measure.after={conditions.after[scenario]}"
     return [
-        LoopSeries(scenario, e, s, (*way.changes, counts, *varied(scenario, s)), way.label)
+        loop_job(
+            scenario,
+            e,
+            s,
+            [*conditions.changes, counts, *varied(scenario, s)],
+            rate=conditions.label,
+        )
         for e in ESTIMATORS
         for s in effort.seeds(SEEDS, FIRST)
     ]
 
 
-def _table(results: list[Result]) -> list[list[str]]:
-    """All measures by estimator; the sign counts where the car drives along the feature."""
-    rows = [["estimator", "servo rms", "peak", "longest away", "right sign", "tilt, peak"]]
-    for e in ESTIMATORS:
-        runs = group(results, estimator=e)
-        rows.append(
-            [
-                e,
-                mean(runs, "servo_rms_px", "px"),
-                mean(runs, "servo_peak_px", "px"),
-                words(mean_of(np.array([_longest_away(r) for r in runs])), "s"),
-                words(_agreements(runs), "%") if runs[0]["scenario"] == REVERSAL else "",
-                mean(runs, "tilt_peak_deg", "deg"),
-            ]
-        )
-    return rows
+def _table(records: list[Record]) -> list[list[str]]:
+    """Return all measures by estimator; the sign counts where the car drives along the feature."""
+    runs = {e: group(records, estimator=e) for e in ESTIMATORS}
+    reverses = records[0].subject == REVERSAL
+    rows = [
+        [
+            e,
+            mean(found, "servo_rms_px", "px"),
+            mean(found, "servo_peak_px", "px"),
+            words(mean_of(_away(found)), "s"),
+            words(mean_percent(_agreement(found)), "%") if reverses else "",
+            mean(found, "tilt_peak_deg", "deg"),
+        ]
+        for e, found in runs.items()
+    ]
+    return [["estimator", "servo rms", "peak", "longest away", "right sign", "tilt, peak"], *rows]
 
 
-def _judge_lag(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
-    del way
-    without, found = (column(group(results, estimator=e), "servo_rms_px") for e in ESTIMATORS)
+def _judge_lag(evidence: Evidence) -> Verdict:
+    records = evidence.records
+    without, found = (column(group(records, estimator=e), "servo_rms_px") for e in ESTIMATORS)
     times = ratio(without, found)
-    figure = _draw_error(results, f"{name}: distance of the target from the goal, constant speed")
     return Verdict(
         greater(times, LESS),
         times,
         "times smaller",
         len(found),
         f"the error is {words(times)} times smaller with estimation",
-        _table(results),
-        [figures.save(figure, folder, f"{name}.png")],
+        _table(records),
+        _draw_error(records, "distance of the target from the goal, constant speed"),
     )
 
 
-def _judge_sign(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
-    del way
-    runs = group(results, estimator=FILTER)
-    share = _agreements(runs)
-    figure, (ax,) = panels(1)
-    ax.plot(runs[0]["time"], runs[0]["estimated"], color=COLOURS[2], label="estimated")
-    ax.plot(runs[0]["time"][1:], runs[0]["true"][1:], "--", color=COLOURS[5], label="true")
-    ax.set(
-        xlabel="time [s]",
-        ylabel="d yn/dt of the target [m/s]",
-        title=f"{name}: the velocity follows the reversals ({_first_seed(runs)})",
-    )
-    ax.legend(frameon=False)
+def _judge_sign(evidence: Evidence) -> Verdict:
+    runs = group(evidence.records, estimator=FILTER)
+    share = mean_percent(_agreement(runs))
+    first = runs[0]
+    time = first.series[TIME]
     return Verdict(
         greater(share, 100 * AGREE),
         share,
         "% of the frames",
         len(runs),
         f"right in {words(share, '%')} of the frames",
-        _table(results),
-        [figures.save(figure, folder, f"{name}.png")],
+        _table(evidence.records),
+        lines(
+            f"the velocity follows the reversals (seed {first.seed})",
+            "time [s]",
+            "d yn/dt of the target [m/s]",
+            {
+                "estimated": (time, first.series[ESTIMATED]),
+                "true": (time[1:], first.series[TRUE][1:]),
+            },
+        ),
     )
 
 
-def _first_seed(results: list[Result]) -> str:
-    """Such as "seed 1000": of the run that is drawn alone, or thick."""
-    return f"seed {results[0]['seed']}"
+def _agreement(runs: list[Record]) -> Array:
+    """Return the share of frames (n,) in which the velocity has the right sign."""
+    return np.array([agreement(r.series[ESTIMATED], r.series[TRUE]) for r in runs])
 
 
-def _agreements(runs: list[Result]) -> Interval:
-    return mean_percent(np.array([_agreement(r) for r in runs]))
-
-
-def _agreement(run: Result) -> float:
-    true = np.array([0.0 if v is None else v for v in run["true"]])
+def agreement(estimated: Array, true: Array) -> float:
+    """Return the share of the frames with a fast target in which both velocities (frames,) [m/s]
+    have the same sign; the true one is nan in the first frame.
+    """
     fast = np.abs(true) > SLOW
-    return float(np.mean(np.sign(run["estimated"])[fast] == np.sign(true[fast])))
+    return float(np.mean(np.sign(estimated)[fast] == np.sign(true)[fast]))
 
 
-def _judge_peak(results: list[Result], folder: Path, name: str, way: Way) -> Verdict:
-    runs = group(results, estimator=FILTER)
-    away = mean_of(np.array([_longest_away(r) for r in runs]))
-    figure = _draw_error(results, f"{name}: distance of the target from the goal, reversals")
+def _judge_peak(within: float, evidence: Evidence) -> Verdict:
+    runs = group(evidence.records, estimator=FILTER)
+    away = mean_of(_away(runs))
     return Verdict(
-        not_worse(away, way.within),
+        not_worse(away, within),
         away,
         "s",
         len(runs),
         f"peak {mean(runs, 'servo_peak_px', 'px')}, below {BACK_PX:g} px again after "
         f"{words(away, 's')}",
-        _table(results),
-        [figures.save(figure, folder, f"{name}.png")],
+        _table(evidence.records),
+        _draw_error(evidence.records, "distance of the target from the goal, reversals"),
     )
 
 
-def _longest_away(run: Result) -> float:
-    """Longest time in a row above `BACK_PX`, after the start [s]."""
-    time = np.array(run["time"])
-    error = np.array(run["servo_error"])
+def _away(runs: list[Record]) -> Array:
+    return np.array([longest_away(r.series[TIME], r.series[ERROR]) for r in runs])
+
+
+def longest_away(time: Array, error: Array) -> float:
+    """Return the longest time in a row in which the error [px] is above `BACK_PX`, after it has
+    first been below [s].
+    """
     settled = int(np.argmax(error < BACK_PX))
     longest = begin = 0.0
     for t, e in zip(time[settled:], error[settled:], strict=True):
@@ -179,31 +186,11 @@ def _longest_away(run: Result) -> float:
     return longest
 
 
-def _draw_error(results: list[Result], title: str) -> Figure:
-    figure, (ax,) = panels(1)
-    for i, estimator in enumerate(ESTIMATORS):
-        for k, run in enumerate(group(results, estimator=estimator)):
-            look: dict[str, Any] = {"alpha": 0.2, "lw": 0.7} if k else {"label": estimator}
-            ax.plot(run["time"], run["servo_error"], color=COLOURS[i], **look)
-    most = max(max(r["servo_error"]) for r in results)
-    ax.set(
-        xlabel=f"time [s] (thick: {_first_seed(results)})",
-        ylabel="distance [px]",
-        title=title,
-        ylim=(0, 1.25 * most),
-    )
-    ax.legend(frameon=False, ncols=2, loc="upper right")
-    return figure
-
-
-Judge = Callable[[list[Result], Path, str, Way], Verdict]
-
-
-def _claim(number: int, way: Way, says: str, scenario: str, judge: Judge, rule: Rule) -> Claim:
-    name = f"P1-{number}{way.ending}"
-    return Claim(
-        name, says, rule, lambda e: _jobs(way, scenario, e), lambda r, f: judge(r, f, name, way)
-    )
+def _draw_error(records: list[Record], title: str) -> Figure:
+    """Draw the errors of the first run with each estimator."""
+    first = [group(records, estimator=estimator)[0] for estimator in ESTIMATORS]
+    curves = {r.settings["estimator"]: (r.series[TIME], r.series[ERROR]) for r in first}
+    return lines(f"{title} (seed {first[0].seed})", "time [s]", "distance [px]", curves)
 
 
 UNITS = (
@@ -213,55 +200,50 @@ UNITS = (
 MEAN = "95 % interval of the mean"
 
 
-def _three(way: Way) -> tuple[Claim, ...]:
-    line = UNITS.format("`line`")
-    reversal = UNITS.format("`reversal`")
+def _three(conditions: Conditions) -> tuple[Claim, ...]:
     return (
-        _claim(
-            4,
-            way,
+        Claim(
+            f"P1-4{conditions.ending}",
             "with Kalman estimation of the target's motion the camera no longer lags "
             "(figures 9, 10)",
-            LINE,
-            _judge_lag,
             Rule(
                 "rms distance from the goal without estimation over that with it",
-                way.settings,
-                line,
+                conditions.settings,
+                UNITS.format("`line`"),
                 f"{LESS:g}",
                 "95 % interval of the geometric mean ratio",
                 f"above {LESS:g}",
             ),
+            _judge_lag,
+            partial(_jobs, conditions, LINE),
         ),
-        _claim(
-            5,
-            way,
+        Claim(
+            f"P1-5{conditions.ending}",
             "the sign of the estimated velocity follows the car's reversals (figure 9)",
-            REVERSAL,
-            _judge_sign,
             Rule(
                 "share of frames with the right sign of d yn/dt",
-                way.settings,
-                reversal,
+                conditions.settings,
+                UNITS.format("`reversal`"),
                 f"{100 * AGREE:g} %",
                 MEAN,
                 f"above {100 * AGREE:g} %",
             ),
+            _judge_sign,
+            partial(_jobs, conditions, REVERSAL),
         ),
-        _claim(
-            6,
-            way,
+        Claim(
+            f"P1-6{conditions.ending}",
             "at a reversal the error peaks and comes back (figures 10, 11)",
-            REVERSAL,
-            _judge_peak,
             Rule(
                 f"longest time above {BACK_PX:g} px after the start",
-                way.settings,
-                reversal,
-                f"{way.within:g} s",
+                conditions.settings,
+                UNITS.format("`reversal`"),
+                f"{conditions.within:g} s",
                 MEAN,
-                f"below {way.within:g} s",
+                f"below {conditions.within:g} s",
             ),
+            partial(_judge_peak, conditions.within),
+            partial(_jobs, conditions, REVERSAL),
         ),
     )
 

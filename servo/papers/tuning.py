@@ -8,15 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
-from pathlib import Path
 from typing import Any, ClassVar
 
-from servo.batch.jobs import Job
-from servo.bench.sequence_jobs import Contender, Generated
 from servo.output.formats import Document
-from servo.papers.claim import Claim, Effort, Rule, Verdict
+from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import contender, generated, sequence_jobs
-from servo.papers.groups import Result, column, group
+from servo.papers.groups import column, group
+from servo.study.job import Job
+from servo.study.sequence_run import Contender, Generated
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 from tracking.trackers import KINDS as TRACKERS
@@ -51,7 +50,7 @@ class Tuned:
     grid: tuple[Settings, ...]
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """The tracker with some settings, called NAME-ENDING."""
+        """Return the tracker with some settings, called NAME-ENDING."""
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
 
@@ -110,7 +109,7 @@ class TuningFile(Document):
     scores: dict[str, list[tuple[dict[str, float | str], float]]]
 
     def best(self, name: str) -> Settings:
-        """The settings of a tracker with the best score; the first of those that are equal."""
+        """Return the settings with the best score; the first of those that are equal."""
         sign = FAMILIES[TUNED[name].family].sign
         settings = max(self.scores[name], key=lambda one: sign * one[1])[0]
         return {k: type(TUNED[name].grid[0][k])(v) for k, v in settings.items()}
@@ -118,13 +117,13 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """What was found when the trackers were tuned."""
+    """Return the scores that were found when the trackers were tuned."""
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """A tracker as its paper has it."""
+    """Return a tracker as its paper has it."""
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
 
@@ -140,7 +139,7 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """A tracker with its own best settings."""
+    """Return a tracker with its own best settings."""
     return TUNED[name].contender(name, stored().best(name), "tuned")
 
 
@@ -159,18 +158,19 @@ def _jobs(family: str, effort: Effort) -> Sequence[Job]:
     return sequence_jobs(tried, of.entries, effort.seeds(of.seeds, 0))
 
 
-def _judge(family: str, results: list[Result], folder: Path) -> Verdict:
+def _judge(family: str, evidence: Evidence) -> Verdict:
+    measure = FAMILIES[family].measure
     scores: dict[str, list[tuple[Settings, float]]] = {}
-    rows = [["tracker", "settings", FAMILIES[family].measure, ""]]
+    rows = [["tracker", "settings", measure, ""]]
     for name in _members(family):
-        runs = [group(results, tracker=c.label) for c in _tried(name)]
-        found = [round(float(column(r, FAMILIES[family].measure).mean()), 4) for r in runs]
+        runs = [group(evidence.records, tracker=c.label) for c in _tried(name)]
+        found = [round(float(column(r, measure).mean()), 4) for r in runs]
         scores[name] = list(zip(TUNED[name].grid, found, strict=True))
         best = TuningFile(scores=scores).best(name)
         for settings, score in scores[name]:
-            said = ", ".join(f"{k} {v}" for k, v in settings.items())
-            rows.append([name, said, f"{score:.4g}", "best" if settings == best else ""])
-    whole = TuningFile(scores=stored().scores | scores).write(folder.parent)
+            listed = ", ".join(f"{k} {v}" for k, v in settings.items())
+            rows.append([name, listed, f"{score:.4g}", "best" if settings == best else ""])
+    whole = TuningFile(scores=stored().scores | scores).write(evidence.folder)
     nothing = Interval(0.0, 0.0, 0.0)
     return Verdict(Finding.UNDECIDED, nothing, "", 0, f"written to {whole.name}", rows)
 
@@ -187,8 +187,8 @@ TUNING = tuple(
             "none",
             "never",
         ),
-        partial(_jobs, name),
         partial(_judge, name),
+        partial(_jobs, name),
     )
     for name, family in FAMILIES.items()
 )

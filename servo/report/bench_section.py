@@ -8,7 +8,6 @@ from pathlib import Path
 from servo.bench import ranking
 from servo.bench.ranking import Rank
 from servo.mistake import Mistake
-from servo.output import formats
 from servo.report import page
 from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.study_data import load_records
@@ -25,7 +24,7 @@ SURE = 0.05
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """The section about the folder of a bench.
+    """Return the section about the folder of a bench.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -42,7 +41,7 @@ def section(folder: Path, study: StudyFile) -> Section:
             points=_compared(ranks),
             tables=[trackers_table(ranks)],
             pictures=[
-                _picture(folder / name, title, sheet=False)
+                PageImage.read(folder / name, title)
                 for name, title in CURVES.items()
                 if (folder / name).exists()
             ],
@@ -70,16 +69,17 @@ def section(folder: Path, study: StudyFile) -> Section:
 
 def _compared(trackers: Sequence[Rank]) -> list[str]:
     best = trackers[0].tracker
-    others = trackers[1:]
-    worse = [t.tracker for t in others if t.against_best and t.p < SURE]
-    alike = [t.tracker for t in others if t.tracker not in worse]
-    sentences = [f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g})."]
-    doubt = [f"Not distinguished from {best} by these runs: {', '.join(alike)}."]
-    return [*(sentences if worse else []), *(doubt if alike else [])]
+    worse = [t.tracker for t in trackers[1:] if t.p < SURE]
+    alike = [t.tracker for t in trackers[1:] if t.p >= SURE]
+    sentences = {
+        f"{best} tracks for longer than {', '.join(worse)} (McNemar, p < {SURE:g}).": worse,
+        f"Not distinguished from {best} by these runs: {', '.join(alike)}.": alike,
+    }
+    return [sentence for sentence, others in sentences.items() if others]
 
 
 def trackers_table(trackers: Sequence[Rank]) -> Table:
-    """The means of each tracker, and its test against the best one."""
+    """Return the means of each tracker, and its test against the best one."""
     rows: list[list[str]] = []
     for t in trackers:
         means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
@@ -93,8 +93,8 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
 
 
 def families_table(trackers: Sequence[Rank]) -> Table | None:
-    """Success by sequence, with a column for each tracker, or for each sequence if these are fewer;
-    None if there is one sequence only.
+    """Return success by sequence, with a column for each tracker, or for each sequence if these are
+    fewer; None if there is one sequence only.
     """
     names = list(trackers[0].families)
     if len(names) < 2:
@@ -112,12 +112,8 @@ def _sheets(folder: Path, best: str) -> list[Block]:
         return []
     legend = f"The first seed of each sequence: truth white, {best} green."
     text = [legend, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
-    pictures = [_picture(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
+    pictures = [PageImage.read(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
     return [Block("Contact sheets", text, pictures=pictures)]
-
-
-def _picture(path: Path, title: str, *, sheet: bool) -> PageImage:
-    return PageImage.of(title, formats.content(path), str(path), sheet=sheet)
 
 
 def _runs(runs: Sequence[Record]) -> Block:

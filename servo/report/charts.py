@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,12 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
-from servo.report.drawing import INK, canvas, colour, css, svg
+from servo.report.drawing import INK, canvas, css, svg
 from servo.report.page import Figure, Key
 from servo.report.words import shown
 from sim.types import Array
 from tracking.drawing.figures import plain_logarithm
-from tracking.statistics.comparisons import Interval
 
 # Chosen by hand, looking at pages of the shipped studies on a phone and on a screen.
 ERROR_RANGE = 50.0
@@ -26,9 +25,8 @@ DEEPEST = 1e3
 """Largest ratio of the ends of a logarithmic axis."""
 MARGIN = 1.15
 """Factor by which a logarithmic axis reaches beyond the values."""
-ROW_HEIGHT = 0.24
 FRAME_HEIGHT = 0.7
-"""Height of a row of names, and of the figure without rows [inch]."""
+"""Height of a heat map without its rows [inch]."""
 MOST_NUMBERED_COLUMNS = 10
 """Most columns of a heat map with numbers in its cells."""
 WIDEST_NAMES = 45
@@ -54,7 +52,7 @@ class Curve:
     colour: str = INK
     dashed: bool = False
     points: bool = False
-    """Whether it is drawn as points with error bars."""
+    """Drawn as points with error bars, not as a line with a band."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,46 +97,6 @@ def curves(
         if any(c.points for c in drawn):
             axes.margins(x=0.05)
         keys = [Key(c.label, css(c.colour), c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
-        return Figure(title, svg(figure, title), keys, note)
-
-
-def by_name(
-    title: str,
-    across: str,
-    names: Sequence[str],
-    groups: Mapping[str, Sequence[Interval | None]],
-    *,
-    note: str = "",
-) -> Figure:
-    """Return a figure of values with intervals: a row a name, a colour a group."""
-    with canvas(FRAME_HEIGHT + ROW_HEIGHT * max(2, len(names)) * max(1, 0.6 * len(groups))) as (
-        figure,
-        axes,
-    ):
-        step = 0.6 / max(1, len(groups))
-        for i, (label, values) in enumerate(groups.items()):
-            for row, value in enumerate(values):
-                if value is not None:
-                    at = row + (i - (len(groups) - 1) / 2) * step
-                    ends = (value.low, value.high) if value.known else (value.value, value.value)
-                    bars = [[max(value.value - ends[0], 0)], [max(ends[1] - value.value, 0)]]
-                    axes.errorbar(
-                        [value.value],
-                        [at],
-                        xerr=bars,
-                        fmt="o",
-                        ms=4,
-                        lw=1.4,
-                        color=colour(i),
-                        label=label,
-                    )
-        axes.set_yticks(range(len(names)), names)
-        axes.invert_yaxis()
-        axes.margins(x=0.05, y=0.5 / max(1, len(names)))
-        axes.set_xlabel(across)
-        found = [np.array([v.value, v.low]) for vs in groups.values() for v in vs if v is not None]
-        _scale(axes, Scale(across, low=0, log_from=ERROR_RANGE), found, "x")
-        keys = [Key(label, css(colour(i))) for i, label in enumerate(groups) if len(groups) > 1]
         return Figure(title, svg(figure, title), keys, note)
 
 

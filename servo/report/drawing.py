@@ -76,18 +76,18 @@ NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 
 def colour(i: int) -> str:
-    """The placeholder for the colour of series i."""
+    """Return the placeholder for the colour of series i."""
     return f"#ab00{i % len(LIGHT):02x}"
 
 
 def css(placeholder: str) -> str:
-    """The colour in CSS for a placeholder."""
+    """Return the colour in CSS for a placeholder."""
     return "currentColor" if placeholder == INK else f"var(--series-{int(placeholder[-2:], 16)})"
 
 
 @contextmanager
 def canvas(height: float = SIZE[1]) -> Generator[tuple[Figure, Axes]]:
-    """A figure with axes; draw it and turn it into SVG within the block."""
+    """Yield a figure with axes; draw it and turn it into SVG within the block."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # The browser has the characters that our font lacks.
         warnings.filterwarnings("ignore", "Glyph")
@@ -98,7 +98,7 @@ def canvas(height: float = SIZE[1]) -> Generator[tuple[Figure, Axes]]:
 
 
 def svg(figure: Figure, title: str) -> Markup:
-    """The figure as a scalable SVG element with a label for screen readers."""
+    """Return the figure as a scalable SVG element with a label for screen readers."""
     file = io.StringIO()
     figure.savefig(file, format="svg", transparent=True, metadata=NO_METADATA)
     text = file.getvalue()

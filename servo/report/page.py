@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from itertools import islice
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from servo.mistake import Mistake
-from servo.output.formats import Made
+from servo.output.formats import Made, content
 from servo.report.drawing import DARK, LIGHT
 from servo.report.words import Badge, Cell, Table, cut
 
@@ -62,11 +63,16 @@ class PageImage:
     height: int
     """[px]."""
     sheet: bool = True
-    """Whether it is a contact sheet, which keeps a minimum width; a plot fits the page."""
+    """A contact sheet keeps a minimum width; a plot fits the page."""
+
+    @staticmethod
+    def read(path: Path, title: str = "", *, sheet: bool = False) -> PageImage:
+        """Return the image in a file; errors are those of `of`."""
+        return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
     def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> PageImage:
-        """The image of a PNG or JPEG file; a sheet becomes a JPEG.
+        """Return the image of a PNG or JPEG file; a sheet becomes a JPEG.
 
         Raises:
             Mistake: The file is neither; `place` names it.
@@ -99,7 +105,7 @@ class Block:
     pictures: Sequence[PageImage] = ()
     code: Sequence[str] = ()
     folded: bool = False
-    """Whether it is closed until the reader opens it."""
+    """Closed until the reader opens it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +123,7 @@ class Section:
 
 
 def again(made: Made) -> Block:
-    """The block with the versions and the command line that made a file."""
+    """Return the block with the versions and the command line that made a file."""
     table = Table(("package", "version"), list(made.versions.items()), words=range(2))
     if not made.command:
         return Block("Again", ["This was made from Python, not by a command."], tables=[table])
@@ -127,14 +133,14 @@ def again(made: Made) -> Block:
 def rows_of(
     what: str, head: Sequence[str], rows: Iterable[list[str]], count: int, words: Collection[int]
 ) -> Block:
-    """A folded block with a table of the first `MOST_ROWS` of `count` rows; `what` names them."""
+    """Return a folded block with a table of the first `MOST_ROWS` of `count` rows, named `what`."""
     table = Table(head, list(islice(rows, MOST_ROWS)), words)
     text = filter(None, [cut(what, range(count), MOST_ROWS)])
     return Block(what.capitalize(), list(text), tables=[table], folded=True)
 
 
 def render(sections: Sequence[Section]) -> str:
-    """The complete page."""
+    """Return the complete page as HTML."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-from servo.output.formats import content
 from servo.papers.claim import WORDS
 from servo.papers.claims import Judged, PapersReport
 from servo.report.page import Block, Fact, PageImage, Section, again
@@ -16,7 +15,7 @@ TONES = {WORDS[Finding.HOLDS]: Tone.GOOD, WORDS[Finding.DOES_NOT_HOLD]: Tone.BAD
 
 
 def section(folder: Path) -> Section:
-    """The section about a folder of the papers' experiments.
+    """Return the section about a folder of the papers' experiments.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -46,10 +45,7 @@ def section(folder: Path) -> Section:
 
 def _claim(folder: Path, name: str, claim: Judged) -> Block:
     head, *rows = claim.table or [[]]
-    pictures = [
-        PageImage.of("", content(folder / figure), str(folder / figure), sheet=False)
-        for figure in claim.figures
-    ]
+    pictures = [PageImage.read(folder / figure) for figure in claim.figures]
     r = claim.rule
     text = [
         f"Paper: {claim.says}.",

@@ -33,7 +33,7 @@ MIDDLE = (1, 99)
 
 
 def section(folder: Path) -> Section:
-    """The section about the folder of a run.
+    """Return the section about the folder of a run.
 
     Raises:
         Mistake: The run is not finished, or a file is damaged.

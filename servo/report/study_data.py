@@ -12,30 +12,17 @@ import numpy as np
 
 from servo.output import formats
 from servo.study.files import FailureFile, StudyFile
-from servo.study.record import Record, Row, table_of
-from servo.study.scenario_run import CAMERA, CORNERS
+from servo.study.record import Record, Row
 from servo.study.store import FAILURES, RUNS
 from servo.study.units import SUCCESS, Units, values
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
-SERIES = ("servo_error_px", "tracking_error_px", "on_target", *CAMERA, *CORNERS)
 TIME = "time_s"
 
 
-@dataclass(frozen=True, slots=True)
-class Series:
-    """Values of a run over time; those that were not stored are missing."""
-
-    time: Array
-    """(n,) [s]."""
-    values: dict[str, Array]
-    """Values (n,) by name."""
-
-    @property
-    def duration(self) -> float:
-        """When the run ended [s]: its last frame lasts as long as the others."""
-        return float(self.time[-1] + (np.median(np.diff(self.time)) if len(self.time) > 1 else 0))
+Series = dict[str, Array]
+"""Values of a run over time (n,) by name; those of `TIME` are [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,22 +55,22 @@ class StudyResults:
         return next(iter(self.axes), None)
 
     def units(self, rows: list[Row]) -> Units:
-        """What the intervals of these rows are over."""
+        """Return the units over which the intervals of these rows are."""
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
     def interval(self, rows: list[Row], name: str) -> Interval | None:
-        """Mean of a measure with its 95 % interval over the units; None if no run has it."""
+        """Return the mean of a measure over the units; None if no run has it."""
         return self.units(rows).mean(name)
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """The rows by value of an axis, in the order of the axis; one group if there is no axis."""
+        """Return the rows by value of an axis, in its order; one group if there is no axis."""
         if key is None:
             return {"all runs": self.rows} if self.rows else {}
-        found = {str(v): [r for r in self.rows if same(r[key], v)] for v in self.axes[key]}
+        found = {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
         return {name: rows for name, rows in found.items() if rows}
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
-        """Rows with their contact sheets; first those of runs that did not succeed."""
+        """Yield rows with their contact sheets; first those of runs that did not succeed."""
         shown = 0
         for row in sorted(self.rows, key=lambda r: (bool(r[SUCCESS]), r["run"])):
             record = _record(self.folder / RUNS / f"{row['run']:06}.parquet")
@@ -95,27 +82,21 @@ class StudyResults:
 
 
 def load(folder: Path) -> StudyResults:
-    """The content of a study's folder, also if the study is not finished.
+    """Return the content of a study's folder, also if the study is not finished.
 
     Raises:
         Mistake: A file is missing or damaged.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
-    paths = sorted((folder / RUNS).glob("*.parquet"))
     records = load_records(folder)
-    series = {
-        record.number: Series(record.series[TIME], values)
-        for record in records
-        if TIME in record.series
-        and (values := {name: v for name, v in record.series.items() if name in SERIES})
-    }
-    rows = table_of(records).to_pylist() if records else []
+    series = {record.number: record.series for record in records if TIME in record.series}
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
-    return StudyResults(folder, plan, rows, series, failed, len(paths) - len(records))
+    broken = sum(1 for _ in (folder / RUNS).glob("*.parquet")) - len(records)
+    return StudyResults(folder, plan, [r.row for r in records], series, failed, broken)
 
 
 def load_records(folder: Path) -> list[Record]:
-    """The records in a study's folder without their contact sheets, in their order.
+    """Return the records in a study's folder without their contact sheets, in their order.
 
     Files that are damaged, as after a crash, are left out.
     """
@@ -127,12 +108,13 @@ def _record(path: Path) -> Record | None:
     return Record.decoded(formats.content(path))
 
 
-def same(found: Any, value: Any) -> bool:
-    """Whether a cell is a value of an axis; columns of mixed types hold texts."""
-    return found == value or str(found) == str(value)
+def duration(series: Series) -> float:
+    """Return when a run ended [s]: its last frame lasts as long as the others."""
+    time = series[TIME]
+    return float(time[-1] + (np.median(np.diff(time)) if len(time) > 1 else 0))
 
 
 def median(rows: list[Row], name: str) -> float:
-    """Median of a measure; nan if no run has it."""
+    """Return the median of a measure; nan if no run has it."""
     found = values(rows, name)
     return float(np.median(found)) if len(found) else np.nan

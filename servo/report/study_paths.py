@@ -25,8 +25,8 @@ CELL = 2.1
 
 
 def paths(study: StudyResults) -> list[PageImage]:
-    """One picture for each combination of the other axes, with a column for each value of the axis
-    that is compared; of the first seed. Only studies of named groups have them.
+    """Return a picture for each combination of the other axes, with a column for each value of the
+    axis that is compared; of the first seed. Only studies of named groups have them.
     """
     compared = study.compared
     if compared is None or not shows(study):
@@ -34,7 +34,7 @@ def paths(study: StudyResults) -> list[PageImage]:
     found: dict[str, dict[str, tuple[Row, Series]]] = {}
     for row in study.rows:
         series = study.series.get(row["run"])
-        if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series.values:
+        if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series:
             other = {key: row[key] for key in study.axes if key != compared}
             found.setdefault(listed(other), {})[str(row[compared])] = row, series
     return [
@@ -44,12 +44,12 @@ def paths(study: StudyResults) -> list[PageImage]:
 
 
 def shows(study: StudyResults) -> bool:
-    """Whether the study compares named groups of settings: these have such pictures."""
+    """Return whether the study compares named groups of settings: these have such pictures."""
     return study.compared in study.plan.table.get("named", {})
 
 
 def _size(study: StudyResults) -> tuple[int, int]:
-    """Width and height of the pictures [px]."""
+    """Return width and height of the camera's pictures [px]."""
     camera = next(iter(study.plan.scenarios.values())).get("camera", {})
     default = CameraConfig()
     return camera.get("width", default.width), camera.get("height", default.height)
@@ -57,7 +57,7 @@ def _size(study: StudyResults) -> tuple[int, int]:
 
 def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
     figure = Figure(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
-    ways = {n: np.column_stack([s.values[k] for k in CAMERA]) for n, (_, s) in runs.items()}
+    ways = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [way for name, way in ways.items() if runs[name][0]["success"]]
     most = 1.1 * np.max([np.abs(way).max(axis=0) for way in arrived or ways.values()], axis=0)
     for i, (name, (row, series)) in enumerate(runs.items()):
@@ -65,9 +65,7 @@ def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
         _in_space(space, ways[name], max(*most[:2], 0.7 * most[2]), most[2])
         space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=8)
         image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
-        _in_image(
-            image, np.column_stack([series.values[k] for k in CORNERS]).reshape(-1, 4, 2), size
-        )
+        _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=DOTS)
     return file.getvalue()

@@ -43,7 +43,7 @@ UNITS = (
 
 
 def section(folder: Path) -> Section:
-    """The section about the folder of a study.
+    """Return the section about the folder of a study.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -243,7 +243,7 @@ def _runs(study: StudyResults) -> Block:
 
 
 def _cell(value: Any) -> str:
-    """A cell of a run; for missed bounds, their names."""
+    """Return a cell of a run; for missed bounds, their names."""
     return ", ".join(str(bound["name"]) for bound in value) if _are_bounds(value) else shown(value)
 
 

@@ -12,7 +12,7 @@ from servo.report import charts
 from servo.report.charts import ERROR_RANGE, SETTING_RANGE, Curve, Scale, curves
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
-from servo.report.study_data import SUCCESS, Row, Series, StudyResults, median, same
+from servo.report.study_data import SUCCESS, TIME, Row, Series, StudyResults, duration, median
 from servo.report.words import cut, shown
 from sim.types import Array
 
@@ -24,7 +24,14 @@ ROUNDING = 1e-3
 """Largest difference of two ends that count as equal [s]: times are stored with seven digits."""
 SETTLED = 1.0
 """Time from the start in which a loss does not count [s]."""
-MOST = len(LIGHT)
+ERROR = "servo_rms_px"
+MOST_AXES = 6
+MOST_CELLS = 20
+MOST_SERIES = len(LIGHT)
+COLOURED = 8.0
+"""Errors that differ by more than this factor are coloured on a logarithmic scale."""
+AVERAGED = "Mean over all else, with its 95 % interval over"
+ON_TARGET = "on_target"
 DISTANCES = {
     "servo_error_px": "Distance from the goal",
     "tracking_error_px": "Error of the tracker",
@@ -32,42 +39,48 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Errors and survival over time, with a colour for each value of the compared axis."""
+    """Return errors and survival over time, with a colour for each value of the compared axis."""
     groups = {
         name: [s for row in rows if (s := study.series.get(row["run"])) is not None]
         for name, rows in study.groups(study.compared).items()
     }
     found = {name: series for name, series in groups.items() if series}
-    shown = dict(list(found.items())[:MOST])
-    note = cut(f"values of {study.compared}", list(found), MOST) or ""
+    shown = dict(list(found.items())[:MOST_SERIES])
+    note = cut(f"values of {study.compared}", list(found), MOST_SERIES) or ""
     drawn = [_errors(shown, name, title, note) for name, title in DISTANCES.items()]
     return [figure for figure in (*drawn, _survival(shown, note)) if figure is not None]
 
 
-def band(series: Sequence[Series], name: str) -> tuple[Array, Array] | None:
-    """Times (n,) [s], and percentiles (3, n) over the runs that last until each time."""
-    having = [(s, np.isfinite(s.values[name])) for s in series if name in s.values]
-    having = [(s, finite) for s, finite in having if finite.any()]
+def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
+    """Return times (n,) [s], and percentiles (3, n) over the runs that last until each time."""
+    having = [run for run in runs if name in run and np.isfinite(run[name]).any()]
     if not having:
         return None
-    times = np.linspace(0, max(s.duration for s, _ in having), TIMES)
+    ends = np.array([duration(run) for run in having])
+    times = np.linspace(0, ends.max(), TIMES)
+    known = [np.isfinite(run[name]) for run in having]
     every = np.stack(
-        [np.interp(times, s.time[known], s.values[name][known]) for s, known in having]
+        [
+            np.interp(times, run[TIME][at], run[name][at])
+            for run, at in zip(having, known, strict=True)
+        ]
     )
-    ended = times > ROUNDING + np.array([s.duration for s, _ in having])[:, None]
+    ended = times > ROUNDING + ends[:, None]
     return times, np.nanpercentile(np.where(ended, np.nan, every), BAND, axis=0)
 
 
-def survival(series: Sequence[Series]) -> tuple[Array, Array] | None:
-    """Times (n,) [s], and the share (n,) on target so far of the runs that last until each time."""
-    having = [s for s in series if "on_target" in s.values]
+def survival(runs: Sequence[Series]) -> tuple[Array, Array] | None:
+    """Return times (n,) [s], and the share (n,) on target so far of the runs that last until each
+    time.
+    """
+    having = [run for run in runs if ON_TARGET in run]
     if not having:
         return None
-    durations = np.array([s.duration for s in having])
-    off = [s.time[(s.time >= SETTLED) & ~(s.values["on_target"] > 0)] for s in having]
+    ends = np.array([duration(run) for run in having])
+    off = [run[TIME][(run[TIME] >= SETTLED) & ~(run[ON_TARGET] > 0)] for run in having]
     lost = np.array([times[0] if len(times) else np.inf for times in off])
-    times = np.linspace(0, durations.max(), TIMES)
-    lasting = durations[:, None] + ROUNDING >= times
+    times = np.linspace(0, ends.max(), TIMES)
+    lasting = ends[:, None] + ROUNDING >= times
     return times, (lasting & (lost[:, None] > times)).sum(axis=0) / lasting.sum(axis=0)
 
 
@@ -99,17 +112,8 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
     return curves("Still on target", Scale("time [s]"), share, drawn, note=note)
 
 
-ERROR = "servo_rms_px"
-MOST_AXES = 6
-MOST_CELLS = 20
-MOST_SERIES = len(LIGHT)
-COLOURED = 8.0
-"""Errors that differ by more than this factor are coloured on a logarithmic scale."""
-AVERAGED = "Mean over all else, with its 95 % interval over"
-
-
 def against(study: StudyResults) -> list[Figure]:
-    """Error and success rate against each numeric axis, with a colour for each compared value."""
+    """Return error and success rate against each numeric axis, with a colour a compared value."""
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []
     for key in numeric[:MOST_AXES]:
@@ -130,7 +134,7 @@ def against(study: StudyResults) -> list[Figure]:
 
 
 def heat_maps(study: StudyResults) -> list[Figure]:
-    """Success rate and median error over two axes: numeric ones first, then the compared one."""
+    """Return success rate and median error over two axes: numeric first, then the compared one."""
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:
         return []
@@ -145,7 +149,7 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     def grid(score: Callable[[list[Row]], float]) -> Any:
         return np.array(
             [
-                [score([r for r in study.rows if same(r[x], a) and same(r[y], b)]) for a in columns]
+                [score([r for r in study.rows if r[x] == a and r[y] == b]) for a in columns]
                 for b in rows
             ],
             float,
@@ -166,7 +170,7 @@ def _curve(
 ) -> Curve:
     at: list[tuple[float, float, float, float]] = []
     for value in sorted(study.axes[key]):
-        found = study.interval([r for r in rows if same(r[key], value)], name)
+        found = study.interval([r for r in rows if r[key] == value], name)
         if found is not None:
             at.append((float(value), found.value, found.low, found.high))
     x, y, low, high = np.array(at).reshape(-1, 4).T

@@ -16,7 +16,7 @@ HUGE = 1e6
 
 
 class Tone(Enum):
-    """Whether a badge is good, bad or neutral."""
+    """The meaning of a badge's colour."""
 
     GOOD = "good"
     BAD = "bad"
@@ -32,7 +32,7 @@ class Badge:
 
     @staticmethod
     def of(held: bool, good: str, bad: str | None = None) -> Badge:
-        """A good or a bad badge; without `bad`, both have the same text."""
+        """Return a good or a bad badge; without `bad`, both have the same text."""
         return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
 
 
@@ -50,7 +50,7 @@ class Table:
 
 
 def shown(value: Any) -> str:
-    """A value with three digits, or all digits of its whole part; a dash if there is none."""
+    """Return a value with three digits, or all of its whole part; a dash if there is none."""
     if value is None:
         return NOTHING
     if isinstance(value, bool):
@@ -63,8 +63,8 @@ def shown(value: Any) -> str:
 
 
 def spread(interval: Interval | None, units: int = 0) -> str:
-    """A value with its interval, such as "2.1 (1.9 to 2.4)", and with the number of its units where
-    that differs from the one that is said beside it.
+    """Return a value with its interval, such as "2.1 (1.9 to 2.4)", and with the number of its
+    units where that differs from the number beside it.
     """
     if interval is None:
         return NOTHING
@@ -75,7 +75,7 @@ def spread(interval: Interval | None, units: int = 0) -> str:
 
 
 def basis(interval: Interval, unit: str) -> str:
-    """What an interval is over, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
+    """Return the basis of an interval, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
     over = f"mean of {counted(interval, unit)}"
     if not interval.known:
         return f"{over}: no interval"
@@ -83,16 +83,16 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """The number of units of an interval, such as "7 recordings"."""
+    """Return the number of units of an interval, such as "7 recordings"."""
     count = interval.units if interval else 0
     return f"{count} {unit}{'' if count == 1 else 's'}"
 
 
 def listed(settings: Mapping[str, Any]) -> str:
-    """Settings in a line, such as "camera.rate = 5, tracker.kind = kams"."""
+    """Return settings in a line, such as "camera.rate = 5, tracker.kind = kams"."""
     return ", ".join(f"{key} = {shown(value)}" for key, value in settings.items())
 
 
 def cut(what: str, found: Sequence[Any], most: int) -> str | None:
-    """A sentence if only the first of a list are shown; None if all are."""
+    """Return a sentence if only the first of a list are shown; None if all are."""
     return f"The first {most} of {len(found):,} {what} are shown." if len(found) > most else None

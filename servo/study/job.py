@@ -41,11 +41,13 @@ class Job:
     """Repeats this run alone."""
     pictured: bool = False
     """Whether its contact sheet is kept."""
+    name: str = ""
+    """Name of its file, where other jobs than those of one plan share the folder."""
 
     @property
     def key(self) -> str:
         """Name of its file."""
-        return f"{self.number:06}"
+        return self.name or f"{self.number:06}"
 
     def describe(self) -> dict[str, Any]:
         """Return what decides its record, versions apart, in the types of JSON."""

@@ -1,1 +1,0 @@
-"""Jobs of the papers' claims; they go when the claims are studies."""

@@ -1,0 +1,86 @@
+"""Figures of the claims: lines, one dot a unit, and intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from sim.types import Array
+from tracking.drawing import figures
+from tracking.statistics.comparisons import Interval
+
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
+BLACK = "#111111"
+ROW_HEIGHT = 0.32
+"""Height of a row of an interval [inch]."""
+Logarithmic = Literal["x", "y"] | None
+
+
+def panels(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[Axes]]:
+    """Return a figure of the given width [inch] and its plain axes, row by row."""
+    return figures.panels(width, 0.8 + 2.3 * rows, rows, columns)
+
+
+def lines(
+    title: str,
+    x: str,
+    y: str,
+    curves: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    *,
+    top: float | None = None,
+    marker: str = "",
+    logarithmic: Logarithmic = None,
+) -> Figure:
+    """Return a figure of lines, by label, from 0 up to the given top."""
+    figure, (axes,) = panels(1)
+    for (label, curve), colour in zip(curves.items(), COLOURS, strict=False):
+        axes.plot(*curve, color=colour, lw=1.2, marker=marker, label=label)
+    axes.set(title=title, xlabel=x, ylabel=y)
+    if top is not None:
+        axes.set_ylim(0, top)
+    _scale(axes, logarithmic)
+    axes.legend(frameon=False, ncols=2, fontsize=8)
+    return figure
+
+
+def dots(
+    title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
+) -> Figure:
+    """Return a figure with a column of dots for each group, one a sequence."""
+    figure, (axes,) = panels(1, width=9.0)
+    for i, values in enumerate(groups.values()):
+        aside = np.linspace(-0.2, 0.2, len(values))
+        axes.plot(i + aside, values, ".", color=COLOURS[i % len(COLOURS)])
+    axes.set_xticks(range(len(groups)), [label.replace("-", "\n", 1) for label in groups])
+    axes.set(title=f"{title}, one dot a sequence", ylabel=y)
+    _scale(axes, logarithmic)
+    return figure
+
+
+def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
+    """Return a figure with a row for each interval, by label."""
+    figure, (axes,) = figures.panels(7.0, 1.0 + ROW_HEIGHT * len(groups))
+    values, ends = bars(list(groups.values()))
+    axes.errorbar(values, range(len(groups)), xerr=ends, fmt="o", capsize=3, color=COLOURS[1])
+    axes.set_yticks(range(len(groups)), list(groups))
+    axes.invert_yaxis()
+    axes.set(title=title, xlabel=f"{x}, with 95 % intervals")
+    return figure
+
+
+def bars(found: Sequence[Interval]) -> tuple[Array, Array]:
+    """Return values (n,) and the lengths of their error bars (2, n)."""
+    values = np.array([i.value for i in found])
+    ends = np.array([(i.low, i.high) for i in found]).T
+    return values, np.abs(ends - values)
+
+
+def _scale(axes: Axes, logarithmic: Logarithmic) -> None:
+    if logarithmic is not None:
+        axes.set(**{f"{logarithmic}scale": "log"})
+        figures.plain_logarithm(axes.xaxis if logarithmic == "x" else axes.yaxis)
