@@ -11,7 +11,7 @@ from servo.mistake import LONGEST, Mistake, Refused
 from servo.output import track_folder
 from servo.report import words
 from servo.scenario import toml
-from servo.scenario.draws import LARGEST
+from servo.scenario.draws import LARGEST_NUMBER
 from servo.study import parse
 from servo.study.axes import MOST_VALUES, axes_of
 from servo.study.cluster import local as local_cluster
@@ -73,8 +73,8 @@ def test_values_of_toml(value, right):
         ({"choice": [1]}, True),
         ({"uniform": [1, 1]}, True),
         ({"uniform": [1.01, 1]}, False),
-        ({"uniform": [-LARGEST, LARGEST]}, True),
-        ({"uniform": [0, 1.01 * LARGEST]}, False),
+        ({"uniform": [-LARGEST_NUMBER, LARGEST_NUMBER]}, True),
+        ({"uniform": [0, 1.01 * LARGEST_NUMBER]}, False),
         ({"log_uniform": [1e-9, 1]}, True),
         ({"log_uniform": [0, 1]}, False),
         ({"geomspace": [1, 1e-9, 3]}, True),

@@ -14,16 +14,16 @@ from servo.papers.groups import Result, ratio, words
 from servo.papers.kams_paper import clutter
 from servo.papers.tuning import published
 from sim.types import Array
-from tracking.appearance.bins import Labelled
+from tracking.appearance.bins import LabelledImage
 from tracking.appearance.model import SampledModel
 from tracking.drawing import figures
 from tracking.files.json_text import as_json
-from tracking.search.annealing import Annealing, Schedule, anneal
+from tracking.search.annealing import Annealing, anneal
 from tracking.search.particles import ParticleFilter
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding, not_worse
 from tracking.trackers import kams
-from tracking.trackers.annealed import CLIMB_TOLERANCE
+from tracking.trackers._cloud import CLIMB, CLIMB_TOLERANCE
 
 SEEDS = 20
 LEVEL = "b"
@@ -42,7 +42,7 @@ def _nearest(cloud: ParticleFilter) -> float:
 
 
 def _probe(
-    model: SampledModel, image: Labelled, climb: int, found: list[tuple[float, float]]
+    model: SampledModel, image: LabelledImage, climb: int, found: list[tuple[float, float]]
 ) -> Callable[[ParticleFilter], Array]:
     """KAMS's likelihood, which also keeps the distances before and after the climb."""
 
@@ -53,7 +53,7 @@ def _probe(
                 image, cloud.samples, most=climb, tolerance=CLIMB_TOLERANCE, reach=cloud.size
             )
         found.append((before, _nearest(cloud)))
-        return KAMS.log_likelihood(model.energy(image, cloud.samples))
+        return -KAMS.gamma * model.energy(image, cloud.samples)
 
     return likelihood
 
@@ -66,7 +66,7 @@ def _distances(seed: int, climb: int) -> list[list[float]]:
     model = c.model(pictures[0], sequence.region, sequence.start)
     rng = np.random.default_rng(seed)
     cloud = ParticleFilter(sequence.region, sequence.start, c.particles, (c.noise, 0.0, 0.0), rng)
-    layers = Annealing(c.layers, Schedule(c.schedule), c.survival, c.ratio, c.cooling)
+    layers = Annealing(c.layers, c.schedule)
     found: list[tuple[float, float]] = []
     for image in pictures[1:]:
         anneal(cloud, np.zeros(4), _probe(model, model.label(image), climb, found), layers, 1.0)
@@ -75,7 +75,7 @@ def _distances(seed: int, climb: int) -> list[list[float]]:
 
 
 def _both(seed: int) -> Result:
-    return {WITH: _distances(seed, KAMS.climb), WITHOUT: _distances(seed, 0)}
+    return {WITH: _distances(seed, CLIMB), WITHOUT: _distances(seed, 0)}
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
