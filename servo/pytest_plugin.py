@@ -55,17 +55,18 @@ class ScenarioTest(pytest.Item):
     seed: int
 
     def runtest(self) -> None:
-        from servo.loop.check_expect import check_expect
-        from servo.loop.measured_run import measured_run
+        from servo.output.formats import command_line
         from servo.scenario.load import load
-        from servo.study.bounds import missed_bounds
+        from servo.study.bounds import check_expect
+        from servo.study.job import Job
+        from servo.study.scenario_run import LoadedScenario
 
         scenario = load(str(self.path), seed=self.seed)
         check_expect(scenario)
-        summary = measured_run(scenario)[1]
-        found = missed_bounds(summary.outcome.name, summary.measures, scenario.expect)
-        if found:
-            raise MissedBounds("\n".join(f"missed: {m}" for m in found))
+        command = command_line("run", str(self.path), seed=self.seed)
+        record = Job(0, LoadedScenario(scenario), self.seed, command=command).run(Path())
+        if record.missed:
+            raise MissedBounds("\n".join(f"missed: {m}" for m in record.missed))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """The sentence, and the command that repeats the run."""

@@ -21,7 +21,6 @@ import pyarrow as pa
 from PIL import Image as Pillow
 
 from servo import notebook
-from servo.loop.check_expect import check_expect
 from servo.loop.episode import Episode
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
@@ -31,7 +30,7 @@ from servo.output.annotated import annotated
 from servo.output.steps_table import quantities_of, table_of
 from servo.report.words import Table, shown
 from servo.scenario.load import Scenario, load
-from servo.study.bounds import MissedBound
+from servo.study.bounds import MissedBound, check_expect
 from servo.study.job import Job
 from servo.study.record import Record
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -174,9 +173,9 @@ class Run(Sequence[Step]):
         if not notebook.in_notebook():
             raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
         from servo.output.recording.log import RerunLog  # rerun takes half a second to import
-        from servo.output.recording.shown import Shown
+        from servo.output.recording.notebook_recording import NotebookRecording
 
-        log = RerunLog(Shown(), self._episode, len(self))
+        log = RerunLog(NotebookRecording(), self._episode, len(self))
         for step in self:
             log.add(step)
         log.close()

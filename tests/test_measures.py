@@ -153,8 +153,8 @@ def test_missed_bounds_say_what_was_found_and_expected(steps):
 
 def test_every_measure_is_there_and_finite_or_a_time_that_never_came(steps):
     made = report(steps)
-    assert [m.name for m in made.measures] == list(MEANINGS)
-    assert all(np.isfinite(m.value) for m in made.measures if m.name != "settle_s")
+    assert list(made.measures) == list(MEANINGS)
+    assert all(np.isfinite(v) for name, v in made.measures.items() if name != "settle_s")
 
 
 def test_a_camera_that_stays_half_a_turn_from_its_goal_is_measured():

@@ -101,7 +101,7 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
 
 
 def test_the_pictures_of_a_recording_come_with_the_rectangles_of_the_table(ran):
-    from servo.output.recording.view import pictures
+    from servo.output.recording.recorded_frames import pictures
 
     found = pictures(ran / "run.rrd", 4)
     table = pq.read_table(ran / "steps.parquet").to_pylist()
@@ -122,9 +122,9 @@ def test_a_run_without_a_recording_says_so(ran, tmp_path):
 
 
 def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
-    from servo.output.recording import view
+    from servo.output.recording import recorded_frames
 
-    monkeypatch.setattr(view, "pictures", lambda path, count: [])
+    monkeypatch.setattr(recorded_frames, "pictures", lambda path, count: [])
     blocks = {block["title"]: block for block in section(ran)["blocks"]}
     told = blocks["What the camera saw"]
     assert (told["text"], told["pictures"]) == (["There are no pictures in this recording."], [])
@@ -156,7 +156,7 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     page = text_of(make_bench(tmp_path / "bench"), tmp_path)
     assert '<span class="badge plain">best: kams</span>' in page
     assert (
-        '<tr><td>kams</td><td class="number">1</td><td class="number">0.857 (0.857 to 0.9)</td>'
+        '<tr><td>kams</td><td class="number">11</td><td class="number">0.857 (0.857 to 0.857)</td>'
         in page
     )
     assert (
@@ -182,7 +182,7 @@ def test_papers_tell_which_claims_hold(make_papers, tmp_path):
     assert "<code>servobench papers P0-1a P2-2 --quick</code>" in page
 
 
-HEAD = {"format": 1, "kind": "sweep", "command": "", "versions": {}}
+HEAD = {"format": 1, "kind": "study", "command": "", "versions": {}}
 STUDY = json.dumps(
     HEAD
     | {
@@ -216,13 +216,9 @@ BAD = {
         {"papers.json": b'{"format": 1, "kind": "papers"}'},
         "{}/papers.json: command: field required",
     ),
-    "half a table": (
-        {"study.json": STUDY, "results.parquet": b"PAR1"},
-        "{}/results.parquet: this is not a Parquet table; it may be half-written",
-    ),
     "an empty bench": (
-        {"bench.json": json.dumps(HEAD | {"kind": "bench closed_loop", "runs": []}).encode()},
-        "{}/bench.json: there are no runs in it",
+        {"study.json": json.dumps(json.loads(STUDY) | {"holds": "bench"}).encode()},
+        "{}: there are no runs in this bench",
     ),
     "a run that was killed": (
         {"steps.arrows": b""},

@@ -2,10 +2,10 @@ from pathlib import Path
 
 import pytest
 
-from servo.loop.check_expect import check_expect
 from servo.mistake import Mistake
 from servo.scenario import catalogue
 from servo.scenario import load as s
+from servo.study.bounds import check_expect
 from servo.study.parse import load as load_study
 from tracking import trackers
 from tracking.trackers import pf_ssd

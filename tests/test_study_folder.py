@@ -58,12 +58,6 @@ def flipped_name(raw):
     return flipped(raw, raw.index(b"TIMED_OUT") + 2)
 
 
-def changed_row(folder, number, **cells):
-    whole = pq.read_table(run_file(folder, number))
-    row = whole.to_pylist()[0] | cells
-    pq.write_table(pa.Table.from_pylist([row], whole.schema), run_file(folder, number))
-
-
 DAMAGE = {
     "half a file": lambda f: run_file(f, 2).write_bytes(run_file(f, 2).read_bytes()[:4000]),
     "zeros": lambda f: run_file(f, 2).write_bytes(bytes(5000)),
@@ -120,7 +114,7 @@ def test_the_command_says_what_it_runs_again_and_ends_with_the_same_numbers(
     monkeypatch, capfd, folder
 ):
     before = pq.read_table(run_file(folder, 2)).drop_columns(["step_ms", "track_ms"])
-    changed_row(folder, 2, servo_rms_px=0.0, seed=9)
+    run_file(folder, 2).write_bytes(flipped_name(run_file(folder, 2).read_bytes()))
     code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out")
     assert (code, err) == (
         0,

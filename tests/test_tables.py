@@ -56,10 +56,15 @@ def results(families, seeds=8):
                         subject=f"{family}-1",
                         subject_is="sequence",
                         seed=seed,
-                        settings={"tracker": tracker, "family": family, "drawn": True},
+                        settings={
+                            "tracker": tracker,
+                            "family": family,
+                            "drawn": True,
+                            "frames": 100 + seed,
+                        },
                         outcome="COMPLETED",
                         success=True,
-                        measures={"frames": 100.0 + seed} | measures,
+                        measures=measures,
                         versions={},
                         series={
                             SUCCESS_CURVE: skill * (1 - OVERLAPS),

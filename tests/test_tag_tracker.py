@@ -43,7 +43,7 @@ def begun(scene, depth, **settings):
         (30, 0.04, {}),
         (60, 0.06, {"noise": 4.0}),
         (100, 0.1, {}),
-        (200, 0.12, {"supersample": 2}),
+        (200, 0.12, {}),
     ],
 )
 def test_corners_are_found_from_any_side(scene, px, size, camera):

@@ -52,7 +52,7 @@ class SequenceJob:
             "family": self.entry.name,
             "seed": self.seed,
             "drawn": isinstance(self.entry, Generated),
-            "frames": measures.pop("frames"),
+            "frames": record.settings["frames"],
             "measures": measures,
             "success": record.series[SUCCESS_CURVE].tolist(),
             "precision": record.series[PRECISION_CURVE].tolist(),

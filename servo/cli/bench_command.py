@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +10,8 @@ from rich.console import Console
 
 from servo.bench import ranking, suites
 from servo.bench.ranking import Rank
-from servo.cli.sweep_command import SweepRequest, run_study
-from servo.cli.terminal import complete_jobs, plain, print_table
+from servo.cli.sweep_command import run_study
+from servo.cli.terminal import complete_jobs, go_on, plain, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
@@ -23,6 +22,7 @@ from servo.study.parse import load
 from servo.study.record import Record, parquet, table_of
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
 from servo.study.store import RESULTS, Store, opened
+from sim.camera import gl
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet
 from tracking.drawing.picture_bytes import encoded
@@ -30,6 +30,8 @@ from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 from tracking.files.csv_text import csv_text
 
+COLUMNS = (TRACKER, "sequence", "family", "seed", "drawn", "frames")
+"""Columns of runs.csv before those of the measures."""
 WIDE = 7
 """Most columns of a table that fit beside its names."""
 
@@ -76,8 +78,7 @@ def run(request: BenchRequest) -> int:
     ]
     title = Path(request.suite).stem
     workers = Workers(request.workers)
-    out = f" --out {shlex.quote(str(request.out))}" if request.out else ""
-    again = f"go on with: {request.command}{out}"
+    again = go_on(request.command, request.out)
     with opened(request.folder, _described(request, subjects)) as store, workers:
         failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
         records = store.records(jobs, series=True)
@@ -94,17 +95,9 @@ def run(request: BenchRequest) -> int:
 def _closed_loop(request: BenchRequest, console: Console) -> int:
     chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
     study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
-    sweep = SweepRequest(
-        study=suites.CLOSED_LOOP,
-        changes=(),
-        seeds=request.seeds,
-        workers=request.workers,
-        scheduler=None,
-        out=request.out,
-        quiet=request.quiet,
-    )
-    described = StudyFile.of(study, request.command)
-    return run_study(study, described, request.folder, sweep, console)
+    workers = Workers(request.workers)
+    gl.backend()
+    return run_study(study, request.command, workers, request.folder, console)
 
 
 def _subjects(request: BenchRequest) -> list[TrackedSequence]:
@@ -137,10 +130,19 @@ def _described(request: BenchRequest, subjects: Sequence[TrackedSequence]) -> St
 def _write(
     store: Store, records: Sequence[Record], ranks: Sequence[Rank], title: str
 ) -> list[Path]:
-    table = table_of(records)
-    shown = [name for name in table.column_names if not name.startswith("version_")]
-    rows = table.select(shown).drop_columns(["missed"]).to_pylist()
-    lines = [list(row.values()) for row in rows]
+    names = list(records[0].measures)
+    lines = [
+        [
+            record.settings[TRACKER],
+            record.subject,
+            record.settings["family"],
+            record.seed,
+            record.settings["drawn"],
+            record.settings["frames"],
+            *(record.row[name] for name in names),
+        ]
+        for record in records
+    ]
     results = [
         {
             TRACKER: record.settings[TRACKER],
@@ -150,8 +152,8 @@ def _write(
         for record in records
     ]
     return [
-        store.write(RESULTS, parquet(table)),
-        store.write("runs.csv", csv_text(list(rows[0]), lines)),
+        store.write(RESULTS, parquet(table_of(records))),
+        store.write("runs.csv", csv_text([*COLUMNS, *names], lines)),
         store.write("table.csv", ranking.table_csv(ranks)),
         *curves.draw(results, [rank.tracker for rank in ranks], title, store.folder),
     ]

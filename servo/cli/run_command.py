@@ -12,7 +12,6 @@ from rich.markup import escape
 
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
-from servo.loop.check_expect import check_expect
 from servo.loop.episode import Episode
 from servo.loop.part_failed import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome
@@ -23,6 +22,7 @@ from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.sections import DOES_NOT_REPEAT
+from servo.study.bounds import check_expect
 from servo.study.job import Job
 from servo.study.record import Record
 from servo.study.run_report import RunReport

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli.terminal import complain, complete_jobs, plain, print_table
+from servo.cli.terminal import complain, complete_jobs, go_on, plain, print_table
 from servo.output.formats import command_line
 from servo.report.cell_row import cell_row
 from servo.report.words import Table
@@ -69,23 +69,21 @@ def run(request: SweepRequest) -> int:
     console = Console(quiet=request.quiet)
     with console.status("reading the study"):
         study = load(request.study, request.changes, request.seeds)
-    folder = request.out or Path("runs") / f"sweep-{study.name}"
-    return run_study(study, StudyFile.of(study, request.command), folder, request, console)
-
-
-def run_study(
-    study: Study, described: StudyFile, folder: Path, request: SweepRequest, console: Console
-) -> int:
-    """Do the missing runs of a study in a folder; result and errors are those of `run`."""
     workers = Workers(request.workers, request.scheduler)
     if request.scheduler is None:
         gl.backend()
-    out = f" --out {shlex.quote(str(request.out))}" if request.out else ""
-    with opened(folder, described) as store, workers:
-        again = f"go on with: {described.command}{out}"
-        failed = complete_jobs(
-            list(study.jobs()), store, workers, console, f"sweep {study.name}", again
-        )
+    return run_study(study, request.command, workers, request.out, console)
+
+
+def run_study(
+    study: Study, command: str, workers: Workers, out: Path | None, console: Console
+) -> int:
+    """Do the missing runs of a study in a folder; result and errors are those of `run`."""
+    folder = out or Path("runs") / f"sweep-{study.name}"
+    with opened(folder, StudyFile.of(study, command)) as store, workers:
+        jobs = list(study.jobs())
+        title = f"sweep {study.name}"
+        failed = complete_jobs(jobs, store, workers, console, title, go_on(command, out))
         code = _sum_up(study, store, console)
     return 1 if failed else code
 

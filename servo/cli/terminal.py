@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from rich.console import Console
@@ -69,6 +71,11 @@ def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
     """Print that Ctrl-C or another signal stopped the command, and end the program."""
     plain(Console(stderr=True), f"{STOPPED} {more}".rstrip())
     raise SystemExit(exit_code(cause))
+
+
+def go_on(command: str, out: Path | None) -> str:
+    """How a stopped command goes on; `out` is its option."""
+    return f"go on with: {command}" + (f" --out {shlex.quote(str(out))}" if out else "")
 
 
 def complete_jobs(

@@ -15,7 +15,19 @@ OPENCV = (
     "opencv-contrib-python",
 )
 """Distributions of `cv2`: all write into one folder, so that only one can be whole."""
-VERSIONED = ("servobench", "mujoco", "numpy", "numba", *OPENCV, "filterpy", "rerun-sdk")
+VERSIONED = (
+    "servobench",
+    "mujoco",
+    "numpy",
+    "scipy",
+    "numba",
+    *OPENCV,
+    "filterpy",
+    "daqp",
+    "mink",
+    "av",
+    "trimesh",
+)
 PACKAGES = ("servo", "tracking", "sim", "scenes")
 ENDINGS = (".py", ".xml", ".png", ".obj")
 """Packages and files that the digest includes; scenarios are stored with each result."""

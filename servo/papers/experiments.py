@@ -12,7 +12,7 @@ from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
 from servo.bench.suites import GENERATORS, TRACKERS
 from servo.papers.groups import Result
 from tracking.sequences.sequence import Sequence as Painting
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +57,8 @@ class Kept(Generated):
 def _kept(kind: str, config: Any, seed: int) -> Painting:
     sequence = Generated(kind, config).build(seed)
     source = sequence.source
-    assert isinstance(source, Painted)
-    return replace(sequence, source=Painted(cache(source.paint), source.count))
+    assert isinstance(source, PaintedSource)
+    return replace(sequence, source=PaintedSource(cache(source.paint), source.count))
 
 
 def generated(kind: str, **settings: Any) -> Generated:

@@ -11,7 +11,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from servo.loop.check_expect import check_expect
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
 from servo.scenario import source
@@ -30,7 +29,7 @@ from servo.study.axes import (
     flat,
     named_of,
 )
-from servo.study.bounds import SUCCESS_RATE
+from servo.study.bounds import SUCCESS_RATE, check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
 

@@ -5,6 +5,7 @@ A row is a Parquet table with a column for each setting and measure; its long co
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,6 +30,8 @@ MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "
 VERSION = "version_"
 ABOUT = b"servobench"
 """Key of the file's metadata: what decides the record, and which columns are settings."""
+DIGEST = b"sha256"
+"""Key of the digest of that and of the columns: Parquet has checksums of the values alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,14 +99,20 @@ class Record:
             "versions": self.versions,
             "command": self.command,
         }
-        return parquet(table.replace_schema_metadata({ABOUT: json.dumps(about).encode()}))
+        text = json.dumps(about).encode()
+        metadata = {ABOUT: text, DIGEST: _digest(text, table.column_names)}
+        return parquet(table.replace_schema_metadata(metadata))
 
     @classmethod
     def decoded(cls, raw: bytes, job: Mapping[str, Any] | None = None) -> Self | None:
         """The record in a file; None if the file is damaged, or of another job than a given one."""
         try:
             table = pq.read_table(pa.BufferReader(raw), page_checksum_verification=True)
-            about = json.loads((table.schema.metadata or {}).get(ABOUT, b"{}"))
+            metadata = table.schema.metadata or {}
+            text = metadata.get(ABOUT, b"")
+            if metadata.get(DIGEST) != _digest(text, table.column_names):
+                return None
+            about = json.loads(text)
             if table.num_rows != 1 or (job is not None and about["job"] != job):
                 return None
             kind = about["subject_is"]
@@ -128,8 +137,8 @@ class Record:
                 series={n: table[n][0].values.to_numpy(zero_copy_only=False) for n in long},
                 sheet=row[SHEET],
             )
-        # A file of zeros after a crash, flipped bits, or a file of another program.
-        except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError, KeyError):
+        # A file of zeros after a crash, or flipped bits.
+        except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
             return None
 
 
@@ -165,6 +174,10 @@ def parquet(table: pa.Table) -> bytes:
 def version_columns(found: Mapping[str, str]) -> dict[str, str]:
     """Versions by the name of their column."""
     return {f"{VERSION}{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
+
+
+def _digest(about: bytes, columns: Sequence[str]) -> bytes:
+    return hashlib.sha256(about + "\n".join(columns).encode()).hexdigest().encode()
 
 
 def _text(value: float | str | None) -> str | None:

@@ -12,7 +12,7 @@ from servo.study.bounds import SUCCESS_RATE
 from servo.study.plan import Study
 from servo.study.record import Row
 from servo.study.scenario_run import MEASURED
-from servo.study.units import Units
+from servo.study.units import SUCCESS, Units, values
 from tracking.files.csv_text import csv_text
 from tracking.statistics.comparisons import Interval, McNemar, cells, holm, titles
 
@@ -32,6 +32,8 @@ class Cell:
     success: Interval | None
     means: dict[str, Interval]
     """Means of the measures over the runs in which they are finite; others are left out."""
+    finite: dict[str, int]
+    """Number of those runs by measure."""
 
     @staticmethod
     def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> Cell:
@@ -39,7 +41,8 @@ class Cell:
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}
         means = {name: mean for name, mean in found.items() if mean is not None}
-        return Cell(settings, len(rows), units.name, units.mean("success"), means)
+        finite = {name: len(values(rows, name)) for name in MEASURED}
+        return Cell(settings, len(rows), units.name, units.mean(SUCCESS), means, finite)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +107,11 @@ def comparisons(
 
 
 def cells_csv(study: Study, found: Sequence[Cell]) -> str:
-    """The cells as CSV: axes, runs, unit, and success rate and means with 95 % intervals."""
+    """The cells as CSV.
+
+    Columns are the axes, runs, unit, success rate and means with 95 % intervals, and the number of
+    runs in which each measure is finite.
+    """
     keys = [axis.key for axis in study.every_axis]
     lines = [
         [
@@ -112,10 +119,13 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
             cell.runs,
             cell.unit,
             *cells([cell.success, *map(cell.means.get, MEASURED)]),
+            *(cell.finite[name] for name in MEASURED),
         ]
         for cell in found
     ]
-    return csv_text([*keys, "runs", "unit", *titles([SUCCESS_RATE, *MEASURED])], lines)
+    intervals = titles([SUCCESS_RATE, *MEASURED])
+    finite = [f"{name}_runs" for name in MEASURED]
+    return csv_text([*keys, "runs", "unit", *intervals, *finite], lines)
 
 
 def _rate(held: _Held) -> float:

@@ -14,7 +14,6 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from servo.loop.check_expect import check_expect
 from servo.loop.measured_run import measured_run
 from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise
 from servo.loop.step import Step
@@ -26,7 +25,7 @@ from servo.scenario.load import Scenario, Table
 from servo.scenario.named_files import digest_of
 from servo.scenario.toml import assignment, put
 from servo.study.axes import SCENARIO, Named
-from servo.study.bounds import missed_bounds
+from servo.study.bounds import check_expect, missed_bounds
 from servo.study.job import Job
 from servo.study.record import Record
 from sim.kinds import UnknownKind

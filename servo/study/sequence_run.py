@@ -154,11 +154,12 @@ class TrackedSequence:
                 **job.settings,
                 "family": self.name,
                 "drawn": isinstance(self.entry, Generated),
+                "frames": len(shots),
             },
             command=job.command,
             outcome="COMPLETED" if measures["completed"] else "LOST",
             success=bool(measures["completed"]),
-            measures={"frames": float(len(shots)), **measures},
+            measures=measures,
             series={SUCCESS_CURVE: comparison.success(), PRECISION_CURVE: comparison.precision()},
             seconds=time.perf_counter() - began,
         )

@@ -1,8 +1,13 @@
 """Trackers, one a file, named as in the literature: `Config.build(rng)` gives a `Tracker`."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING, Any
+
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from tracking.types import Tracker
 
 
 def _adapted(found: Any) -> type[Any] | None:
@@ -16,4 +21,4 @@ def _adapted(found: Any) -> type[Any] | None:
     return wrap(found) if is_foreign(found) or is_function else None
 
 
-KINDS = Kinds[Any](__name__, "servobench.trackers", _adapted)
+KINDS: Kinds[PartConfig[Tracker]] = Kinds(__name__, "servobench.trackers", _adapted)
