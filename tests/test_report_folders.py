@@ -155,7 +155,7 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     page = text_of(make_bench(tmp_path / "bench"), tmp_path)
     assert '<span class="badge plain">best: kams</span>' in page
     assert (
-        '<tr><td>kams</td><td class="number">1</td><td class="number">0.857 (0.857 to 0.9)</td>'
+        '<tr><td>kams</td><td class="number">11</td><td class="number">0.857 (0.564 to 0.965)</td>'
         in page
     )
     assert (
@@ -181,7 +181,7 @@ def test_papers_tell_which_claims_hold(make_papers, tmp_path):
     assert "<code>servobench papers P0-1a P2-2 --quick</code>" in page
 
 
-HEAD = {"format": 1, "kind": "sweep", "command": "", "versions": {}}
+HEAD = {"format": 1, "kind": "study", "command": "", "versions": {}}
 STUDY = json.dumps(
     HEAD
     | {
@@ -215,13 +215,13 @@ BAD = {
         {"papers.json": b'{"format": 1, "kind": "papers"}'},
         "{}/papers.json: command: field required",
     ),
-    "half a table": (
-        {"study.json": STUDY, "results.parquet": b"PAR1"},
-        "{}/results.parquet: this is not a Parquet table; it may be half-written",
-    ),
     "an empty bench": (
-        {"bench.json": json.dumps(HEAD | {"kind": "bench closed_loop", "runs": []}).encode()},
-        "{}/bench.json: there are no runs in it",
+        {"study.json": json.dumps(json.loads(STUDY) | {"holds": "bench"}).encode()},
+        "{}: there are no runs in this bench",
+    ),
+    "papers that were stopped": (
+        {"study.json": json.dumps(json.loads(STUDY) | {"holds": "papers"}).encode()},
+        "{}/papers.json: cannot read this file: No such file or directory",
     ),
     "a run that was killed": (
         {"steps.arrows": b""},
