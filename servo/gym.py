@@ -110,9 +110,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._space()
 
     def _law_moves(self) -> list[int]:
-        law = self._base.controller
+        moves = getattr(self._base.controller, "moves", None)
         six = self._features >= len(DOF)
-        return np.flatnonzero(law.moves(six=six)).tolist() if hasattr(law, "moves") else LEVEL
+        return LEVEL if moves is None else np.flatnonzero(moves(six=six)).tolist()
 
     def _space(self) -> spaces.Space[Any]:
         camera = self._base.camera

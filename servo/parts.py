@@ -71,6 +71,14 @@ class FeatureSet(Protocol):
         ...
 
 
+class FeaturesConfig(Protocol):
+    """The settings of a feature set."""
+
+    def build(self, outline: Array) -> FeatureSet:
+        """Return the set for a target whose reference rectangle has these corners (4, 3) [m]."""
+        ...
+
+
 class Estimator(Protocol):
     """Estimates the part of de/dt that the target's own motion causes.
 

@@ -173,9 +173,9 @@ class Run(Sequence[Step]):
         if not notebook.in_notebook():
             raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
         from servo.output.recording.log import RerunLog  # rerun takes half a second to import
-        from servo.output.recording.shown import Shown
+        from servo.output.recording.notebook_recording import NotebookRecording
 
-        log = RerunLog(Shown(), self._episode, len(self))
+        log = RerunLog(NotebookRecording(), self._episode, len(self))
         for step in self:
             log.add(step)
         log.close()

@@ -1,4 +1,4 @@
-"""What the robot believes of its camera, its joints and its goal, where that is wrong."""
+"""Errors of calibration: the camera, joints and goal as the robot believes them."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
@@ -16,7 +16,7 @@ Millimetres = Annotated[float, Ge(-1000), Le(1000)]
 
 @dataclass(frozen=True, slots=True)
 class BelievedConfig:
-    """What the robot believes, where it differs from what is."""
+    """Errors of calibration; by default there are none."""
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
     """Believed over true focal length, along u and v."""
@@ -45,7 +45,7 @@ class BelievedConfig:
     one: the gain of translations is wrong by the same factor."""
 
     def camera(self, camera: Camera) -> Camera:
-        """What a camera is believed to be; the same object where that is right."""
+        """Return the believed camera; the same object where nothing of it is wrong."""
         f = self.fx_factor
         lens = None if self.ignore_distortion else camera.distortion
         believed = replace(
@@ -60,13 +60,13 @@ class BelievedConfig:
 
     @property
     def hand_eye(self) -> Pose:
-        """T_camera_believed."""
+        """Return T_camera_believed."""
         turn = exp_so3(np.radians(self.hand_eye_rotation_deg))
         return Pose(turn, np.array(self.hand_eye_mm) / 1e3)
 
     @property
     def is_body_right(self) -> bool:
-        """Whether camera mount and joints are believed to be where they are."""
+        """True where neither the camera's mount nor the joints are believed wrongly."""
         errors = *self.hand_eye_rotation_deg, *self.hand_eye_mm, *np.ravel(self.joint_offsets)
         return not any(errors)
 

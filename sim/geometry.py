@@ -43,7 +43,11 @@ def log_so3(R: Array) -> Array:
 
 
 def angle_of(R: Array) -> float:
-    """By how much a rotation turns, 0..pi [rad]."""
+    """Return the angle of a rotation, 0..pi [rad].
+
+    >>> round(angle_of(exp_so3(np.array([0.0, 0.0, 0.5]))), 6)
+    0.5
+    """
     sine = np.linalg.norm(R - R.T) / np.sqrt(8)
     return float(np.arctan2(sine, (np.trace(R) - 1) / 2))
 

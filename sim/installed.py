@@ -76,7 +76,7 @@ def forget_packages() -> None:
 
 
 def imported(path: str) -> Any:
-    """What a path such as "package.module:Name" names; also from the working directory.
+    """Return the object at a path such as "package.module:Name"; also from the working directory.
 
     Raises:
         BrokenPart: It cannot be imported; an error of the module itself is the cause.

@@ -21,13 +21,26 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
-from typing import Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from sim.installed import BrokenPart, Installed, Trusted, imported, installed
 
+if TYPE_CHECKING:
+    import numpy as np  # `servobench list` only looks at files
+
+Thing = TypeVar("Thing", covariant=True)
+"""What a part is, such as a tracker."""
 Config = TypeVar("Config", covariant=True)
-"""The settings of a folder's kinds, which build the thing."""
+"""The settings of a folder's kinds, such as `PartConfig[Tracker]`."""
 Settings = Mapping[str, Any]
+
+
+class PartConfig(Protocol[Thing]):
+    """The settings of a part: a frozen dataclass that builds it."""
+
+    def build(self, rng: np.random.Generator) -> Thing:
+        """Return the part; its random numbers come from the generator only."""
+        ...
 
 
 class UnknownKind(ValueError):

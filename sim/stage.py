@@ -9,19 +9,20 @@ import mujoco
 import numpy as np
 
 from sim.models.assembly import SECOND, SPOT, TARGET
-from sim.quaternion import quaternion_of
+from sim.models.quaternion import quaternion_of
 from sim.types import Effect, Pose
 
 BOARD = "board"
 LAMP = "lamp"
 BOARD_NEARNESS = 0.3
-"""Where the board crosses the line of sight, as a fraction of the way from target to camera."""
+"""Place at which the board crosses the line of sight, as a fraction of the way from target to
+camera."""
 BELOW = Pose(np.eye(3), np.array([0.0, 0.0, -100.0]))
 """Where a prop waits: deep enough for one of any height, and too far to be drawn."""
 
 
 class Motion(Protocol):
-    """Where the target is at any time."""
+    """The path of the target."""
 
     def at(self, time: float) -> Pose:
         """T_world_target at a time [s]."""
@@ -29,10 +30,10 @@ class Motion(Protocol):
 
 
 class Disturbance(Protocol):
-    """What disturbs the world at any time."""
+    """An influence that disturbs the world."""
 
     props: tuple[str, ...]
-    """What it needs in the scene: "second_target", or "spot" for a finely lit table."""
+    """Props that it needs in the scene: "second_target", or "spot" for a finely lit table."""
 
     def at(self, time: float) -> Effect:
         """The effect at a time [s]."""

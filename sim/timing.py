@@ -11,6 +11,8 @@ from sim.camera.camera import CameraConfig
 
 WHOLE = 1e-9
 """Tolerance for a ratio of rates to count as whole."""
+SUBFRAMES = 6
+"""Pictures that are averaged over an exposure: chosen by hand, as each is a rendering."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,8 @@ class Band:
 
 
 def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
-    """When the rows are exposed, from the first to the last, whose exposure ends with the interval.
+    """Return the bands of rows with their times, from the first to the last; that one's exposure
+    ends with the interval.
 
     The bands of a rolling shutter have equal intervals of time; each has the rows whose own times
     are nearest.
@@ -89,6 +92,6 @@ def _subframes(camera: CameraConfig, steps: int, end: int) -> tuple[int, ...]:
     """The physics steps of an exposure that ends at one of them."""
     if camera.exposure == 0:
         return (end,)
-    before = np.linspace(0, camera.exposure * steps, camera.subframes)[1:]
+    before = np.linspace(0, camera.exposure * steps, SUBFRAMES)[1:]
     taken = np.clip(np.rint(end - before), 0, max(end - 1, 0))
     return tuple(sorted({int(k) for k in taken} | {end}))

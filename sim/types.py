@@ -1,4 +1,7 @@
-"""The values that leave the world: camera, pose, frame, truth. No MuJoCo here."""
+"""The values that leave the world: camera, pose, frame, truth. No MuJoCo here.
+
+Poses compare by their numbers; postures, frames and truths, which hold many arrays, by identity.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from sim.camera.distortion import Distortion
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 LARGEST_PICTURE = 16_384
-"""Longest side of a picture from a file [px]: larger ones only take all memory."""
+"""Longest side of a picture from a file [px]; more would take all memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +25,10 @@ class Camera:
 
     Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1,
     so its centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
+
+    >>> camera = Camera(fx=300.0, fy=300.0, cx=160.0, cy=120.0, width=320, height=240)
+    >>> camera.project(np.array([0.1, 0.0, 1.0])).tolist()
+    [190.0, 120.0]
     """
 
     fx: float
@@ -61,9 +68,16 @@ class Camera:
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a."""
+    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a.
+
+    >>> T_world_camera = Pose.planar(1.0, 0.0, 0.0)
+    >>> T_world_camera.apply(np.array([0.5, 0.0, 0.0])).tolist()
+    [1.5, 0.0, 0.0]
+    >>> (T_world_camera @ T_world_camera.inverse()).translation.tolist()
+    [0.0, 0.0, 0.0]
+    """
 
     rotation: Array
     """Rotation (3, 3)."""
@@ -77,6 +91,14 @@ class Pose:
         s = np.sin(heading)
         return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pose):
+            return NotImplemented
+        same = np.array_equal(self.rotation, other.rotation)
+        return same and np.array_equal(self.translation, other.translation)
+
+    __hash__ = None  # type: ignore[assignment]  # as an array has none
+
     def __matmul__(self, other: Pose) -> Pose:
         return Pose(self.rotation @ other.rotation, self.apply(other.translation))
 
@@ -89,9 +111,9 @@ class Pose:
         return points @ self.rotation.T + self.translation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """What a robot knows of itself at one moment, from its joints."""
+    """A robot's own knowledge of its pose and motion at one moment, from its joints."""
 
     T_base_camera: Pose
     """Pose of the camera (x right, y down, z forward) in the frame that the robot is calibrated to:
@@ -125,7 +147,7 @@ class Posture:
         return -self.T_base_camera.rotation[2]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One picture. It never carries the truth."""
 
@@ -139,7 +161,7 @@ class Frame:
     """False where the camera delivered nothing: the image is then the last one that came."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """Where the target really is, exact, at the time of one frame."""
 
@@ -180,7 +202,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What disturbs the world at one moment."""
+    """All disturbances of the world at one moment."""
 
     gain: float = 1.0
     """Factor on the brightness of the image."""

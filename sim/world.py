@@ -1,7 +1,7 @@
 """The simulated world: pictures, steps, the robot's posture, and the truth."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated
 
@@ -17,8 +17,9 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.geometry import log_se3
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
+from sim.robot.design import CAMERA, Design
 from sim.robot.known_robot import as_known
-from sim.robot.robot import CAMERA, Design, Robot
+from sim.robot.robot import Robot
 from sim.robot.start_pose import Reach
 from sim.stage import Disturbance, Motion, Stage
 from sim.timing import Rates, exposures
@@ -48,6 +49,19 @@ class WorldConfig:
     """Measure the visible fraction of the target in each frame (two more renderings a frame)."""
 
 
+@dataclass(frozen=True, slots=True)
+class WorldParts:
+    """The parts that a world is made of."""
+
+    robot: Design
+    target: Target
+    motion: Motion
+    disturbances: Sequence[Disturbance] = ()
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    believed: BelievedConfig = RIGHT
+    config: WorldConfig = field(default_factory=WorldConfig)
+
+
 class Unstable(RuntimeError):
     """The physics diverged; the sentence says what to change."""
 
@@ -57,36 +71,44 @@ class World:
 
     def __init__(
         self,
-        config: WorldConfig,
-        robot: Design,
-        target: Target,
-        camera: CameraConfig,
-        motion: Motion,
-        disturbances: Sequence[Disturbance],
+        parts: WorldParts,
         rng: np.random.Generator,
-        renderer: MakeRenderer = OpenGLRenderer,
-        believed: BelievedConfig = RIGHT,
         encoders: np.random.Generator | None = None,
+        renderer: MakeRenderer = OpenGLRenderer,
     ) -> None:
+        """Put the parts together.
+
+        Args:
+            parts: What to put together.
+            rng: Draws the noise of the camera's sensor.
+            encoders: Draws the noise of the robot's encoders; needed where they have any.
+            renderer: Makes the renderer of the camera.
+
+        Raises:
+            ValueError: A part does not fit the others; the sentence says which.
+        """
+        config = parts.config
+        camera = parts.camera
+        robot = parts.robot
         rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
         steps = rates.steps
         self._drive_steps = rates.drive_steps
         self.period = 1.0 / camera.rate
         self._hold = self._drive_steps / rates.physics
-        props = [prop for d in disturbances for prop in d.props]
-        self.model = build_model(rates.physics, camera, robot, target, props)
+        props = [prop for d in parts.disturbances for prop in d.props]
+        self.model = build_model(rates.physics, camera, robot, parts.target, props)
         self.data = mujoco.MjData(self.model)
         self.robot = Robot(self.model, robot)
         self.camera = camera_of(camera, self.model, CAMERA)
-        self.camera_believed = believed.camera(self.camera)
-        self._known = as_known(self.robot, robot, believed, encoders)
+        self.camera_believed = parts.believed.camera(self.camera)
+        self._known = as_known(self.robot, robot, parts.believed, encoders)
         self._eye = self.model.camera(CAMERA).id
-        self.outline = target.outline
-        self.outline_found = target.found
-        self._stage = Stage(self.model, motion, disturbances)
+        self.outline = parts.target.outline
+        self.outline_found = parts.target.found
+        self._stage = Stage(self.model, parts.motion, parts.disturbances)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
-        self._renderer = renderer(self.model, CAMERA, self._lens.view, camera.supersample)
+        self._renderer = renderer(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)
         self._exposed_at = {k for band in bands for k in band.steps} - {steps}
@@ -137,12 +159,12 @@ class World:
 
     @property
     def ticks(self) -> Array:
-        """When the drives take over what is asked for (n,), after a frame [s]."""
+        """Times after a frame at which the drives take over what is asked for (n,) [s]."""
         steps = self._moments[-1]
         return self.period / steps * np.arange(0.0, steps, self._drive_steps)
 
     def step(self, twists: Array) -> bool:
-        """Move until the next frame; whether a joint limit or rate made the camera slower.
+        """Move until the next frame; return True where a limit of a joint made the camera slower.
 
         Args:
             twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
@@ -179,7 +201,7 @@ class World:
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
-        """What the robot takes its posture of now for; the same object where it is right."""
+        """Return the posture of now as the robot believes it; the same object where it is right."""
         if isinstance(self._known, Robot):
             return posture
         return self._known.posture(self.data, self._accepted)
@@ -196,7 +218,7 @@ class World:
         return Frame(self._image, self.data.time, self._frames)
 
     def truth(self) -> Truth:
-        """Where the target is as of now, and how much of it is seen if that was asked for."""
+        """Return where the target is, and its visible fraction if `visibility` is set."""
         visible = self._visible() if self._visibility else None
         target = self._stage.target(self.data.time)
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
@@ -220,7 +242,7 @@ class World:
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
     def _set_stage(self, time: float) -> Pose:
-        """Put what moves by itself where it is at a time [s]; where the camera is."""
+        """Put what moves by itself where it is at a time [s]; return the camera's pose."""
         eye = self._refreshed()
         self._stage.place(self.data, time, eye)
         return self._refreshed()

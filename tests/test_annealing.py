@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracking.hot import particle_loops
-from tracking.search.annealing import Annealing, Schedule, anneal, exponent
+from tracking.search.annealing import ONE_LAYER, Annealing, Schedule, anneal, exponent
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
@@ -35,10 +35,8 @@ def far_peak(found):
 @pytest.mark.parametrize("schedule", Schedule)
 def test_layers_reach_a_peak_that_one_step_does_not(schedule):
     layered, plain = cloud(), cloud()
-    settings = Annealing(6, schedule, 0.5, 2.0, 0.8)
-    anneal(layered, np.zeros(4), far_peak, settings, 1.0)
-    plain.predict(np.zeros(4))
-    plain.weigh(far_peak(plain))
+    anneal(layered, np.zeros(4), far_peak, Annealing(6, schedule), 1.0)
+    anneal(plain, np.zeros(4), far_peak, ONE_LAYER, 1.0)
     assert layered.mean().x == pytest.approx(30.0, abs=3.0)
     assert plain.ess() < layered.ess()
 
@@ -50,8 +48,6 @@ def test_the_cloud_narrows_from_layer_to_layer():
         spreads.append(found.samples[:, 0].std())
         return -0.01 * (found.samples[:, 0] ** 2 + found.samples[:, 1] ** 2)
 
-    anneal(
-        cloud(2000), np.zeros(4), likelihood, Annealing(5, Schedule.SURVIVAL, 0.5, 2.0, 0.5), 1.0
-    )
+    anneal(cloud(2000), np.zeros(4), likelihood, Annealing(5, Schedule.SURVIVAL), 1.0)
     assert len(spreads) == 5
     assert all(b < a for a, b in pairwise(spreads))

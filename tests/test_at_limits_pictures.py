@@ -12,10 +12,10 @@ from sim.types import Frame
 from tracking.appearance.bins import Window
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track_measures import OVERLAPS, Comparison, frames_until_loss, lost_signal
-from tracking.lock import FEW, Lock, LockConfig
+from tracking.lock import FEW, Lock, LockLimits
 from tracking.sequences import quadrilateral, truth
 from tracking.sequences.sequence import source_of
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.statistics.comparisons import McNemar
 from tracking.types import LARGEST_LOG, Region, State, Status, check_region
 
@@ -204,7 +204,7 @@ def test_a_window_holds_itself_and_nothing_larger():
 
 
 def judged(*distances, **settings):
-    lock = Lock(LockConfig(**{"floor": 0.2, "cap": 0.5, "patience": 1.0} | settings))
+    lock = Lock(LockLimits(**{"floor": 0.2, "cap": 0.5, "patience": 1.0} | settings))
     return [lock.judge(d, 0.5 * k) for k, d in enumerate(distances)], lock
 
 
@@ -254,7 +254,10 @@ def test_a_target_is_lost_below_a_tenth_of_overlap():
 
 def test_a_sheet_has_no_estimate_where_the_track_has_ended():
     square = np.array([[20, 20], [60, 20], [60, 50], [20, 50]], float)
-    truths, source = np.stack([square] * 3), Painted(lambda k: np.zeros((90, 120, 3), np.uint8), 3)
+    truths, source = (
+        np.stack([square] * 3),
+        PaintedSource(lambda k: np.zeros((90, 120, 3), np.uint8), 3),
+    )
     green = []
     for n in (1, 2, 3):
         red, found, _ = np.moveaxis(

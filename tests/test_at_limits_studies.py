@@ -1,5 +1,6 @@
 """Each limit of studies and commands: the last value that passes, and the first that does not."""
 
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
@@ -10,7 +11,7 @@ from servo.mistake import LONGEST, Mistake, Refused
 from servo.output import track_folder
 from servo.report import words
 from servo.scenario import toml
-from servo.scenario.draws import LARGEST
+from servo.scenario.draws import LARGEST_NUMBER
 from servo.study import parse
 from servo.study.axes import MOST_VALUES, axes_of
 from servo.study.cluster import local as local_cluster
@@ -72,8 +73,8 @@ def test_values_of_toml(value, right):
         ({"choice": [1]}, True),
         ({"uniform": [1, 1]}, True),
         ({"uniform": [1.01, 1]}, False),
-        ({"uniform": [-LARGEST, LARGEST]}, True),
-        ({"uniform": [0, 1.01 * LARGEST]}, False),
+        ({"uniform": [-LARGEST_NUMBER, LARGEST_NUMBER]}, True),
+        ({"uniform": [0, 1.01 * LARGEST_NUMBER]}, False),
         ({"log_uniform": [1e-9, 1]}, True),
         ({"log_uniform": [0, 1]}, False),
         ({"geomspace": [1, 1e-9, 3]}, True),
@@ -236,7 +237,9 @@ def test_cells_of_a_printed_table(capsys):
     from rich.console import Console
 
     success = SimpleNamespace(value=1.0, low=1.0, high=1.0, units=1, known=True)
-    cell = SimpleNamespace(settings={"a": 1}, runs=1, means={}, success=success, unit="seed")
+    cell = SimpleNamespace(
+        settings={"a": 1}, runs=1, means={}, finite=Counter(), success=success, unit="seed"
+    )
     for count, more in ((60, False), (61, True)):
         sweep_command._print_cells(Console(width=100), [cell] * count)
         assert ("... and 1 cells more, in cells.csv" in capsys.readouterr().out) is more

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from servo.report import charts
-from servo.report.drawing import colour
 from servo.report.charts import Curve, Scale
+from servo.report.drawing import colour
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from servo.scenario.toml import put
 from sim.ranges import LONGEST
 
 SHORT = """
-camera = { width = 96, height = 72, exposure = 0.5, subframes = 2 }
+camera = { width = 96, height = 72, exposure = 0.5 }
 run.duration = 0.26
 goal = { depth_to = 1.2, change_start = 0.05, change_duration = 0.1 }
 start = { x = 5.0, y = -4.0, angle_deg = 5.0 }
@@ -219,8 +219,6 @@ def anything(config, at):
             "duration",
             "width",
             "height",
-            "supersample",
-            "subframes",
             "physics_rate",
             "rate",
         )

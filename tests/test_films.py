@@ -10,10 +10,11 @@ from commands import PATIENCE
 import servo
 from servo.loop.episode import Episode
 from servo.output import room_view
-from servo.output.film import GOAL, PANEL, write_film
+from servo.output.film import PANEL, write_film
 from servo.output.room_view import RoomView
+from tracking.drawing.colours import GOAL, STATUS_ON_WHITE
 from tracking.drawing.film_page import CAPTION, CHART, HEAD, MARGIN, panel
-from tracking.drawing.running_chart import COLOURS, RunningChart, rgb
+from tracking.drawing.running_chart import Chart, RunningChart, rgb
 from tracking.drawing.video_writer import VideoWriter
 from tracking.sequences.video_file import Video
 
@@ -90,7 +91,7 @@ def test_a_picture_keeps_its_shape_in_its_panel():
 
 
 def test_a_chart_grows_with_time_and_values_and_says_the_status():
-    chart = RunningChart(640, 194, {"error": "#c23b2e"}, "distance [px]", end=2.0)
+    chart = RunningChart(640, 194, Chart({"error": "#c23b2e"}, "distance [px]", end=2.0))
     chart.add(0.0, [3.0], "LOCKED")
     assert (chart._end, chart._top) == (2.0, 5.0)
     chart.add(1.0, [float("nan")], "UNSURE")
@@ -99,8 +100,8 @@ def test_a_chart_grows_with_time_and_values_and_says_the_status():
     picture = chart.add(3.0, [34.0], "LOST")
     band, left, right = (chart._at([t], np.array([-1.5 * 0.07 * 50]))[0] for t in (0.5, 1.0, 3.0))
     row = picture[round(band[1])]
-    assert tuple(row[round(band[0])]) == rgb(COLOURS["UNSURE"])
-    assert tuple(row[round((left[0] + right[0]) / 2)]) == rgb(COLOURS["LOST"])
+    assert tuple(row[round(band[0])]) == rgb(STATUS_ON_WHITE["UNSURE"])
+    assert tuple(row[round((left[0] + right[0]) / 2)]) == rgb(STATUS_ON_WHITE["LOST"])
 
 
 @pytest.mark.processes

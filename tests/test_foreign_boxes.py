@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.external.boxes import Placed, convex
+from tracking.external.boxes import Placement, convex
 from tracking.types import Region, State
 
 REGION, START = Region(40.0, 20.0), State(100.0, 60.0, 0.3, 1.5)
@@ -11,7 +11,7 @@ BOX = np.array([60.0, 30.0, 80.0, 60.0])
 
 
 def placed(sizes=True):
-    return Placed(REGION, START, BOX, sizes=sizes)
+    return Placement(REGION, START, BOX, sizes=sizes)
 
 
 def test_a_box_relative_to_the_first_moves_and_scales():
@@ -47,7 +47,7 @@ def test_the_angle_is_continuous_over_several_turns():
 
 
 def test_upright_corners_turn_nothing():
-    place = Placed(REGION, State(100.0, 60.0), BOX, sizes=True)
+    place = Placement(REGION, State(100.0, 60.0), BOX, sizes=True)
     place.follow_corners(np.array([[70.0, 40], [130, 40], [130, 60], [70, 60]]))
     assert (place.state.theta, place.turns) == (0.0, False)
     assert place.state.scale == pytest.approx((20 * 30 + 10 * 10) / (20**2 + 10**2))

@@ -18,7 +18,7 @@ from sim.placement import DOWN, check_sight
 from sim.robots import free
 from sim.targets import plate
 from sim.types import Pose
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 
 RNG = np.random.default_rng()
 TARGET = still.Config(x=0.2, y=-0.1, heading_deg=30.0).build(RNG)
@@ -28,7 +28,7 @@ TARGET = still.Config(x=0.2, y=-0.1, heading_deg=30.0).build(RNG)
 def world():
     camera = CameraConfig(width=640, height=480, fx=600.0, rate=25.0)
     robot, target = free.Config().build(RNG), plate.Config(width=0.1).build(RNG)
-    return World(WorldConfig(), robot, target, camera, TARGET, (), RNG, Dark)
+    return World(WorldParts(robot, target, TARGET, camera=camera), RNG, renderer=Dark)
 
 
 def seen(world):

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from tracking.drawing.contact_sheet import FOUND, TILE, TRUE, sheet
+from tracking.drawing.colours import ESTIMATE, TRUTH
+from tracking.drawing.contact_sheet import TILE, sheet
 from tracking.sequences.painted import KINDS as FOLDER
 from tracking.sequences.painted.clutter import LEVELS, RADIUS
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.types import State
 
 
@@ -141,10 +142,10 @@ def test_a_camouflaged_car_in_one_colour_has_the_histogram_of_any_other_place():
 
 
 def test_a_contact_sheet_shows_truth_white_and_estimate_green():
-    grey = Painted(lambda _: np.full((120, 160, 3), 90, np.uint8), 9)
+    grey = PaintedSource(lambda _: np.full((120, 160, 3), 90, np.uint8), 9)
     truth = np.tile(np.array([[40, 30], [90, 30], [90, 70], [40, 70]], float), (9, 1, 1))
     sheets = [sheet(grey, truth, found, count=4) for found in (None, truth + 20)]
     assert sheets[0].shape == (TILE * 3 // 4 + 8, 4 * (TILE + 4) + 4, 3)
-    for colour, counts in ((TRUE, (True, True)), (FOUND, (False, True))):
+    for colour, counts in ((TRUTH, (True, True)), (ESTIMATE, (False, True))):
         seen = [(np.abs(s.astype(int) - colour).max(axis=2) < 90).sum() > 60 for s in sheets]
         assert tuple(seen) == counts

@@ -78,3 +78,12 @@ def test_a_matrix_weaker_than_allowed_counts_as_having_no_inverse():
     A = np.diag([2.0, 1.0, 0.1])  # |A^-1| is 10.06, so it proves 0.0994 at best
     np.testing.assert_allclose(g.inverse_if_strong(A, 0.099), np.diag([0.5, 1.0, 10.0]))
     assert g.inverse_if_strong(A, 0.1) is None
+
+
+def test_poses_are_equal_where_their_numbers_are():
+    one, other = Pose.planar(0.1, 0.2, 0.3), Pose.planar(0.1, 0.2, 0.4)
+    assert one == Pose.planar(0.1, 0.2, 0.3)
+    assert one != other
+    assert one != "pose"
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(one)

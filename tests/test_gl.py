@@ -105,7 +105,7 @@ def first_picture(*changes):
 def test_the_first_picture_does_not_depend_on_what_was_rendered_before():
     gl.KEPT.__dict__.clear()
     alone = first_picture()
-    first_picture("camera.width=640", "camera.height=480", "camera.supersample=2")
+    first_picture("camera.width=640", "camera.height=480")
     first_picture("robot.kind=arm", "disturbances=[{kind='spot', start=0.0}]")
     assert np.array_equal(first_picture(), alone)
 

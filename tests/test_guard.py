@@ -125,15 +125,6 @@ def test_no_columns_are_the_usual_ones(tmp_path):
     assert "estimator.rho" in ended.stdout
 
 
-def test_a_folder_that_is_gone_is_named(tmp_path):
-    words = f"mkdir gone && cd gone && rmdir ../gone && '{BIN}' track . --region 1,1,9,9"
-    ended = subprocess.run(
-        ["bash", "-c", words], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    sentence = "servobench: the current folder is gone: go to one that exists\n"
-    assert (ended.returncode, ended.stderr) == (2, sentence)
-
-
 def test_settings_of_dask_that_are_broken_are_named(tmp_path):
     (tmp_path / "tls.yaml").write_text("distributed: [\n")
     ended = subprocess.run(

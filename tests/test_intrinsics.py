@@ -58,16 +58,13 @@ SETTINGS = {
     "fisheye of 90 deg": CameraConfig(
         fovy_deg=90.0, cx=160.0, distortion="fisheye", coefficients=(0.0,) * 4
     ),
-    "fisheye, twice as fine": CameraConfig(
-        fx=180.0, distortion="fisheye", coefficients=(0.0,) * 4, supersample=2
-    ),
 }  # fmt: skip
 
 
-def worst(model, camera, supersample=1, count=30):
+def worst(model, camera, count=30):
     """The largest distance between blobs all over the picture and where they should be [px]."""
     data, lens, found = mujoco.MjData(model), Lens(camera), []
-    renderer = OpenGLRenderer(model, "eye", lens.view, supersample)
+    renderer = OpenGLRenderer(model, "eye", lens.view)
     mujoco.mj_forward(model, data)
     eye = camera_pose(data, 0)
     v, u = np.mgrid[:HEIGHT, :WIDTH] + 0.5
@@ -91,7 +88,7 @@ def test_a_rendered_blob_lies_where_the_models_camera_says(camera):
 @pytest.mark.parametrize("settings", SETTINGS)
 def test_a_rendered_blob_lies_where_the_settings_say(settings):
     config, model = SETTINGS[settings], model_with(CAMERAS["off-centre to the right"])
-    assert worst(model, camera_of(config, model, "eye"), config.supersample) < WITHIN
+    assert worst(model, camera_of(config, model, "eye")) < WITHIN
 
 
 def test_settings_go_before_the_models_sensor():

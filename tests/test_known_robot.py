@@ -8,30 +8,22 @@ import pytest
 from dark import Dark
 
 from sim.believed import BelievedConfig
-from sim.camera.camera import CameraConfig
 from sim.geometry import log_se3
 from sim.motions import still
 from sim.robots import arm, gantry, mjcf
 from sim.targets import car
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 
 SIDEWAYS = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def world_of(kind=gantry, believed=None, **settings):
     rng = np.random.default_rng(0)
-    made = World(
-        WorldConfig(),
-        kind.Config(**settings).build(rng),
-        car.Config().build(rng),
-        CameraConfig(),
-        still.Config().build(rng),
-        (),
-        rng,
-        Dark,
-        believed or BelievedConfig(),
-        np.random.default_rng(7),
+    robot, target, motion = (
+        part.build(rng) for part in (kind.Config(**settings), car.Config(), still.Config())
     )
+    parts = WorldParts(robot, target, motion, believed=believed or BelievedConfig())
+    made = World(parts, rng, np.random.default_rng(7), Dark)
     assert made.start(np.array([160.0, 120.0]), 0.0, 1.0)
     return made
 

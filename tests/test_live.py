@@ -17,7 +17,7 @@ from servo.mistake import Mistake
 from servo.output import sinks
 from servo.output.display import DISPLAYS
 from servo.output.recording import live
-from servo.output.sinks import Paced
+from servo.output.sinks import PacedSink
 
 
 class Kept:
@@ -40,7 +40,7 @@ def test_frames_come_at_their_times_over_the_speed_and_late_ones_at_once(monkeyp
     monkeypatch.setattr(sinks.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(sinks.time, "sleep", lambda s: clock.__setitem__(0, clock[0] + s))
     kept = Kept(clock)
-    paced = Paced(kept, speed, lambda frame: frame)
+    paced = PacedSink(kept, speed, lambda frame: frame)
     for frame in (0.0, 0.5, 2.0, 2.3):
         if frame == 2.0:
             clock[0] = 8.0

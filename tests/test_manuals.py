@@ -211,6 +211,12 @@ def test_a_table_names_every_room(folder):
     assert shown == contents(folder)
 
 
+def test_the_page_of_benchmarks_names_every_script():
+    folder = ROOT / "tests" / "benchmarks"
+    shown = set(re.findall(r"`(\w+\.py)`", (folder / "README.md").read_text()))
+    assert shown == {path.name for path in folder.glob("*.py")}
+
+
 def test_the_guide_names_every_room_of_the_world():
     shown = named(section("CONTRIBUTING.md", "## Where to find it"))
     rooms = {f"sim/{name}" for name in contents("sim") if name.endswith("/")}
@@ -231,26 +237,29 @@ def test_the_verdicts_shown_are_those_kept():
     assert shown == {name: (v["effect"], v["finding"]) for name, v in kept.items()}
 
 
-def settings(schema):
+def settings(schema, definitions):
     """The names of all settings in a JSON Schema, however deep."""
     if isinstance(schema, dict):
+        schema = definitions.get(schema.get("$ref", "").rpartition("/")[2], schema)
         properties = schema.get("properties", {})
         inner = [*properties.values(), *(v for k, v in schema.items() if k != "properties")]
-        return set(properties).union(*map(settings, inner))
-    return set().union(*map(settings, schema)) if isinstance(schema, list) else set()
+        return set(properties).union(*(settings(part, definitions) for part in inner))
+    inner = schema if isinstance(schema, list) else []
+    return set().union(*(settings(part, definitions) for part in inner))
 
 
 @pytest.mark.parametrize("path", MANUALS, ids=name)
 def test_every_setting_named_exists(path):
-    tables = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())["properties"]
-    there = {table: settings(tables[table]) for table in (*SECTIONS, *PLUGINS)}
+    schema = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())
+    tables = schema["properties"]
+    there = {table: settings(tables[table], schema["$defs"]) for table in (*SECTIONS, *PLUGINS)}
     there["tracker"].add("command")  # of `trax`: from the command line only, so not in the schema
     prose = BLOCK.sub("", path.read_text())
     for code in re.findall(r"`([^`\n]+)`", prose):
         for table, keys in re.findall(
             rf"(?<![\w./])({'|'.join(there)})\.([a-z]\w*(?:\.[a-z]\w*)*)", code
         ):
-            if keys not in {"md", "py", "rrd"}:  # a file
+            if keys not in {"md", "png", "py", "rrd"}:  # a file
                 assert not {*keys.split(".")} - there[table], f"{path}: {code}"
 
 

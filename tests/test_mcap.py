@@ -15,8 +15,8 @@ import servo
 from servo.cli.outputs import Outputs
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
-from servo.output.mcap_file import RunMcap, _Kept
-from sim.quaternion import matrix_of
+from servo.output.mcap_file import RunMcap, _CheckedFile
+from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
 CHANGES = [
@@ -122,7 +122,7 @@ def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):
 
 
 def test_the_first_error_of_the_disk_is_kept():
-    file = _Kept(Path("/dev/full"))
+    file = _CheckedFile(Path("/dev/full"))
     assert file.write(b"x") == 1
     with pytest.raises(OSError, match="No space left"):
         file.check()

@@ -9,6 +9,7 @@ from robot_files import built, mjcf_arm, urdf_arm
 
 from servo.loop.measured_run import measured_run
 from servo.scenario.load import load
+from sim.robot.design import Inversion
 from sim.robot.model import mount_pose
 from sim.robots import mjcf
 from sim.types import Pose
@@ -141,8 +142,8 @@ def test_a_redundant_arm_moves_away_from_its_limits_without_moving_the_camera(se
 
 
 def test_centring_gives_way_where_it_would_slow_the_camera(seven):
-    robot, model, data = built(model=str(seven), centring=100.0)
-    plain, _, _ = built(model=str(seven), centring=0.0)
+    robot, model, data = built(Inversion(centring=100.0), model=str(seven))
+    plain, _, _ = built(Inversion(centring=0.0), model=str(seven))
     data.qpos[:] = [0.3, 0.6, 0.8, -2.2, 0.5, 2.0, 2.0]
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)

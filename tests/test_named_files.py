@@ -49,7 +49,6 @@ def test_files_are_looked_for_beside_the_file_that_names_them(folder):
         "camera": {"calibration": "no\0name"},
         "motion": {"file": "wedge.obj"},
         "vary": {"target.file": {"choice": ["wedge.obj", "duck"]}},
-        "sweep": {"axes": {"target.file": ["wedge.obj", "duck"]}},
     }
     assert found_beside(table, folder) == {
         "target": {"kind": "mesh", "file": whole, "colour": "wedge.obj"},
@@ -57,7 +56,6 @@ def test_files_are_looked_for_beside_the_file_that_names_them(folder):
         "camera": {"calibration": "no\0name"},
         "motion": {"file": "wedge.obj"},
         "vary": {"target.file": {"choice": [whole, "duck"]}},
-        "sweep": {"axes": {"target.file": [whole, "duck"]}},
     }
     assert load(str(folder / "mine.toml")).target.file == whole
 

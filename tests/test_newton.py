@@ -4,7 +4,7 @@ import pytest
 
 from tracking.hot import kernel_histograms as hot
 from tracking.hot.descent import FLOOR
-from tracking.search.newton import UNITS, KernelModel, distance_of
+from tracking.search.newton import UNITS, KernelGrid, KernelModel, distance_of
 from tracking.types import Region, State
 
 REGION, TRUE = Region(60.0, 40.0), State(80.0, 60.0, 0.3, 1.0)
@@ -24,7 +24,7 @@ def target_image(state=TRUE, seed=2):
 
 def test_gradient_is_half_the_derivative_of_the_objective():
     image = target_image()
-    model, x = KernelModel(image, REGION, TRUE), TRUE.vector + [2.0, -1.0, 0.05, 0.03]
+    model, x = KernelModel(image, REGION, TRUE, KernelGrid()), TRUE.vector + [2.0, -1.0, 0.05, 0.03]
     gradient, h = model.linearise(image, x)[1], 1e-5
     for p in range(4):
         d = h * np.eye(4)[p]
@@ -34,7 +34,7 @@ def test_gradient_is_half_the_derivative_of_the_objective():
 
 def test_derivatives_of_a_normalised_histogram_sum_to_zero():
     image = target_image()
-    sums, totals = KernelModel(image, REGION, TRUE).histograms(image, TRUE.vector)
+    sums, totals = KernelModel(image, REGION, TRUE, KernelGrid()).histograms(image, TRUE.vector)
     q = sums[:, :, 0] / totals[:, :1]
     dq = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
     np.testing.assert_allclose(dq.sum(axis=1), 0.0, atol=1e-12)
@@ -42,7 +42,7 @@ def test_derivatives_of_a_normalised_histogram_sum_to_zero():
 
 def test_without_the_normalisers_derivative_the_scale_column_is_mostly_wrong():
     image = target_image()
-    sums, totals = KernelModel(image, REGION, TRUE).histograms(image, TRUE.vector)
+    sums, totals = KernelModel(image, REGION, TRUE, KernelGrid()).histograms(image, TRUE.vector)
     q = sums[:, :, 0] / totals[:, :1]
     full = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
     naive = sums[:, :, 1:] / totals[:, :1, None]
@@ -53,7 +53,7 @@ def test_without_the_normalisers_derivative_the_scale_column_is_mostly_wrong():
 
 def test_the_objective_is_zero_at_the_true_state():
     image = target_image()
-    assert KernelModel(image, REGION, TRUE).linearise(image, TRUE.vector)[0] < 1e-20
+    assert KernelModel(image, REGION, TRUE, KernelGrid()).linearise(image, TRUE.vector)[0] < 1e-20
 
 
 @pytest.mark.parametrize("span", [1.0, 1.5])
@@ -61,19 +61,19 @@ def test_the_objective_is_zero_at_the_true_state():
 def test_basin_of_attraction(span, offset, least):
     """Success: centre < 2 px, angle < 3 deg, scale < 5 %, of 12 directions of displacement."""
     image, rng = target_image(), np.random.default_rng(4)
-    model, found = KernelModel(image, REGION, TRUE, span=span), 0
+    model, found = KernelModel(image, REGION, TRUE, KernelGrid(span=span)), 0
     for direction in rng.normal(size=(12, 4)):
         direction[:2] /= np.linalg.norm(direction[:2])
         start = TRUE.vector + direction.clip(-1, 1) * offset * [1, 1, 1 / 60, 1 / 80]
-        end = model.refine(image, State.of(start), most=20).state.vector - TRUE.vector
+        end = model.descend(image, State.of(start), most=20).state.vector - TRUE.vector
         found += bool(np.hypot(*end[:2]) < 2 and abs(end[2]) < 0.05 and abs(end[3]) < 0.05)
     assert found >= least
 
 
 def test_a_descent_ends_at_the_moved_target_to_a_tenth_of_a_pixel():
     moved = State(83.0, 57.5, 0.42, 1.06)
-    model = KernelModel(target_image(), REGION, TRUE)
-    refined = model.refine(target_image(moved), TRUE, most=20, tolerance=0.01)
+    model = KernelModel(target_image(), REGION, TRUE, KernelGrid())
+    refined = model.descend(target_image(moved), TRUE, most=20, tolerance=0.01)
     error = np.abs(refined.state.vector - moved.vector)
     assert error[:2].max() < 0.1
     assert error[2] < np.radians(0.3)
@@ -84,8 +84,8 @@ def test_a_descent_ends_at_the_moved_target_to_a_tenth_of_a_pixel():
 def test_one_round_kernel_cannot_see_rotation_and_nine_can():
     region = Region(40.0, 40.0)
     image = target_image()
-    one = KernelModel(image, region, TRUE, per_side=1, span=0.5).linearise(image, TRUE.vector)
-    nine = KernelModel(image, region, TRUE, per_side=3).linearise(image, TRUE.vector)
+    one = KernelModel(image, region, TRUE, KernelGrid(1, 0.5)).linearise(image, TRUE.vector)
+    nine = KernelModel(image, region, TRUE, KernelGrid()).linearise(image, TRUE.vector)
     smallest = [np.linalg.eigvalsh(m[2] * np.outer(UNITS, UNITS))[0] for m in (one, nine)]
     assert smallest[1] > 1e-5
     assert smallest[0] < 1e-3 * smallest[1]
@@ -94,7 +94,9 @@ def test_one_round_kernel_cannot_see_rotation_and_nine_can():
 def test_a_hopeless_start_is_left_alone_after_one_look():
     image = target_image()
     far = State(30.0, 30.0, 2.0, 1.0)
-    refined = KernelModel(image, REGION, TRUE).refine(image, far, hopeless=0.1)
+    refined = KernelModel(image, REGION, TRUE, KernelGrid()).descend(
+        image, far, most=8, hopeless=0.1
+    )
     assert refined.state == far
     assert refined.evaluations == 1
     assert refined.distance > 0.1
@@ -102,20 +104,21 @@ def test_a_hopeless_start_is_left_alone_after_one_look():
 
 def test_a_step_never_makes_the_objective_worse():
     image = target_image()
-    model = KernelModel(image, REGION, TRUE)
+    model = KernelModel(image, REGION, TRUE, KernelGrid())
     for x in TRUE.vector + np.random.default_rng(1).normal(0, [12, 12, 0.3, 0.2], (20, 4)):
         before = distance_of(model.linearise(image, x)[0])
-        assert model.refine(image, State.of(x), most=6).distance <= before
+        assert model.descend(image, State.of(x), most=6).distance <= before
 
 
 def test_a_large_target_is_read_at_fewer_pixels():
-    image = target_image()
-    model = KernelModel(image, REGION, TRUE, pixels=500)
-    _, every = hot.kernel_histograms(
-        image, TRUE.vector, (30.0, 20.0), np.zeros((1, 2)), (20.0, 40 / 3), 8, 1
-    )
-    _, some = hot.kernel_histograms(
-        image, TRUE.vector, (30.0, 20.0), np.zeros((1, 2)), (20.0, 40 / 3), 8, 2
+    """A template of 120 x 80 px has 9,600: with at most 2,000 every second row and column is read."""
+    image, large = target_image(), Region(120.0, 80.0)
+    model = KernelModel(image, large, TRUE, KernelGrid())
+    every, some = (
+        hot.kernel_histograms(
+            image, TRUE.vector, (60.0, 40.0), np.zeros((1, 2)), (40.0, 80 / 3), 8, stride
+        )[1]
+        for stride in (1, 2)
     )
     assert some[0, 0] == pytest.approx(every[0, 0] / 4, rel=0.02)
     _, totals = model.histograms(image, TRUE.vector)

@@ -121,11 +121,3 @@ def test_a_file_that_is_wrong_is_blamed_whatever_is_changed(tmp_path):
 def test_the_last_of_two_overrides_holds_and_an_earlier_one_may_be_wrong():
     changes = ["run.latency=2", "run.latency=500", " run . latency = 0x03"]
     assert s.load("still", changes).run.latency == 3
-
-
-def test_an_inner_table_keeps_the_values_that_its_kind_begins_with():
-    """`kams` begins with another lock than `LockConfig` does; one setting changes no other."""
-    before = s.load("still", ["tracker.kind=kams"]).tracker.lock
-    after = s.load("still", ["tracker.kind=kams", "tracker.lock.patience=2"]).tracker.lock
-    assert (before.floor, before.cap, before.patience) == (0.5, 0.75, 1.0)
-    assert (after.floor, after.cap, after.patience) == (0.5, 0.75, 2.0)

@@ -23,7 +23,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.loop.step import Seconds
 from servo.output import versions as found_versions
 from servo.output.formats import command_line
-from servo.output.recording import archetypes, track_log
+from servo.output.recording import layout
 from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
@@ -35,7 +35,7 @@ from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
-from tracking.sequences.sources import End, Painted, Picture
+from tracking.sequences.sources import End, PaintedSource, Picture
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 from tracking.types import Estimate, Region, State, Status
@@ -162,7 +162,7 @@ def test_contact_sheets_look_like_this(approved):
     truth = square + 3 * np.arange(7)[:, None, None]
     found = truth[:5] + 6
     found[2] = np.nan
-    whole = contact_sheet.sheet(Painted(paint, 7), truth, found, count=6)
+    whole = contact_sheet.sheet(PaintedSource(paint, 7), truth, found, count=6)
     lost = contact_sheet.tile(Picture("gone", 0.0, None), truth[0], None)
     seen = {}
     for name, image in (("sheet", whole), ("lost", lost), ("page", contact_sheet.page([lost] * 2))):
@@ -181,8 +181,8 @@ def plan(item):
 
 
 BLUEPRINTS = {
-    "run": lambda: archetypes.blueprint(METRIC.names),
-    "track": track_log._blueprint,
+    "run": lambda: layout.blueprint_of_run(METRIC.names),
+    "track": layout.blueprint_of_track,
 }
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from servo.mistake import LONGEST, Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
-from servo.scenario.toml import DEEPEST, LARGEST
+from servo.scenario.toml import DEEPEST, LARGEST_FILE
 
 BASE = tomllib.loads((resources.files("scenes") / "occlusion.toml").read_text(encoding="utf-8"))
 KINDS = {key: folder.names() for key, (folder, _) in PLUGINS.items()}
@@ -187,7 +187,7 @@ def test_what_python_itself_gives_up_on_is_a_sentence_with_its_limit(path, text,
 
 
 def test_a_file_that_is_far_too_long_is_not_read_to_its_end(path):
-    path.write_text("# " + "x" * LARGEST)
+    path.write_text("# " + "x" * LARGEST_FILE)
     assert outcome(s.load, str(path)) == (
         f"{path}: cannot read this scenario: it is too large; the limit is 1,000,000 bytes"
     )

@@ -100,7 +100,7 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
 
 
 def test_the_pictures_of_a_recording_come_with_the_rectangles_of_the_table(ran):
-    from servo.output.recording.view import pictures
+    from servo.output.recording.recorded_frames import pictures
 
     found = pictures(ran / "run.rrd", 4)
     table = pq.read_table(ran / "steps.parquet").to_pylist()
@@ -121,9 +121,9 @@ def test_a_run_without_a_recording_says_so(ran, tmp_path):
 
 
 def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
-    from servo.output.recording import view
+    from servo.output.recording import recorded_frames
 
-    monkeypatch.setattr(view, "pictures", lambda path, count: [])
+    monkeypatch.setattr(recorded_frames, "pictures", lambda path, count: [])
     blocks = {block["title"]: block for block in section(ran)["blocks"]}
     told = blocks["What the camera saw"]
     assert (told["text"], told["pictures"]) == (["There are no pictures in this recording."], [])

@@ -8,7 +8,8 @@ from sim.camera.camera import CameraConfig
 from sim.camera.renderer import camera_pose
 from sim.geometry import log_se3
 from sim.models.assembly import build_model
-from sim.robot.robot import CAMERA, Drives, Robot, damped_inverse
+from sim.robot.design import CAMERA, Inversion
+from sim.robot.robot import Robot, damped_inverse
 from sim.robots import arm, gantry
 from sim.targets import car
 
@@ -47,7 +48,7 @@ def test_jacobian_agrees_with_finite_differences(kind, seed):
 
 
 def test_the_inverse_is_exact_where_it_can_be_and_bounded_where_it_cannot():
-    rng, drives = np.random.default_rng(0), Drives(weakest=0.1, damping=0.1)
+    rng, drives = np.random.default_rng(0), Inversion(weakest=0.1, damping=0.1)
     U, V = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
     strong, weak = (U @ np.diag([1, 1, 1, 1, 1, s]) @ V.T for s in (0.2, 1e-9))
     np.testing.assert_allclose(damped_inverse(strong, drives) @ strong, np.eye(6), atol=1e-12)

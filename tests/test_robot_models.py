@@ -10,7 +10,8 @@ import pytest
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from sim.robot.robot import Design, Drives, Robot
+from sim.robot.design import Design, Drives, Inversion
+from sim.robot.robot import Robot
 from sim.robots import gantry
 
 ONE_JOINT = """
@@ -23,14 +24,16 @@ ONE_JOINT = """
   <actuator>{actuator}</actuator>
 </mujoco>"""
 VELOCITY = '<velocity name="x" joint="x" kv="10"/>'
-DRIVES = Drives(weakest=0.1, damping=1e-6)
+INVERSION = Inversion(weakest=0.1, damping=1e-6)
 
 
 def robot(actuator=VELOCITY, height=1):
     model = mujoco.MjModel.from_xml_string(ONE_JOINT.format(actuator=actuator, height=height))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return Robot(model, Design("mine.xml", mujoco.MjSpec(), DRIVES, ((0.0,),))), data
+    return Robot(
+        model, Design("mine.xml", mujoco.MjSpec(), Drives(), ((0.0,),), inversion=INVERSION)
+    ), data
 
 
 def test_without_a_ctrlrange_a_drive_has_no_limit():
@@ -85,7 +88,7 @@ def edited(monkeypatch):
         text, count = re.subn(pattern, replacement, text)
         assert count
         spec = mujoco.MjSpec.from_string(text)
-        design = Design("mine.xml", spec, Drives(), ((0.0,) * 6,))
+        design = Design("mine.xml", spec, Drives(), ((0.0,) * 6,), inversion=gantry.INVERSION)
         monkeypatch.setattr(gantry.Config, "build", lambda config, rng: design)
 
     return edit

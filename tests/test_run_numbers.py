@@ -140,7 +140,7 @@ def test_these_events_happen(scripted, approved):
 
 def test_the_plots_show_this(scripted, drawn, approved):
     steps, _, _ = scripted
-    for name, figure in (("motion", plots._motion_figure), ("errors", plots._error_figure)):
+    for name, figure in (("motion", plots.motion_figure), ("errors", plots.error_figure)):
         approved(f"run/plot-{name}", drawn(figure(steps[::2], "title")), ROUNDING)
 
 

@@ -1,31 +1,29 @@
 import numpy as np
 import pytest
 
-from sim.kinds import config_of
-from tracking.appearance.bins import ColourBins, Labelled, Window
-from tracking.appearance.layout import disc, grid, histograms, ring
-from tracking.appearance.model import model_of
-from tracking.appearance.reference import Learning
+from tracking.appearance.bins import ColourBins, LabelledImage, Window
+from tracking.appearance.layout import Sampling, disc, grid, histograms, ring
+from tracking.appearance.model import SampledModel
+from tracking.settings import PLAIN, AppearanceSettings
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
 REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)
 
 
+def model_of(image, sampling, region=REGION, state=TRUE, **changes):
+    settings = AppearanceSettings(**PLAIN | changes)
+    return SampledModel(image, region, state, settings, sampling)
+
+
 def model(image, **changes):
-    learning = Learning(**changes)
-    return model_of(image, REGION, TRUE, ColourBins(), learning, per_side=3, density=5)
+    return model_of(image, Sampling(5, cells=3), **changes)
 
 
 def test_bins_are_the_leading_bits_of_red_green_blue():
     image = np.array([[[0, 0, 0], [255, 0, 0], [0, 64, 31], [33, 255, 255]]], np.uint8)
     labels = ColourBins(8).label(image, Window(0, 0, 4, 1))
     np.testing.assert_array_equal(labels, [[0, 7 * 64, 2 * 8 + 0, 64 + 7 * 8 + 7]])
-
-
-def test_bins_whose_joint_numbers_need_more_than_16_bits_are_refused():
-    with pytest.raises(ValueError, match="levels must be 1 to 32, not 33"):
-        ColourBins(33)
 
 
 def test_grid_has_equal_parts_that_fill_the_template():
@@ -45,7 +43,7 @@ def test_ring_lies_around_the_template():
 
 
 def test_histograms_sum_to_one(smooth_image):
-    parts = histograms(Labelled(smooth_image, ColourBins()), grid(REGION, 3, 5), TRUE)
+    parts = histograms(LabelledImage(smooth_image, ColourBins()), grid(REGION, 3, 5), TRUE)
     np.testing.assert_allclose(parts.sum(axis=1), np.ones(9), rtol=1e-12)
 
 
@@ -67,8 +65,8 @@ def test_distance_is_least_at_the_true_state(smooth_image):
 
 def test_distance_is_the_root_mean_over_the_parts(smooth_image):
     cells, state = model(smooth_image), State(83.0, 61.0, 0.3, 1.0)
-    reference = histograms(Labelled(smooth_image, ColourBins()), grid(REGION, 3, 20), TRUE)
-    seen = histograms(Labelled(smooth_image, ColourBins()), grid(REGION, 3, 5), state)
+    reference = histograms(LabelledImage(smooth_image, ColourBins()), grid(REGION, 3, 20), TRUE)
+    seen = histograms(LabelledImage(smooth_image, ColourBins()), grid(REGION, 3, 5), state)
     rho = np.sqrt(reference * seen).sum(axis=1)
     distances = cells.distances(cells.label(smooth_image), state.vector[None])
     assert distances[0] == pytest.approx(np.sqrt(1 - rho.mean()), rel=1e-12)
@@ -85,10 +83,7 @@ def test_contrast_makes_a_shrunken_box_worse():
     image[40:80, 50:110] = (20, 40, 200)
     region, true = Region(60.0, 40.0), State(80.0, 60.0)
     small = np.array([true.vector, true.vector + [0, 0, 0, -0.2]])
-    models = [
-        model_of(image, region, true, ColourBins(), Learning(contrast=c), per_side=3, density=5)
-        for c in (0.0, 0.5)
-    ]
+    models = [model_of(image, Sampling(5, cells=3), region, true, contrast=c) for c in (0.0, 0.5)]
     energies = [cells.energy(cells.label(image), small) for cells in models]
     # A uniform target's histogram does not see that the box shrank into it; its ring does.
     assert energies[0][1] - energies[0][0] == pytest.approx(0.0, abs=1e-3)
@@ -103,7 +98,7 @@ def test_disc_has_an_epanechnikov_kernel_that_sums_to_one():
 
 
 def test_mean_shift_climbs_to_the_target_and_never_down(smooth_image):
-    model = model_of(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
+    model = model_of(smooth_image, Sampling(24))
     starts = TRUE.vector + np.array([(4, 0, 0, 0), (-3, 3, 0, 0), (0, -4, 0, 0)])
     image = model.label(smooth_image)
     ends, distances, evaluations = model.climb(image, starts, most=30, tolerance=0.05, reach=20.0)
@@ -121,7 +116,7 @@ def test_a_mean_shift_step_points_up_the_coefficient_of_its_kernel(kernel):
     labels = np.clip(rng.normal(128, 60, (40, 40, 3)), 0, 255).astype(np.uint8)
     image = np.kron(labels, np.ones((6, 6, 1), np.uint8))
     region, true = Region(80.0, 60.0), State(120.0, 110.0)
-    model = model_of(image, region, true, ColourBins(2), Learning(), density=160, kernel=kernel)
+    model = model_of(image, Sampling(160, kernel=kernel), region, true, levels=2)
     picture, state = model.label(image), true.vector + [7.0, -5.0, 0, 0]
     ends, _, _ = model.climb(picture, state[None], most=2, tolerance=0.0, reach=40.0)
     h = 1.5
@@ -136,16 +131,7 @@ def test_a_mean_shift_step_points_up_the_coefficient_of_its_kernel(kernel):
 def test_summed_parts_are_the_mean_with_so_many_times_gamma(smooth_image):
     states = TRUE.vector + np.array([(0, 0, 0, 0), (4, 2, 0.1, 0)])
     mean, total = (
-        model_of(
-            smooth_image,
-            REGION,
-            TRUE,
-            ColourBins(10),
-            Learning(contrast=0.5),
-            per_side=3,
-            density=5,
-            combine=combine,
-        )
+        model_of(smooth_image, Sampling(5, 3, combine=combine), levels=10, contrast=0.5)
         for combine in ("mean", "sum")
     )
     image = mean.label(smooth_image)
@@ -155,14 +141,14 @@ def test_summed_parts_are_the_mean_with_so_many_times_gamma(smooth_image):
 
 def test_one_mean_shift_step_is_the_weighted_mean(smooth_image):
     layout, state = disc(REGION, 24), State(83.0, 61.0, 0.3, 1.0)
-    q = histograms(Labelled(smooth_image, ColourBins()), disc(REGION, 96), TRUE)[0]
-    p = histograms(Labelled(smooth_image, ColourBins()), layout, state)[0]
+    q = histograms(LabelledImage(smooth_image, ColourBins()), disc(REGION, 96), TRUE)[0]
+    p = histograms(LabelledImage(smooth_image, ColourBins()), layout, state)[0]
     c, s = np.cos(0.3), np.sin(0.3)
     at = layout.points @ np.array([[c, s], [-s, c]]) + (83.0, 61.0)
     labels = ColourBins().label(smooth_image, Window(0, 0, 160, 120))
     seen = labels[at[:, 1].astype(int), at[:, 0].astype(int)]
     w = np.sqrt(q[seen] / p[seen])
-    model = model_of(smooth_image, REGION, TRUE, ColourBins(), Learning(), density=24)
+    model = model_of(smooth_image, Sampling(24))
     image = model.label(smooth_image)
     ends, _, _ = model.climb(image, state.vector[None], most=2, tolerance=0.0, reach=20.0)
     np.testing.assert_allclose(ends[0, :2], w @ at / w.sum(), atol=1e-9)
@@ -194,7 +180,7 @@ class Counting:
 
 def test_a_picture_is_labelled_once_and_only_where_needed(smooth_image):
     bins = Counting()
-    picture = Labelled(smooth_image, bins, farthest=30.0)
+    picture = LabelledImage(smooth_image, bins, farthest=30.0)
     near, far = TRUE.vector[None], TRUE.vector[None] + [40.0, 0, 0, 0]
     labels, left, top = picture.around(near, 20.0)
     assert len(bins.windows) == 1
@@ -215,9 +201,9 @@ def test_what_the_inset_leaves_out_changes_nothing(kind):
     bright[:] = 255
     for picture in (dark, bright):
         picture[52:68, 63:97] = np.random.default_rng(0).integers(30, 220, (16, 34, 3))
-    config = config_of(TRACKERS, kind)
+    config = TRACKERS.config_of(kind)
     for inset in (0.0, 0.4):
-        seen = config(inset=inset, discriminate=False).model(dark, REGION, state)
+        seen = config(inset=inset, learn=False).model(dark, REGION, state)
         before, after = (
             seen.distances(seen.label(p), state.vector[None])[0] for p in (dark, bright)
         )

@@ -36,10 +36,6 @@ BAD = {
         "mine.toml: goal: there is no key 'zzz'; there is x, y, angle_deg, depth, depth_to, "
         "change_start, change_duration",
     ),
-    "nested unknown key": (
-        '[tracker]\nkind = "pf_ssd"\nlock = { flor = 0.1 }\n',
-        "mine.toml: tracker.lock.flor = 0.1: there is no such key",
-    ),
     "wrong type": (
         "[camera]\nwidth = 320.5\n",
         "mine.toml: camera.width = 320.5: input should be a valid integer",
@@ -120,7 +116,7 @@ def test_defaults_are_those_of_the_kinds():
     plain = s.load("still")
     assert plain.tracker == pf_ssd.Config()
     assert plain.settings()["tracker"]["kind"] == "pf_ssd"
-    assert plain.settings()["tracker"]["lock"]["patience"] == 1.0
+    assert plain.settings()["tracker"]["noise"] == 0.1
     assert plain.settings()["run"] == {
         "duration": 6.0,
         "seed": 0,

@@ -12,7 +12,7 @@ from sim.robots import gantry
 from sim.targets import car
 from sim.timing import exposures
 from sim.types import Camera
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 
 
 class Clock:
@@ -32,7 +32,7 @@ def frames_of(**camera):
     rng = np.random.default_rng(0)
     parts = [part.Config().build(rng) for part in (gantry, car)]
     config, motion = CameraConfig(**camera), still.Config().build(rng)
-    world = World(WorldConfig(), *parts, config, motion, (), rng, Clock)
+    world = World(WorldParts(*parts, motion, camera=config), rng, renderer=Clock)
     yield world.look().image
     while True:
         world.step(np.zeros(6))
@@ -52,9 +52,9 @@ def test_rows_are_exposed_at_their_own_times(lens):
 
 
 def test_each_row_is_exposed_as_long():
-    frames = frames_of(readout_ms=12.5, bands=2, exposure=0.5, subframes=3)
+    frames = frames_of(readout_ms=12.5, bands=2, exposure=0.5)
     next(frames)
-    # Ends at steps 10 and 16, with sub-frames 4 and 8 steps before.
+    # Ends at steps 10 and 16, with sub-frames 2, 3, 5, 6 and 8 steps before.
     np.testing.assert_array_equal(next(frames)[[0, 239], 0, 0], [6, 12])
 
 

@@ -11,7 +11,7 @@ from serving import film, served
 from tracked import REGION, call, rows_of
 
 from tracking.sequences import stream
-from tracking.sequences.live_source import Feed, Live
+from tracking.sequences.live_source import Feed, LiveSource
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import End, Times
 from tracking.trackers import frozen
@@ -30,7 +30,7 @@ def test_the_newest_picture_wins_and_the_dropped_are_counted():
             yield 10.0 + 0.1 * k, IMAGE
         done.set()
 
-    source = Live("eye", lambda: nullcontext(Feed(pictures(), 10.0)))
+    source = LiveSource("eye", lambda: nullcontext(Feed(pictures(), 10.0)))
     found = iter(source)
     first = next(found)
     assert source.end is None
@@ -49,7 +49,7 @@ def test_the_newest_picture_wins_and_the_dropped_are_counted():
 
 def test_a_recording_on_a_server_waits_and_a_reader_that_stops_ends_the_thread():
     feed = Feed(((k / 10, IMAGE) for k in range(50)), 10.0, waits=True)
-    source = Live("eye", lambda: nullcontext(feed))
+    source = LiveSource("eye", lambda: nullcontext(feed))
     before = threading.active_count()
     found = iter(source)
     assert [next(found).name for _ in range(20)] == [f"frame {k}" for k in range(20)]

@@ -43,7 +43,7 @@ def begun(scene, depth, **settings):
         (30, 0.04, {}),
         (60, 0.06, {"noise": 4.0}),
         (100, 0.1, {}),
-        (200, 0.12, {"supersample": 2}),
+        (200, 0.12, {}),
     ],
 )
 def test_corners_are_found_from_any_side(scene, px, size, camera):
@@ -109,10 +109,6 @@ def test_the_nearest_tag_is_taken_and_others_are_not_followed():
     assert tracker.update(frame).state.x == pytest.approx(190, abs=0.05)
     assert tracker.update(flat((3, 150, 20), (4, 20, 30))).state.x == pytest.approx(60, abs=0.05)
     assert tracker.update(flat((3, 20, 30))).status is Status.LOST
-    asked = create("tag", id=3)
-    asked.start(frame, REGION, State(190.0, 70.0))
-    assert asked.update(flat((3, 25, 20), (4, 150, 20))).state.x == pytest.approx(195, abs=0.05)
-    assert asked.update(flat((4, 25, 20))).status is Status.LOST
 
 
 def test_of_two_alike_the_nearest_to_where_it_is_expected_is_taken():
@@ -147,13 +143,9 @@ def test_it_is_lost_at_once_and_found_at_once_with_a_continuous_angle():
     np.testing.assert_allclose(found.state.vector, [230, 140, 2 * np.pi, 0], atol=0.02)
 
 
-@pytest.mark.parametrize(("settings", "number"), [({}, ""), ({"id": 7}, " with id = 7")])
-def test_without_its_tag_it_refuses_to_start(settings, number):
-    frame = flat() if not settings else flat((3, 20, 20))
-    with pytest.raises(
-        ValueError, match=f"^no AprilTag 36h11{number} is seen in the first picture$"
-    ):
-        create("tag", **settings).start(frame, REGION, State(60.0, 60.0))
+def test_without_a_tag_it_refuses_to_start():
+    with pytest.raises(ValueError, match=r"^no AprilTag 36h11 is seen in the first picture$"):
+        create("tag").start(flat(), REGION, State(60.0, 60.0))
 
 
 def test_it_keeps_the_contract_of_trackers():

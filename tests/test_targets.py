@@ -114,7 +114,7 @@ def test_a_site_called_outline_is_the_rectangle(model_folder):
 
 @pytest.mark.parametrize("config", CONFIGS, ids=KINDS)
 def test_a_target_of_any_kind_is_seen_whole_and_has_a_twin(show_target, config):
-    twin = second_target.Config(start=0.0, x=0.0, y=0.25, speed=0.0).build(RNG)
+    twin = second_target.Config(start=0.0, x=0.0, y=0.25).build(RNG)
     alone, truth, _ = show_target(config)
     both, _, world = show_target(config, disturbances=[twin])
     assert truth.visible == 1.0

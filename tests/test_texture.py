@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from tracking.appearance.bins import ColourBins, Window
+from tracking.appearance.layout import Sampling
 from tracking.appearance.local_patterns import TextureBins, ones_of, riu2, texture_or_colour
-from tracking.appearance.model import model_of
-from tracking.appearance.reference import Learning
+from tracking.appearance.model import SampledModel
+from tracking.settings import PLAIN, AppearanceSettings
 from tracking.types import Region, State
 
 EVERYWHERE = Window(0, 0, 40, 30)
@@ -56,7 +57,7 @@ def test_points_without_texture_are_left_out_of_the_normaliser():
     where = Region(40.0, 20.0), State(40.0, 30.0)
     for rest in ("discard", "colour", "bin"):
         bins = TextureBins(2, rest=rest)
-        model = model_of(image, *where, bins, Learning(), density=40)
+        model = SampledModel(image, *where, AppearanceSettings(**PLAIN), Sampling(40), bins)
         assert model.distances(model.label(image), where[1].vector[None])[0] < 0.12
     labels = [
         TextureBins(2, rest=r).label(image, Window(20, 20, 60, 40)) for r in ("bin", "colour")
@@ -104,5 +105,5 @@ def test_a_smooth_target_is_counted_by_colour_alone():
     smooth = np.full((30, 40, 3), 90, np.uint8)
     assert texture_or_colour(smooth, *where, TextureBins(), 0.05) == ColourBins(8)
     rough = np.random.default_rng(3).integers(0, 256, (30, 40, 3)).astype(np.uint8)
-    assert texture_or_colour(rough, *where, TextureBins(8, 8.0), 0.05) == TextureBins(8, 8.0)
+    assert texture_or_colour(rough, *where, TextureBins(8), 0.05) == TextureBins(8)
     assert texture_or_colour(rough, *where, TextureBins(), 0.99) == ColourBins(8)

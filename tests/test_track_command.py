@@ -78,8 +78,8 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
     assert err == (
         "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is "
         "searched for at the same pixels\n"
-        f"servobench: 1 of {FRAMES} pictures cannot be read, the first is 003.png (this is not "
-        "a picture; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows are LOST\n"
+        f"servobench: 1 of {FRAMES} pictures cannot be read, the first is 003.png (this picture "
+        "cannot be decoded; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows are LOST\n"
     )
     found = rows_of(folder / "out" / "track.csv")
     assert len(found) == FRAMES

@@ -17,7 +17,7 @@ from tracking.drawing.annotated_video import SMALLEST
 from tracking.drawing.film_page import CAPTION, HEAD, MARGIN
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile, read
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.sequences.video_file import Video
 
 
@@ -33,7 +33,7 @@ def test_the_times_of_a_track_are_what_the_tracker_took(monkeypatch, tmp_path):
     monkeypatch.setattr("time.perf_counter", lambda: 0.002 * next(ticks))
     region, start = region_of(REGION)
     tracker = create("frozen", 0)
-    source = Painted(image, 4, rate=10.0)
+    source = PaintedSource(image, 4, rate=10.0)
     rows = TrackFile(tmp_path / "track.csv", region)
     shots = []
     for shot in follow(tracker, source, region, start):

@@ -27,6 +27,12 @@ def test_other_lines_are_no_messages():
     )
 
 
+def test_quotes_that_are_not_closed_take_no_time():
+    """With nested repetitions, 30 letters took minutes."""
+    word = '"' + "a" * 100_000
+    assert messages.message_in(f"@@TRAX:state {word}") == Message("state", [word])
+
+
 @pytest.mark.parametrize("picture", [["path"], ["memory"], ["buffer"], ["data"]])
 def test_a_picture_comes_back_as_it_was(picture, tmp_path):
     image = frame(0).image

@@ -53,7 +53,7 @@ def viewer(monkeypatch):
 
     def start(*panels, looks=2):
         found = Viewer([Panel(*p) for p in panels], looks)
-        monkeypatch.setattr(view, "_quiet_viewer", lambda: found)
+        monkeypatch.setattr(view, "_viewer", lambda: found)
         return found, clock
 
     return start
@@ -100,7 +100,7 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     def fails():
         raise RuntimeError("no Vulkan")
 
-    monkeypatch.setattr(view, "_quiet_viewer", fails)
+    monkeypatch.setattr(view, "_viewer", fails)
     assert refused(tmp_path, png).startswith("the viewer does not start without a window: on a")
 
 
@@ -138,7 +138,7 @@ def test_the_viewer_is_the_one_that_belongs_to_the_package(monkeypatch, capfd):
         return "viewer"
 
     monkeypatch.setattr(view.ViewerClient, "spawn", spawn)
-    assert view._quiet_viewer() == "viewer"
+    assert view._viewer() == "viewer"
     assert capfd.readouterr().err == ""
     assert asked["executable_path"].endswith("/rerun")
     assert (asked["headless"], asked["hide_welcome_screen"]) == (True, True)

@@ -9,21 +9,21 @@ from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.robots import gantry
 from sim.targets import car
-from sim.world import World, WorldConfig
+from sim.world import World, WorldConfig, WorldParts
 
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
 
 
 def make(camera=None, motion=STILL, disturbances=(), robot=gantry, **world):
-    return World(
-        WorldConfig(**world),
+    parts = WorldParts(
         robot.Config().build(np.random.default_rng()),
         car.Config().build(np.random.default_rng()),
-        camera or CameraConfig(),
         motion,
         disturbances,
-        np.random.default_rng(1),
+        camera or CameraConfig(),
+        config=WorldConfig(**world),
     )
+    return World(parts, np.random.default_rng(1))
 
 
 @pytest.fixture
@@ -91,15 +91,6 @@ def test_frames_are_read_only_and_have_the_asked_size():
     assert frame.image.shape == (160, 200, 3)
     assert not frame.image.flags.writeable
     made.close()
-
-
-def test_supersampling_smooths_edges_and_keeps_the_picture():
-    plain, smooth = make(), make(CameraConfig(supersample=2))
-    a, b = see(plain)[0].image.astype(int), see(smooth)[0].image.astype(int)
-    assert a.shape == b.shape
-    assert 0.2 < np.abs(a - b).mean() < 6.0
-    plain.close()
-    smooth.close()
 
 
 def test_measured_twist_is_the_twist_that_was_asked_for(world):
@@ -213,7 +204,7 @@ def test_the_same_world_twice_gives_the_same_pixels():
 def test_a_blur_holds_the_targets_own_motion():
     """Sub-frames show the car where it was then: the blur is as long as its drive."""
     drive = line.Config(x=0.0, speed=1.2).build(np.random.default_rng())
-    made = make(CameraConfig(exposure=1.0, subframes=8), drive)
+    made = make(CameraConfig(exposure=1.0), drive)
     see(made)
     made.step(np.zeros(6))
     sharp = make(CameraConfig(), drive)
@@ -226,10 +217,3 @@ def test_a_blur_holds_the_targets_own_motion():
     assert 0.3 < covered < 0.8
     made.close()
     sharp.close()
-
-
-def test_a_large_image_is_supersampled_whole():
-    made = make(CameraConfig(width=1280, height=960, supersample=3))
-    image = see(made, 640.0, 480.0)[0].image
-    assert image[::40, ::40].max(axis=2).min() > 20  # no part of a table is black
-    made.close()

@@ -194,8 +194,8 @@ def test_it_is_a_config_like_any_other():
         0.3,
     )
     assert all(kinds.field_docs(config).values())
-    filled = fill(config, {"judge": "histogram", "lock": {"patience": 2.0}}, "tracker")
-    assert (filled.judge, filled.lock.patience, filled.lock.cap) == ("histogram", 2.0, 0.75)
+    filled = fill(config, {"judge": "histogram", "least_score": 0.5}, "tracker")
+    assert (filled.judge, filled.least_score, filled.follow_size) == ("histogram", 0.5, True)
     with pytest.raises(Mistake, match=r"tracker\.judge = 'both'"):
         fill(config, {"judge": "both"}, "tracker")
     with pytest.raises(Mistake, match="tracker: there is no key 'certainty'"):

@@ -19,17 +19,27 @@ __all__ = ["create", "wrap"]
 
 
 def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any) -> Tracker:
-    """A tracker by its kind, such as "pf_ssd", with any of its settings.
+    """Return a tracker of a kind, such as "pf_ssd", with any of its settings.
 
     Args:
         kind: A file of tracking/trackers, a kind of an installed package, or "module:Name".
-        seed: Of the tracker's random draws.
+        seed: Seed of the tracker's random draws.
         preset: "paper" for the settings of the paper it comes from; None for the best ones known.
         **settings: Fields of its `Config`; `servobench list KIND` prints them.
 
     Raises:
         UnknownKind: There is no such kind or preset; the message lists what there is.
         TypeError: There is no such setting.
+
+    Example:
+        >>> import numpy as np
+        >>> from sim.types import Frame
+        >>> from tracking.types import Region, State
+        >>> image = np.random.default_rng(0).integers(0, 256, (120, 160, 3), dtype=np.uint8)
+        >>> tracker = create("mk_ssd")
+        >>> tracker.start(Frame(image, 0.0, 0), Region(40.0, 30.0), State(80.0, 60.0))
+        >>> tracker.update(Frame(image, 0.03, 1)).status.name
+        'LOCKED'
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 

@@ -13,12 +13,12 @@ import numpy as np
 from sim.types import LARGEST_PICTURE, Array, Frame
 
 LARGEST_LOG = 5.0
-"""A target's ln scale stays within this: a hundred and fifty times larger or smaller is no size."""
+"""Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where the target is in the image (Teuliere, Marchand, Eck, section II)."""
+    """Position of the target in the image (Teuliere, Marchand, Eck, section II)."""
 
     x: float
     """Centre, to the right [px]."""
@@ -35,12 +35,12 @@ class State:
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
-        """The state after a change (4,) of (x, y, theta, ln scale), if any."""
+        """Return the state after a change (4,) of (x, y, theta, ln scale), if any."""
         return self if change is None else State.of(self.vector + change)
 
     @staticmethod
     def of(vector: Array) -> State:
-        """The state of a vector (x, y, theta, ln scale)."""
+        """Return the state of a vector (x, y, theta, ln scale)."""
         x, y, theta, log_scale = vector.tolist()
         return State(x, y, theta, math.exp(min(max(log_scale, -LARGEST_LOG), LARGEST_LOG)))
 
@@ -58,7 +58,7 @@ class Region:
     seen tilted has no right angles."""
 
     def corners(self, state: State) -> Array:
-        """Corners (4, 2) [px]; at theta = 0 top left, top right, bottom right, bottom left."""
+        """Return the corners (4, 2) [px]; at theta = 0 from the top left on, clockwise."""
         half = state.scale / 2 * np.array([self.width, self.height])
         c = np.cos(state.theta)
         s = np.sin(state.theta)
@@ -66,20 +66,20 @@ class Region:
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
 
     def first_corners(self, state: State) -> Array:
-        """Corners (4, 2) in the first picture [px], where the target is in this state."""
+        """Return corners (4, 2) in the first picture [px], where the target is in this state."""
         return self.corners(state) if self.quad is None else self.quad
 
     def inner(self, inset: float) -> Region:
-        """Less this share of its sides, half on each side."""
+        """Return the region without this share of its sides, half on each side."""
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
     def area(self, state: State) -> float:
-        """Area [px^2]."""
+        """Return the area at a state [px^2]."""
         return self.width * self.height * state.scale**2
 
 
 class Status(Enum):
-    """How sure a tracker is; each member carries its sentence."""
+    """Confidence of a tracker in three steps; each member carries its sentence."""
 
     LOCKED = "The target is seen and followed."
     UNSURE = (
@@ -90,19 +90,19 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What a tracker reports for one frame."""
+    """Report of a tracker for one frame."""
 
     state: State
-    """Where the target is."""
+    """State of the target."""
     covariance: Array
     """Covariance (4, 4) of (x, y, theta, ln scale); nan where the tracker has none."""
     distance: float
     """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1; or
     1 - the score of a tracker that is judged by its own."""
     status: Status
-    """How sure the tracker is."""
+    """Confidence of the tracker."""
     follows: tuple[bool, bool] = (True, True)
-    """Whether the tracker follows angle, and size; what it does not follow stays as it began."""
+    """True where the tracker follows the angle, and the size; the others stay as they began."""
     ess: float = float("nan")
     """Effective sample size, for trackers with particles."""
     evaluations: int = 0
@@ -114,12 +114,12 @@ class Estimate:
     similarity: the outline in place of the region at `state`."""
 
     def outline(self, region: Region) -> Array:
-        """Corners (4, 2) of the target [px]: those reported, else the region's at the state."""
+        """Return the target's corners (4, 2) [px]: those reported, else the region's."""
         return region.corners(self.state) if self.corners is None else self.corners
 
 
 def unknown_covariance() -> Array:
-    """The covariance (4, 4) of an estimate whose tracker has none: nan."""
+    """Return the covariance (4, 4) of an estimate whose tracker has none: nan."""
     return np.full((4, 4), np.nan)
 
 
@@ -135,24 +135,22 @@ class Tracker(Protocol):
 
         Args:
             frame: The next frame.
-            ego: How the camera's motion since the last frame has moved a target that stood still:
-                change (4,) of (x, y, theta, ln scale); None where it is unknown.
+            ego: Change (4,) of (x, y, theta, ln scale) by which the camera's motion since the last
+                frame has moved a target that stood still; None where it is unknown.
         """
         ...
 
 
 SMALLEST_SIDE = 4.0
 """A region with a shorter side [px] holds too little to be recognised by."""
-
-
 LEAST_INSIDE = 0.5
 """At least this share of a region lies inside the first image."""
 FARTHEST = 1e6
-"""Beyond this a region's numbers mean nothing, and their products would have no end."""
+"""Largest size of a region's numbers [px]: products of larger ones would overflow."""
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Refuse a region that is no region.
+    """Refuse an impossible region.
 
     Raises:
         ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
@@ -183,7 +181,7 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
 
 
 def _check_numbers(region: Region, state: State) -> None:
-    """Refuse numbers that are not finite or far too large, and a scale that is none."""
+    """Refuse numbers that are not finite or far too large, and a scale out of range."""
     numbers = (region.width, region.height, state.x, state.y, state.theta)
     if not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
         given = ", ".join(f"{number:.6g}" for number in numbers)

@@ -9,12 +9,11 @@ import logging
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.camera.gl import NoRenderer, check_environment
@@ -40,10 +39,9 @@ def guarded(command: Callable[[], Any]) -> None:
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
-    sys.stdout = Printer.of(sys.stdout)
-    sys.stderr = Printer.of(sys.stderr)
+    sys.stdout = cast(TextIO, Printer(sys.stdout))
+    sys.stderr = cast(TextIO, Printer(sys.stderr))
     try:
-        _check_folder()
         check_environment()
         command()
     except (Mistake, NoRenderer, UnknownKind) as error:
@@ -51,17 +49,9 @@ def guarded(command: Callable[[], Any]) -> None:
     except Refused as error:
         _end(str(error), REFUSED)
     except OSError as error:
-        _check_folder()
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
         _end("there is not enough memory for this", REFUSED)
-
-
-def _check_folder() -> None:
-    try:
-        Path.cwd()
-    except OSError:
-        _end("the current folder is gone: go to one that exists", MISTAKEN)
 
 
 def _end(sentence: str, code: int) -> None:
@@ -75,50 +65,32 @@ class Printer:
     A command writes its files before it prints; an error in printing does not make it fail.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._gone = False
-
-    @staticmethod
-    def of(stream: TextIO | None) -> Any:
-        """The printer of a standard stream; None: the stream was closed before the start."""
-        if isinstance(stream, Printer):
-            return stream
-        reconfigure = getattr(stream, "reconfigure", None)
-        if reconfigure is not None:
-            reconfigure(errors="replace")
-        return Printer(stream or io.StringIO())
+    def __init__(self, stream: TextIO | None) -> None:
+        """Print to a standard stream; None: it was closed before the start."""
+        self._stream = stream or io.StringIO()
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
     def write(self, text: str) -> int:
         """Write as much as can be written; the length of the text."""
-        self._unless_gone(lambda: self._stream.write(text))
+        self._try(lambda: self._stream.write(text))
         return len(text)
 
     def flush(self) -> None:
         """Flush what can be flushed."""
-        self._unless_gone(self._stream.flush)
+        self._try(lambda: self._stream.flush())
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _unless_gone(self, act: Callable[[], Any]) -> None:
-        if self._gone:
-            return
+    def _try(self, act: Callable[[], Any]) -> None:
         try:
             act()
         except (OSError, ValueError):
-            self._gone = True
-            _send_nowhere(self._stream)
-
-
-def _send_nowhere(stream: TextIO) -> None:
-    """Redirect a stream to the null device: Python flushes its buffer again when it ends."""
-    try:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-    except (OSError, ValueError):
-        return
+            # Python flushes the stream again when it ends: its buffer goes to the null device.
+            with suppress(OSError, ValueError), Path(os.devnull).open("w") as nowhere:
+                os.dup2(nowhere.fileno(), self._stream.fileno())
+            self._stream = io.StringIO()
 
 
 ENDING = tuple(
@@ -126,7 +98,7 @@ ENDING = tuple(
 )
 
 
-class Stopped(KeyboardInterrupt):
+class StopSignal(KeyboardInterrupt):
     """A signal that ends the command."""
 
     def __init__(self, number: int) -> None:
@@ -136,18 +108,15 @@ class Stopped(KeyboardInterrupt):
 
 def exit_code(cause: KeyboardInterrupt) -> int:
     """The exit code that shells use for a program ended by a signal."""
-    return 128 + (cause.number if isinstance(cause, Stopped) else signal.SIGINT)
+    return 128 + (cause.number if isinstance(cause, StopSignal) else signal.SIGINT)
 
 
 @contextmanager
 def ending_signals() -> Generator[None]:
-    """Raise `Stopped` at the first ending signal within the block, and ignore all later ones.
+    """Raise `StopSignal` at the first ending signal within the block, and ignore all later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     stopped = False
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -155,7 +124,7 @@ def ending_signals() -> Generator[None]:
         del frame
         if not stopped:
             stopped = True
-            raise Stopped(number)
+            raise StopSignal(number)
 
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}

@@ -147,8 +147,7 @@ def footage_options(command: Command) -> Command:
     select = click.option(
         "--select",
         is_flag=True,
-        help="Draw the region with the mouse: in a window, or without a desktop on a page in your "
-        "browser.",
+        help="Draw the region with the mouse, on a page in your browser.",
     )
     tracker = click.option(
         "--tracker",

@@ -13,7 +13,7 @@ import click
 
 from servo.cli import options as opt
 from servo.mistake import Mistake, unwritable
-from servo.output.sinks import Paced, Sink
+from servo.output.sinks import PacedSink, Sink
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -90,7 +90,7 @@ class Outputs:
             from servo.output.recording.log import RerunLog
 
             log = RerunLog(viewer, episode, self._at_once(scenario.camera.rate))
-            found[VIEWER] = Paced(log, self.speed or 1.0, lambda step: step.frame.time)
+            found[VIEWER] = PacedSink(log, self.speed or 1.0, lambda step: step.frame.time)
         return found
 
     def of_track(
@@ -113,7 +113,9 @@ class Outputs:
             log = TrackLog(viewer, region, self._at_once(source.rate))
             is_camera = source.count is None  # it has a pace of its own
             found[VIEWER] = (
-                log if is_camera else Paced(log, self.speed or 1.0, lambda shot: shot.picture.time)
+                log
+                if is_camera
+                else PacedSink(log, self.speed or 1.0, lambda shot: shot.picture.time)
             )
         return found
 

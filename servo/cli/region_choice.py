@@ -20,6 +20,9 @@ DIGITS = 6
 def region_of(text: str) -> tuple[Region, State]:
     """Return the region "X,Y,W,H[,DEG]": top left corner, size, rotation about its centre.
 
+    >>> region_of("40,30,30,20")[1]
+    State(x=55.0, y=40.0, theta=0.0, scale=1.0)
+
     Raises:
         Mistake: The text has another form.
     """
@@ -56,7 +59,7 @@ def select(
 
     box = region_page.ask(first.image, source, _say)
     if box is None:
-        raise Mistake("--select was closed without a region; give --region X,Y,W,H[,DEG]")
+        raise Mistake("--select was cancelled; give --region X,Y,W,H[,DEG]")
     text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
     _say(f"--region {text} repeats this choice")
     return text, itertools.chain([first], pictures)

@@ -11,7 +11,6 @@ import json
 import math
 import secrets
 import threading
-import time
 import webbrowser
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -31,13 +30,10 @@ Box = tuple[float, float, float, float, float]
 HOST = "127.0.0.1"
 PATIENCE = 600.0
 """Time to wait for an answer [s]."""
-GRACE = 2.0
-"""Time after the page was closed in which it may be loaded again [s]."""
 QUALITY = 92
 """JPEG quality of the picture."""
 LONGEST = 1000
 """Longest answer [bytes]."""
-NUMBERS = 5
 HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
     "Cache-Control": "no-store",
@@ -46,9 +42,8 @@ HEADERS = {
     "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; connect-src 'self'",
 }
-OPENED = "opened"
-CLOSED = "closed"
 CANCELLED = "cancelled"
+"""The answer of a person who draws no region."""
 
 
 def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
@@ -60,7 +55,7 @@ def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
         say: Prints the address.
 
     Returns:
-        The region; None if the person cancelled or closed the page.
+        The region; None if the person cancelled.
 
     Raises:
         Mistake: There was no answer in time.
@@ -75,30 +70,14 @@ def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
         if has_display():
             webbrowser.open(address)
         try:
-            return _answer(server.answers, address)
-        finally:
-            server.shutdown()
-
-
-def _answer(answers: Queue[Any], address: str) -> Box | None:
-    end = time.monotonic() + PATIENCE
-    closed = False
-    while True:
-        left = GRACE if closed else max(end - time.monotonic(), 0.0)
-        try:
-            found = answers.get(timeout=left)
+            return server.answers.get(timeout=PATIENCE)
         except Empty:
-            if closed:
-                return None
             raise Mistake(
                 f"--select: nobody drew a region on {address} within {PATIENCE:g} s; "
                 "give --region X,Y,W,H[,DEG]"
             ) from None
-        closed = found == CLOSED
-        if found == CANCELLED:
-            return None
-        if isinstance(found, tuple):
-            return found
+        finally:
+            server.shutdown()
 
 
 def _page(image: Image, name: str) -> bytes:
@@ -111,6 +90,13 @@ def _page(image: Image, name: str) -> bytes:
     )
 
 
+def _box(numbers: list[float]) -> Box:
+    x, y, width, height, turn = map(float, numbers)
+    if not all(map(math.isfinite, (x, y, width, height, turn))):
+        raise ValueError(numbers)
+    return x, y, width, height, turn
+
+
 class _Server(ThreadingHTTPServer):
     """Serves one page at an address that nobody can guess."""
 
@@ -119,7 +105,7 @@ class _Server(ThreadingHTTPServer):
         self.page = page
         self.path = f"/{secrets.token_urlsafe(16)}"
         self.port = self.server_address[1]
-        self.answers: Queue[Any] = Queue()
+        self.answers: Queue[Box | None] = Queue()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -130,7 +116,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         if self._is_ours():
-            self.server.answers.put(OPENED)
             self._send(200, self.server.page)
 
     def do_POST(self) -> None:
@@ -139,15 +124,12 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             length = min(int(self.headers.get("Content-Length", "0")), LONGEST)
             found = json.loads(self.rfile.read(length))
-            if found not in (CLOSED, CANCELLED):
-                found = tuple(float(number) for number in found)
-                if len(found) != NUMBERS or not all(map(math.isfinite, found)):
-                    raise ValueError(found)
+            box = None if found == CANCELLED else _box(found)
         except (ValueError, TypeError, RecursionError):
             self._send(400, b"this is not a region")
             return
         self._send(200, b"")
-        self.server.answers.put(found)
+        self.server.answers.put(box)
 
     def _is_ours(self) -> bool:
         """Return whether the address is right; otherwise, answer that nothing is there."""

@@ -1,6 +1,4 @@
-"""What `servobench robot` does: print what a robot's file has, and the table that a scenario needs
-for it; draw it in the room.
-"""
+"""`servobench robot`: print a robot's joints and its table for a scenario; draw it in the room."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -17,6 +15,7 @@ import mujoco
 import numpy as np
 from rich.console import Console
 
+from servo.cli.robot_workspace import Workspace, sample_workspace
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
@@ -27,20 +26,20 @@ from sim.models.assembly import ROBOT, build_model
 from sim.models.model_files import read_spec
 from sim.motions import still
 from sim.robot.chain import Chain, flanges
+from sim.robot.design import CAMERA
 from sim.robot.drives import drive_of, kind_of_joint, wrong_drive
 from sim.robot.model import camera_chain
-from sim.robot.robot import CAMERA, Robot
-from sim.robot.workspace import Workspace, sample_workspace
+from sim.robot.robot import Robot
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 
 DEPTH = 1.0
 """How far from the target a scenario begins by default [m]."""
 PICTURE = CameraConfig(width=640, height=480)
 SHOWN = 12
-"""Candidates for the flange that are printed."""
+"""Largest number of candidates for the flange that are printed."""
 POSITION = 1
 RATE = 2
 """Places of an actuator's feedback in its bias."""
@@ -89,7 +88,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     design = config.build(rng)
     target = car.Config().build(rng)
     motion = still.Config().build(rng)
-    world = World(WorldConfig(), design, target, PICTURE, motion, (), rng)
+    world = World(WorldParts(design, target, motion, camera=PICTURE), rng)
     size = PICTURE.width, PICTURE.height
     room, eye = (
         OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
@@ -136,7 +135,7 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
 
 
 def _actuator(model: mujoco.MjModel, joint: int) -> str:
-    """What drives a joint in its file, and what it becomes."""
+    """Describe the actuator of a joint in its file, and its replacement."""
     drive = drive_of(model, joint)
     if drive is None:
         return "none: one is added"

@@ -1,4 +1,4 @@
-"""What `servobench track` prints at its end."""
+"""The summary that `servobench track` prints at its end."""
 
 from __future__ import annotations
 

@@ -2,8 +2,16 @@
 `Controller`.
 """
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.controllers")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from servo.parts import Controller, Estimator
+
+KINDS: Kinds[PartConfig[Callable[[Estimator], Controller]]] = Kinds(
+    __name__, "servobench.controllers"
+)

@@ -1,7 +1,12 @@
 """Estimators of the target's own motion, one a file: `Config.build(rng)` gives an `Estimator`."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.estimators")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from servo.parts import Estimator
+
+KINDS: Kinds[PartConfig[Estimator]] = Kinds(__name__, "servobench.estimators")

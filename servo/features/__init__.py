@@ -1,7 +1,12 @@
 """Feature sets, one a file."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from sim.kinds import Kinds
 
-KINDS = Kinds[Any](__name__, "servobench.features")
+if TYPE_CHECKING:
+    from servo.parts import FeaturesConfig
+
+KINDS: Kinds[FeaturesConfig] = Kinds(__name__, "servobench.features")

@@ -28,7 +28,7 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 from sim.geometry import exp_so3
 from sim.robot.start_pose import Reach
 from sim.types import Array, Image, Pose, Truth
-from sim.world import Unstable, World
+from sim.world import Unstable, World, WorldParts
 from tracking.types import Region, State
 
 DRAW_NOTHING = ("sim.robots.", "sim.targets.")
@@ -98,18 +98,8 @@ class Episode:
         ]
         sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
         try:
-            return World(
-                s.world,
-                robot,
-                target,
-                s.camera,
-                motion,
-                disturbances,
-                sensor,
-                renderer,
-                s.believed,
-                encoders,
-            )
+            parts = WorldParts(robot, target, motion, disturbances, s.camera, s.believed, s.world)
+            return World(parts, sensor, encoders, renderer)
         except ValueError as error:
             raise Mistake(f"{s.name}: {error}") from error
 

@@ -13,7 +13,7 @@ from servo.loop.part_failed import PartFailed
 from servo.parts import FeatureSet
 from servo.types import Command, Sight
 from sim.models.target import Target
-from sim.robot.robot import Design
+from sim.robot.design import Design
 from tracking.types import Estimate, Status
 
 METHODS = {

@@ -8,10 +8,9 @@ from matplotlib.image import AxesImage
 
 from servo.loop.step import Step
 from sim.types import Image
-from tracking.drawing.annotated_video import COLOURS
-from tracking.drawing.contact_sheet import TRUE, outline
+from tracking.drawing import colours
+from tracking.drawing.contact_sheet import outline
 
-GOAL = (240, 60, 50)
 WIDTH = 640
 """Pictures that are not as wide are enlarged by a whole number [px]."""
 BAND = 24
@@ -26,9 +25,9 @@ def annotated(step: Step) -> Image:
     drawn = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
     picture: Image = drawn.astype("uint8", copy=False)
     status = step.estimate.status
-    outline(picture, step.goal_corners, GOAL, factor)
-    outline(picture, step.truth.corners, TRUE, factor)
-    outline(picture, step.estimate.outline(step.region), COLOURS[status], factor)
+    outline(picture, step.goal_corners, colours.GOAL, factor)
+    outline(picture, step.truth.corners, colours.TRUTH, factor)
+    outline(picture, step.estimate.outline(step.region), colours.STATUS[status], factor)
     text = f"{step.frame.time:.2f} s  {status.name}  {step.servo_error:.1f} px"
     cv2.rectangle(picture, (0, 0), (picture.shape[1], BAND), (0, 0, 0), -1)
     cv2.putText(
@@ -37,7 +36,7 @@ def annotated(step: Step) -> Image:
         (8, BAND - 7),
         cv2.FONT_HERSHEY_SIMPLEX,
         LETTERS,
-        COLOURS[status],
+        colours.STATUS[status],
         1,
         cv2.LINE_AA,
     )

@@ -1,4 +1,4 @@
-"""Whether windows can be opened here."""
+"""Displays: windows can be opened here or not."""
 
 import os
 import sys
@@ -8,5 +8,5 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def has_display() -> bool:
-    """Whether there is a screen to open a window on; macOS and Windows are taken to have one."""
+    """Return whether there is a screen for a window; macOS and Windows are taken to have one."""
     return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))

@@ -6,19 +6,18 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from servo.loop.step import Step
-from servo.output.plots import COLOURS
 from servo.output.room_view import RoomView
-from tracking.drawing.annotated_video import COLOURS as OF_STATUS
-from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
-from tracking.types import Status
+from tracking.drawing.running_chart import Chart
 
 PANEL = (616, 462)
 """Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
 CAPTIONS = ("Camera: estimate green, goal red, truth white", "The room")
-CURVES = {"true centre to goal": COLOURS[0], "estimated to true centre": COLOURS[1]}
-FOUND = OF_STATUS[Status.LOCKED]
-GOAL = OF_STATUS[Status.LOST]
+CURVES = {
+    "true centre to goal": colours.CURVES[0],
+    "estimated to true centre": colours.CURVES[1],
+}
 
 
 class RunFilm:
@@ -38,22 +37,15 @@ class RunFilm:
             OSError: The file cannot be written.
         """
         if self._opened is None:
-            film = FilmPage(
-                self._path,
-                1 / step.scene.period,
-                self._title,
-                CAPTIONS,
-                PANEL,
-                CURVES,
-                "distance [px]",
-                end=self._end,
-            )
+            rate = 1 / step.scene.period
+            chart = Chart(CURVES, "distance [px]", self._end)
+            film = FilmPage(self._path, rate, self._title, CAPTIONS, PANEL, chart)
             self._opened = film, RoomView(step.scene.room, *PANEL)
         film, room = self._opened
         marks = (
-            (step.truth.corners, TRUE),
-            (step.goal_corners, GOAL),
-            (step.estimate.outline(step.region), FOUND),
+            (step.truth.corners, colours.TRUTH),
+            (step.goal_corners, colours.GOAL),
+            (step.estimate.outline(step.region), colours.ESTIMATE),
         )
         views = (
             panel(step.frame.image, *PANEL, marks, step.estimate.particles),

@@ -25,14 +25,13 @@ from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.steps_table import quantities
-from sim.quaternion import quaternion_of
+from sim.models.quaternion import quaternion_of
 from sim.types import Array, Camera, Image, Pose
-from tracking.drawing.annotated_video import COLOURS
-from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
 from tracking.files.json_text import as_json
-from tracking.types import Region, Status
+from tracking.types import Region
 
 if TYPE_CHECKING:
     from foxglove import messages as fox
@@ -46,7 +45,6 @@ LENSES = {"plumb_bob": "plumb_bob", "rational": "rational_polynomial", "fisheye"
 """Foxglove's names of the distortions."""
 MIDDLE = 0.5
 """Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
-AMBER = (255, 190, 40)
 Corners = Mapping[tuple[int, int, int], Array]
 
 
@@ -76,7 +74,7 @@ class McapFile:
 
         self._fox = messages
         self._context = context = foxglove.Context()  # kept: its channels end with it
-        self._file = _Kept(path)
+        self._file = _CheckedFile(path)
         options = mcap.MCAPWriteOptions(chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
         self._image = channels.CompressedImageChannel("/camera/image", context=context)
@@ -106,7 +104,7 @@ class McapFile:
             if np.isfinite(shape).all()
         ]
         if particles is not None:
-            points.append(self._points(stamp, kinds.Points, particles[:, :2], AMBER))
+            points.append(self._points(stamp, kinds.Points, particles[:, :2], colours.PARTICLES))
         self._annotations.log(fox.ImageAnnotations(points=points), log_time=at)
 
     def calibration(self, time: float, camera: Camera) -> None:
@@ -186,7 +184,7 @@ class McapFile:
         )
 
 
-class _Kept:
+class _CheckedFile:
     """An unbuffered file that keeps its first error: the writer only prints errors."""
 
     def __init__(self, path: Path) -> None:
@@ -230,9 +228,9 @@ class RunMcap:
         if step.frame.index == 0:
             file.calibration(time, step.scene.camera)
         outlines = {
-            TRUE: truth.corners,
-            COLOURS[Status.LOST]: step.goal_corners,
-            COLOURS[Status.LOCKED]: step.estimate.outline(step.region),
+            colours.TRUTH: truth.corners,
+            colours.GOAL: step.goal_corners,
+            colours.ESTIMATE: step.estimate.outline(step.region),
         }
         image = step.frame.image if step.frame.fresh else None
         file.picture(time, image, outlines, step.estimate.particles)
@@ -264,8 +262,10 @@ class TrackMcap:
         """
         found = shot.estimate
         time = shot.picture.time
-        outlines: dict[tuple[int, int, int], Array] = {} if truth is None else {TRUE: truth}
-        outlines[COLOURS[found.status]] = found.outline(self._region)
+        outlines: dict[tuple[int, int, int], Array] = (
+            {} if truth is None else {colours.TRUTH: truth}
+        )
+        outlines[colours.STATUS[found.status]] = found.outline(self._region)
         self._file.picture(time, shot.picture.image, outlines, found.particles)
         numbers = {"confidence": shot.confidence, "milliseconds": 1e3 * shot.seconds}
         state = asdict(found.state)

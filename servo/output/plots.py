@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from servo.loop.step import Step
+from tracking.drawing.colours import CURVES
 from tracking.drawing.figures import Drawing, literal, panels, save
 
-MEASURED, ESTIMATED, TRUE = "#b8bcc4", "#1f7a3a", "#111111"
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#7b3fa0", "#159aa0", "#d6559a", "#555555")
-"""As many as the largest of our feature sets has features."""
+MEASURED = "#b8bcc4"
+ESTIMATED = "#1f7a3a"
+TRUE = "#111111"
+"""Colours of the target's motion."""
 ABOVE: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1.0, 1.0),
@@ -39,10 +40,25 @@ def figure(steps: Sequence[Step], title: str) -> Drawing:
 
 
 def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
-    """Both plots of a run as PNG files in a folder; their paths."""
+    """Write both plots of a run as PNG files into a folder; their paths."""
     title = literal(title)
-    figures = {MOTION: _motion_figure(steps, title), ERRORS: _error_figure(steps, title)}
-    return [save(figure, folder, name) for name, figure in figures.items()]
+    motion = save(motion_figure(steps, title), folder, MOTION)
+    return [motion, save(error_figure(steps, title), folder, ERRORS)]
+
+
+def motion_figure(steps: Sequence[Step], title: str) -> Drawing:
+    """Draw figure 9: the target's own motion in the image, measured, estimated and true."""
+    rows = len(_moving(steps))
+    figure, axes = _figure(rows, 0.6 + 2.4 * rows)
+    _draw_motion(steps, title, axes)
+    return figure
+
+
+def error_figure(steps: Sequence[Step], title: str) -> Drawing:
+    """Draw figure 10: the feature errors, and below them the true distance from the goal."""
+    figure, axes = _figure(2, 5.4)
+    _draw_errors(steps, title, axes)
+    return figure
 
 
 def _figure(rows: int, height: float) -> tuple[Drawing, list[Axes]]:
@@ -51,13 +67,6 @@ def _figure(rows: int, height: float) -> tuple[Drawing, list[Axes]]:
         ax.margins(x=0)
     axes[-1].set_xlabel("time [s]")
     return figure, axes
-
-
-def _motion_figure(steps: Sequence[Step], title: str) -> Figure:
-    """Figure 9: the target's own motion in the image, measured, estimated and true."""
-    figure, axes = _figure(len(_moving(steps)), 0.6 + 2.4 * len(_moving(steps)))
-    _draw_motion(steps, title, axes)
-    return figure
 
 
 def _moving(steps: Sequence[Step]) -> tuple[str, ...]:
@@ -89,27 +98,20 @@ def _draw_motion(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
     axes[0].set_title(f"{title}: the target's own motion", loc="left")
 
 
-def _error_figure(steps: Sequence[Step], title: str) -> Figure:
-    """Figure 10: the feature errors, and below them the true distance from the goal."""
-    figure, axes = _figure(2, 5.4)
-    _draw_errors(steps, title, axes)
-    return figure
-
-
 def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> None:
     time = [s.frame.time for s in steps]
     features = steps[0].scene.features
     for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
         error = [s.error[i] for s in steps]
-        colour = COLOURS[i % len(COLOURS)]
+        colour = CURVES[i % len(CURVES)]
         axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")
     servo = [s.servo_error for s in steps]
     tracking = [s.tracking_error for s in steps]
-    axes[1].plot(time, servo, color=COLOURS[0], lw=1.5, label="true centre to goal")
-    axes[1].plot(time, tracking, color=COLOURS[1], lw=1.0, label="estimated to true centre")
+    axes[1].plot(time, servo, color=CURVES[0], lw=1.5, label="true centre to goal")
+    axes[1].plot(time, tracking, color=CURVES[1], lw=1.0, label="estimated to true centre")
     axes[1].set_ylabel("distance [px]")
     axes[1].set_ylim(bottom=0)
     axes[1].legend(ncols=2, **ABOVE)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from sim.camera.renderer import OpenGLRenderer
-from sim.quaternion import matrix_of
+from sim.models.quaternion import matrix_of
 from sim.types import Array, Camera, Image
 
 CAMERA = "room"

@@ -113,7 +113,7 @@ class RunFolder:
         sinks: dict[Path | str, Sink] = {}
         if rerun:
             # rerun takes half a second to import
-            from servo.output.recording.archetypes import RecordingFile
+            from servo.output.recording.destination import RecordingFile
             from servo.output.recording.log import RerunLog
 
             path = folder / RECORDING

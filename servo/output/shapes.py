@@ -1,12 +1,12 @@
-"""The scene as plain shapes, for whoever draws it without MuJoCo."""
+"""The scene as plain shapes, for recordings, which draw it without MuJoCo."""
 
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from sim.models.quaternion import matrix_of
 from sim.models.target import SHOWN
-from sim.quaternion import matrix_of
 from sim.types import Array, Image, Pose
 
 KINDS = {

@@ -1,5 +1,6 @@
-"""What takes the steps of a run, or the shots of a track, beside the rows: films, recordings, logs,
-viewers. One that fails ends alone, and the others go on.
+"""Sinks of a run's steps or a track's shots, beside the rows: films, recordings, logs, viewers.
+
+One that fails ends alone, and the others go on.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Sinks:
     """Sinks by their names, which are the paths of those that write files."""
 
     refused: Refused | None = None
-    """Why the first of them that failed is not complete; None if all are."""
+    """The reason why the first of them that failed is not complete; None if all are."""
 
     def __init__(self, sinks: Mapping[Path | str, Sink]) -> None:
         self._sinks = dict(sinks)
@@ -70,7 +71,7 @@ class Sinks:
         self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
 
 
-class Paced:
+class PacedSink:
     """A sink whose frames come no sooner than their times, since the first, over a speed."""
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:

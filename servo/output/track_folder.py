@@ -52,7 +52,7 @@ class TrackFolder:
         sinks = dict(more or {})
         if recording:
             # rerun takes half a second to import
-            from servo.output.recording.archetypes import RecordingFile
+            from servo.output.recording.destination import RecordingFile
             from servo.output.recording.track_log import TrackLog
 
             path = folder / RECORDING
@@ -62,7 +62,7 @@ class TrackFolder:
 
     @property
     def refused(self) -> Refused | None:
-        """Why a film or a recording is not complete; None if all are."""
+        """The reason why a film or a recording is not complete; None if all are."""
         return self._sinks.refused
 
     def add(self, shot: Shot, truth: Array | None) -> None:
@@ -112,6 +112,6 @@ class TrackReport(Made):
     units: dict[str, str]
     """Units of the measures by name."""
     end: str = ""
-    """How the source ended, where that is worth a sentence: a lost stream, a damaged bag."""
+    """The end of the source, where it is worth a sentence: a lost stream, a damaged bag."""
     dropped: int = 0
     """Pictures of a stream that the tracker never saw, because it was slower."""

@@ -12,12 +12,12 @@ from servo.papers.groups import ratio, words
 from servo.papers.kams_paper import clutter
 from servo.papers.tuning import published
 from sim.types import Array
-from tracking.appearance.bins import Labelled
-from tracking.search.annealing import Annealing, Schedule, anneal
+from tracking.appearance.bins import LabelledImage
+from tracking.search.annealing import Annealing, anneal
 from tracking.search.particles import ParticleFilter
 from tracking.statistics.verdicts import not_worse
 from tracking.trackers import kams
-from tracking.trackers.annealed import CLIMB_TOLERANCE
+from tracking.trackers._cloud import CLIMB, CLIMB_TOLERANCE
 
 SEEDS = 20
 LEVEL = "b"
@@ -42,11 +42,10 @@ def distances(seed: int, climb: int) -> Array:
     noise = (KAMS.noise, 0.0, 0.0)
     rng = np.random.default_rng(seed)
     cloud = ParticleFilter(sequence.region, sequence.start, KAMS.particles, noise, rng)
-    schedule = Schedule(KAMS.schedule)
-    layers = Annealing(KAMS.layers, schedule, KAMS.survival, KAMS.ratio, KAMS.cooling)
+    layers = Annealing(KAMS.layers, KAMS.schedule)
     found: list[tuple[float, float]] = []
 
-    def likelihood(image: Labelled, cloud: ParticleFilter) -> Array:
+    def likelihood(image: LabelledImage, cloud: ParticleFilter) -> Array:
         """Return KAMS's likelihood, and keep the distances around its climb."""
         before = _nearest(cloud)
         if climb:
@@ -54,7 +53,7 @@ def distances(seed: int, climb: int) -> Array:
                 image, cloud.samples, most=climb, tolerance=CLIMB_TOLERANCE, reach=cloud.size
             )
         found.append((before, _nearest(cloud)))
-        return KAMS.log_likelihood(model.energy(image, cloud.samples))
+        return -KAMS.gamma * model.energy(image, cloud.samples)
 
     for image in pictures[1:]:
         anneal(cloud, np.zeros(4), partial(likelihood, model.label(image)), layers, 1.0)
@@ -71,7 +70,7 @@ def _nearest(cloud: ParticleFilter) -> float:
 
 def _judge(evidence: Evidence) -> Verdict:
     seeds = evidence.effort.seeds(SEEDS)
-    climbing = np.array([distances(seed, KAMS.climb) for seed in seeds])
+    climbing = np.array([distances(seed, CLIMB) for seed in seeds])
     still = np.array([distances(seed, 0) for seed in seeds])
     return judged(climbing[:, 0], climbing[:, 1], still[:, 1])
 

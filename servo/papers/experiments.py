@@ -22,7 +22,7 @@ from sim.types import Array
 from tracking.evaluation.track_file import read
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import Sequence as Painting
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.trackers import KINDS as TRACKERS
 
 
@@ -46,8 +46,8 @@ class CachedPainting(Generated):
 def _painted(kind: str, config: Any, seed: int) -> Painting:
     sequence = Generated(kind, config).build(seed)
     source = sequence.source
-    assert isinstance(source, Painted)
-    return replace(sequence, source=Painted(cache(source.paint), source.count))
+    assert isinstance(source, PaintedSource)
+    return replace(sequence, source=PaintedSource(cache(source.paint), source.count))
 
 
 def generated(kind: str, **settings: Any) -> Generated:

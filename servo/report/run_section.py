@@ -157,7 +157,9 @@ def _pictures(folder: Path) -> Block:
     path = folder / RECORDING
     if not path.exists():
         return Block(title, ["There is no recording in this folder, so there are no pictures."])
-    from servo.output.recording.view import pictures  # rerun takes half a second to import
+    from servo.output.recording.recorded_frames import (
+        pictures,
+    )  # rerun takes half a second to import
 
     found = pictures(path, TILES)
     if not found:

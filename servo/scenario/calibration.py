@@ -3,12 +3,11 @@
 Both start pixel coordinates at the middle of the first pixel, and we at its corner: 0.5 px more.
 """
 
-from __future__ import annotations
-
-import math
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import yaml
 
 from servo.mistake import Mistake
@@ -17,7 +16,7 @@ from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
 
 Table = dict[str, Any]
-LARGEST = 20_000
+LARGEST_FILE = 20_000
 """Largest file [bytes]; a calibration has about a thousand."""
 GIVES = ("fovy_deg", "fx", "fy", "cx", "cy", "distortion", "coefficients")
 """Settings that a calibration gives, or replaces."""
@@ -30,31 +29,14 @@ MODELS: dict[str, Model] = {
 """Our distortion by ROS's name."""
 BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
 """OpenCV's distortion by the number of its coefficients that are not zero at the end."""
-OPENCV = "%YAML:1.0"
-"""The first line of OpenCV's files, which YAML does not allow."""
-MOST_PIXELS = 100_000
-
-
-class _Loader(yaml.SafeLoader):
-    """Reads plain values, and OpenCV's matrices as tables; it does not merge tables by `<<`, which
-    can make a small file without end.
-    """
-
-    def flatten_mapping(self, node: Any) -> None:
-        """Leave a table as it is."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """Refuse aliases, which can make a small file without end."""
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("it has aliases (*name), which are not taken")
-        return super().compose_node(parent, index)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _Loader.construct_yaml_map)
+OPENCV = "%YAML"
+"""The beginning of OpenCV's files."""
+MATRICES = ("camera_matrix", "distortion_coefficients")
+WHOLE = ("image_width", "image_height", "fisheye_model")
 
 
 def calibrated(camera: Any, place: str) -> Any:
-    """The table [camera] with the settings of its calibration file in its place.
+    """Return the table [camera] with the settings of its calibration file in its place.
 
     Raises:
         Mistake: The file is none, does not fit the image size, or its settings are given as well.
@@ -80,18 +62,22 @@ def calibrated(camera: Any, place: str) -> Any:
 
 
 def _read(path: Path) -> Table:
-    """The size (width, height) of a calibration's image, and its settings for it."""
-    document = _document(path)
-    size = [_whole(document, key, path) for key in ("image_width", "image_height")]
-    K = _numbers(document, "camera_matrix", path, 9)
-    if K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0]:
-        raise Mistake(f"{path}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew")
-    if min(K[0], K[4]) <= 0:
+    """Return the size (width, height) of a calibration's image, and its settings for it."""
+    try:
+        text = reading.text(path, "calibration", LARGEST_FILE)
+    except ValueError as error:
+        raise Mistake(str(error)) from None
+    document = _of_opencv(text, path) if text.startswith(OPENCV) else _of_ros(text, path)
+    size = [document.get(key) for key in ("image_width", "image_height")]
+    for key, value in zip(("image_width", "image_height"), size, strict=True):
+        if type(value) is not int or value <= 0:
+            raise Mistake(f"{path}: {key} = {value!r} should be a number of pixels")
+    K, values = (_numbers(document.get(key), key, path) for key in MATRICES)
+    if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
         raise Mistake(
-            f"{path}: camera_matrix has the focal lengths {K[0]:g}, {K[4]:g}; they are above zero"
+            f"{path}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal "
+            "lengths above zero"
         )
-    found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + 0.5, "cy": K[5] + 0.5}
-    values = _numbers(document, "distortion_coefficients", path)
     model = _model(document, path, values)
     while len(values) > COEFFICIENTS[model] and values[-1] == 0:
         values = values[:-1]
@@ -102,28 +88,41 @@ def _read(path: Path) -> Table:
             f"{path}: distortion_coefficients has {len(values)} numbers; "
             f"{model} has {COEFFICIENTS[model]}"
         )
+    found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + 0.5, "cy": K[5] + 0.5}
     return found | {"distortion": model, "coefficients": values}
 
 
-def _document(path: Path) -> Table:
-    """The top table of a YAML file."""
+def _of_ros(text: str, path: Path) -> Table:
+    """Return the top table of a file of ROS, with the data of its matrices in their place."""
     try:
-        text = reading.text(path, "calibration", LARGEST)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
-    try:
-        document = yaml.load(text.removeprefix(OPENCV), _Loader)
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
+        document = yaml.safe_load(text)
+    except (ValueError, yaml.YAMLError) as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f": line {mark.line + 1} is wrong"
         raise Mistake(f"{path}: this is not YAML{line}") from None
     if not isinstance(document, dict):
         raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
-    return document
+    data = {key: document[key]["data"] for key in MATRICES if _has_data(document.get(key))}
+    return document | dict.fromkeys(MATRICES) | data
+
+
+def _has_data(matrix: Any) -> bool:
+    return isinstance(matrix, dict) and "data" in matrix
+
+
+def _of_opencv(text: str, path: Path) -> Table:
+    """Return what a file of OpenCV's has of a calibration."""
+    try:
+        file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except cv2.error:
+        raise Mistake(f"{path}: this is no file that OpenCV wrote") from None
+    matrices: Table = {key: file.getNode(key).mat() for key in MATRICES}
+    found: Table = {key: None if m is None else m.ravel().tolist() for key, m in matrices.items()}
+    return found | {key: int(file.getNode(key).real()) for key in WHOLE}
 
 
 def _model(document: Table, path: Path, values: list[float]) -> Model:
-    """Our distortion: ROS names it; in OpenCV's files the number of coefficients tells."""
+    """Return the distortion that ROS names; OpenCV has the number of its coefficients only."""
     name = document.get("distortion_model")
     if name is None:
         if document.get("fisheye_model"):
@@ -137,28 +136,12 @@ def _model(document: Table, path: Path, values: list[float]) -> Model:
     return MODELS[name]
 
 
-def _whole(document: Table, key: str, path: Path) -> int:
-    value = document.get(key)
-    if type(value) is not int or not 0 < value <= MOST_PIXELS:
-        raise Mistake(f"{path}: {key} = {value!r} should be a number of pixels")
-    return value
-
-
-def _numbers(document: Table, key: str, path: Path, count: int | None = None) -> list[float]:
-    """The numbers of a matrix, which lie in its `data`."""
-    matrix = document.get(key)
-    data: Any = matrix.get("data") if isinstance(matrix, dict) else None
-    numbers = [_number(value) for value in data] if isinstance(data, list) else []
-    if not numbers or not all(map(math.isfinite, numbers)) or len(numbers) != (count or len(data)):
-        raise Mistake(
-            f"{path}: {key}.data should be a list of {f'{count} ' if count else ''}finite numbers"
-        )
-    return numbers
-
-
-def _number(value: Any) -> float:
-    """A number, also one such as 1e-05, which YAML takes for a text; nan for anything else."""
+def _numbers(data: Any, key: str, path: Path) -> list[float]:
+    """Return the numbers of a matrix; YAML takes one such as 1e-05 for a text."""
     try:
-        return math.nan if isinstance(value, bool) else float(value)
+        numbers = np.array(data, np.float64)
     except (TypeError, ValueError, OverflowError):
-        return math.nan
+        numbers = np.array([np.nan])
+    if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():
+        raise Mistake(f"{path}: {key}.data should be a list of finite numbers")
+    return numbers.tolist()

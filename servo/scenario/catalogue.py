@@ -1,5 +1,5 @@
-"""What there is to choose from, by name: the tables of a scenario that have a kind, and the shipped
-scenarios. Nothing heavy is imported to look.
+"""The choices by name: kinds of a scenario's parts, shipped scenarios and studies. Importing it is
+cheap: `servobench list` does.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ LISTS = {"disturbances": disturbances.KINDS}
 
 
 def shipped() -> list[str]:
-    """Names of the scenarios in the package, sorted."""
+    """Return the names of the scenarios in the package, sorted."""
     return _names(resources.files("scenes"))
 
 
 def studies() -> list[str]:
-    """Names of the studies in the package, sorted."""
+    """Return the names of the studies in the package, sorted."""
     return _names(resources.files("scenes") / "studies")
 
 
 def sentence(text: str) -> str:
-    """A scenario's or a study's second line, a comment that says what it shows; or nothing.
+    """Return the second line of a scenario or a study, a comment that describes it; or nothing.
 
-    Directives to editors, "#:schema ...", are no lines of its own.
+    Directives to editors, "#:schema ...", do not count as lines.
     """
     lines = [line for line in text.splitlines() if not line.startswith("#:")]
     second = [*lines, "", ""][1]

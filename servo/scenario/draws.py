@@ -20,16 +20,16 @@ Value = Any
 """Value of a setting, in the types of TOML."""
 LAWS: dict[str, int | None] = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
 """Laws of random values, and how many numbers each takes; None: any number."""
-LARGEST = 1e100
+LARGEST_NUMBER = 1e100
 """Largest number in a law: sums and ratios of two such numbers are finite."""
 AS_WRITTEN = 0
 """The seed for which a scenario's own draws are left out."""
 FIXED = ("run.seed", "expect", "vary", "sweep", "measure")
-"""What a scenario does not draw."""
+"""Settings that a scenario does not draw."""
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """The random stream of one part of a run: what one part draws never shifts another's."""
+    """Return the random stream of one part: the draws of one part never shift another's."""
     return np.random.default_rng([seed, *name.encode()])
 
 
@@ -44,11 +44,11 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Values to check for all possible draws: the ends of a range, a mean, or all choices."""
+        """Return values to check for all draws: ends of a range, a mean, or all choices."""
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
     def value(self, seed: int) -> Value:
-        """The value for a seed."""
+        """Return the value for a seed."""
         rng = stream(seed, f"draw {self.key}")
         match self.law:
             case "uniform":
@@ -62,7 +62,7 @@ class Draw:
 
 
 def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
-    """The draws of a scenario, from its `[vary]` table.
+    """Return the draws of a scenario, from its `[vary]` table.
 
     Raises:
         Mistake: Something is wrong in the table; `place` names it.
@@ -85,7 +85,7 @@ def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
 def law_of(
     given: dict[str, Any], at: str, counts: Mapping[str, int | None]
 ) -> tuple[str, tuple[Any, ...]]:
-    """The law and its numbers of a table such as { uniform = [0, 1] }.
+    """Return law and numbers of a table such as { uniform = [0, 1] }.
 
     Args:
         given: The table.
@@ -105,8 +105,8 @@ def law_of(
         return law, tuple(numbers)
     if not all(is_number(n) for n in numbers):
         raise Mistake(f"{at}.{law} = {numbers!r}: these should be finite numbers")
-    if max(abs(n) for n in numbers) > LARGEST:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be at most {LARGEST:g}")
+    if max(abs(n) for n in numbers) > LARGEST_NUMBER:
+        raise Mistake(f"{at}.{law} = {numbers!r}: these should be at most {LARGEST_NUMBER:g}")
     if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
         raise Mistake(f"{at}.{law} = {numbers!r}: these should be above 0")
     if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
@@ -117,7 +117,7 @@ def law_of(
 
 
 def spelled(key: str, place: str) -> str:
-    """A dotted key without the spaces around its names.
+    """Return a dotted key without the spaces around its names.
 
     Raises:
         Mistake: One of its names is empty; the message begins with `place`.
@@ -129,8 +129,8 @@ def spelled(key: str, place: str) -> str:
 
 
 def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> dict[str, Any]:
-    """The values of nested tables by dotted keys; an empty table, or one with a key from `ends`, is
-    a value.
+    """Return the values of nested tables by dotted keys; an empty table, or one with a key from
+    `ends`, is a value.
 
     Raises:
         Mistake: A key is given twice, also in different spellings, or has an empty name.

@@ -1,4 +1,4 @@
-"""What a scenario expects of its own tracker, and what of others."""
+"""The bounds that a scenario sets for its own tracker and for others."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Expected:
     expect: Table
     """[expect], without those of other trackers."""
     changed: Table
-    """What --set or a study has changed of it, which holds for any tracker."""
+    """Bounds that --set or a study has changed; they hold for any tracker."""
     others: dict[str, Table]
     """[expect.tracker.KIND] by kind, or ANY."""
 
     @staticmethod
     def read(table: Table, written: Table, place: str) -> Expected:
-        """The bounds of a scenario's table; `written` is the table in its file, before changes.
+        """Return the bounds of a table; `written` is the table in its file, before changes.
 
         Raises:
             Mistake: They are no tables, or the scenario's own tracker is among the others.
@@ -54,25 +54,25 @@ class Expected:
         return Expected(own, expect, changed, others)
 
     def of(self, kind: str) -> Table:
-        """The bounds for a kind of tracker; none where none are made for it."""
+        """Return the bounds for a kind of tracker; none where none are made for it."""
         if kind == self.own:
             return self.expect
         return self.others.get(kind, self.others.get(ANY, {})) | self.changed
 
     @property
     def success(self) -> Any:
-        """The outcome that counts as success, of any tracker; None if the scenario names none."""
+        """Return the outcome that counts as success for any tracker; None if there is none."""
         return self.expect.get("outcome")
 
     def unjudged(self, kind: str) -> str:
-        """A sentence where there are bounds, but none for this kind of tracker; else nothing."""
+        """Return a sentence where there are bounds, but none for this kind; else nothing."""
         if self.of(kind) or not self.expect:
             return ""
         return f"No verdict: the bounds are made for {self.own}, and there are none for {kind}."
 
 
 def tracker_of(table: Table) -> str:
-    """The kind of tracker in a scenario's table."""
+    """Return the kind of tracker in a scenario's table."""
     tracker = table.get(TRACKER, {})
     default = PLUGINS[TRACKER][1]
     return str(tracker.get("kind", default)) if isinstance(tracker, dict) else str(default)

@@ -29,12 +29,12 @@ MESSAGES = {
 
 
 class WrongSetting(Mistake):
-    """A mistake in a table of settings; the sentence names it, but not its file."""
+    """A mistake in a table of settings; the sentence names the setting, but not its file."""
 
-    def __init__(self, sentence: str, *keys: str) -> None:
+    def __init__(self, sentence: str, setting: str = "") -> None:
         super().__init__(sentence)
-        self.keys = keys
-        """The keys that lead to it inside the table."""
+        self.setting = setting
+        """Such as "disturbances[0].start"."""
 
 
 @functools.cache  # building one takes longer than a hundred uses
@@ -79,11 +79,11 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
         WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
     """
     if not isinstance(table, dict):
-        raise WrongSetting(f"{place} should be a table of settings, not {table!r}")
+        raise WrongSetting(f"{place} should be a table of settings, not {table!r}", place)
     checked = form(config)
     for key in cast(dict[str, Any], table):
         if key not in checked.model_fields:
-            raise WrongSetting(f"{place}: {unknown(key, checked.model_fields)}", key)
+            raise WrongSetting(f"{place}: {unknown(key, checked.model_fields)}", f"{place}.{key}")
     try:
         given = checked.model_validate(_values(cast(Any, table)))
     except ValidationError as error:
@@ -120,7 +120,7 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
     try:
         return replace(begin, **changes)
     except ValueError as error:  # a `Config` refused several values together
-        raise WrongSetting(f"{place}: {error}") from None
+        raise WrongSetting(f"{place}: {error}", place) from None
 
 
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
@@ -140,11 +140,10 @@ def _is_place(part: int | str) -> bool:
 
 def _wrong(error: ErrorDetails, place: str) -> WrongSetting:
     """Return what pydantic found as a sentence, with the place of the value."""
-    keys = [str(part) for part in error["loc"] if _is_place(part)]
-    where = "".join(f".{key}" for key in keys)
+    where = place + "".join(f".{part}" for part in error["loc"] if _is_place(part))
     sentence = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
     found = "" if error["type"] == "missing" else f" = {_shown(error['input'])!r}"
-    return WrongSetting(f"{place}{where}{found}: {sentence}", *keys)
+    return WrongSetting(f"{where}{found}: {sentence}", where)
 
 
 def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = "") -> Config:
@@ -156,26 +155,26 @@ def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = 
         WrongSetting: As for `fill`, or the kind or preset is unknown.
     """
     if not isinstance(table, dict):
-        raise WrongSetting(f"{place} should be a table with a kind, not {table!r}")
+        raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
     given = dict(cast(dict[str, Any], table))
     kind = given.pop("kind", default)
     preset = given.pop("preset", None)
     if kind == "" and "kind" not in table:
-        raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}")
+        raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}", place)
     kind = kind if isinstance(kind, str) else str(kind)
     try:
         config = kinds.config_of(kind)
     except UnknownKind as error:
-        raise WrongSetting(f"{place}.kind: {error}", "kind") from error
+        raise WrongSetting(f"{place}.kind: {error}", f"{place}.kind") from error
     try:
         begin = kinds.config(kind, preset if preset is None else str(preset))
     except UnknownKind as error:
-        raise WrongSetting(f"{place}.preset: {error}", "preset") from None
+        raise WrongSetting(f"{place}.preset: {error}", f"{place}.preset") from None
     for key in getattr(config, "not_from_file", ()):
         if key in given and not isinstance(given[key], Trusted):
             raise WrongSetting(
                 f"{place}.{key}: a file may not name a command to start: give it with --set, or "
                 "from Python",
-                key,
+                f"{place}.{key}",
             )
     return fill(config, given, place, begin)

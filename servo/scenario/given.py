@@ -1,4 +1,4 @@
-"""What a caller in Python gave, of whichever type, as what is needed or a sentence."""
+"""Arguments of callers in Python, checked: the type that is needed, or one sentence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.types import Array
 
 
 def name(given: Any, what: str) -> str:
-    """The name or the file of a scenario, a study or a folder.
+    """Return the name or the file of a scenario, a study or a folder.
 
     Raises:
         Mistake: It is neither a text nor a path.
@@ -24,7 +24,7 @@ def name(given: Any, what: str) -> str:
 
 
 def texts(given: Any) -> tuple[str, ...]:
-    """Changes of settings as for --set.
+    """Return changes of settings as for --set.
 
     Raises:
         Mistake: They are no texts.
@@ -38,7 +38,7 @@ def texts(given: Any) -> tuple[str, ...]:
 
 
 def whole(given: Any, what: str, least: int) -> int:
-    """A whole number, of Python or NumPy.
+    """Return a whole number, of Python or NumPy.
 
     Raises:
         Mistake: It is none, or too small.
@@ -49,7 +49,7 @@ def whole(given: Any, what: str, least: int) -> int:
 
 
 def numbers(given: Any, what: str, count: int) -> Array:
-    """So many finite numbers (count,).
+    """Return finite numbers (count,).
 
     Raises:
         Mistake: They are others.
@@ -74,7 +74,7 @@ def one_of(given: Any, what: str, known: Sequence[Any]) -> None:
 
 
 def each_once(given: Any, what: str, known: Sequence[str]) -> list[int]:
-    """Where the chosen ones are among all.
+    """Return the positions of the chosen ones among all.
 
     Raises:
         Mistake: There are none, or one is unknown or chosen twice.

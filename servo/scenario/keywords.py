@@ -30,7 +30,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
     Args:
         changes: In their order.
         file: The place of all that no change has set.
-        *settings: Such as "run.duration".
+        *settings: Such as "run.duration" and "disturbances[0].start".
 
     Returns:
         The place of the last change of one of them, of a table around it or of a value in it.
@@ -38,14 +38,14 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
     for change in reversed(changes):
         changed = f"{spelled(change.key, change.place)}."
         for setting in settings:
-            path = f"{setting}."
+            path = f"{setting}.".replace("[", ".").replace("]", "")
             if path.startswith(changed) or changed.startswith(path):
                 return change.place
     return file
 
 
 def of_texts(items: Sequence[str]) -> list[Change]:
-    """The changes of --set.
+    """Return the changes of --set.
 
     Raises:
         Mistake: One has not the form key=value.
@@ -82,7 +82,7 @@ def of_keywords(
 
 
 def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
-    """The setting of this name, with its table."""
+    """Return the setting of this name, with its table."""
     found = [key for key in known if key.rpartition(".")[2] == name]
     if not found:
         names = dict.fromkeys([*tables, *(key.rpartition(".")[2] for key in known)])
@@ -96,7 +96,7 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A value of Python or NumPy in the types of TOML, its texts trusted."""
+    """Return a value of Python or NumPy in the types of TOML, its texts trusted."""
     match value:
         case dict():
             return {key: plain(item) for key, item in value.items()}
@@ -111,7 +111,7 @@ def plain(value: Any) -> Any:
 
 
 def own_part(key: str, value: Any) -> Any:
-    """The `Config` of a part of one's own: an instance, a class, or what `tracking.wrap` takes."""
+    """Return the `Config` of a part from an instance, a class, or what `tracking.wrap` takes."""
     name = getattr(value, "__qualname__", repr(value))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return value

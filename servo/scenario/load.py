@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from servo.mistake import Mistake, unknown
+from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.scenario import given, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -34,8 +35,13 @@ from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
 from sim.believed import BelievedConfig
 from sim.camera.camera import CameraConfig
+from sim.kinds import PartConfig
+from sim.models.target import Target
+from sim.robot.robot import Design
+from sim.stage import Disturbance, Motion
 from sim.timing import Rates
 from sim.world import WorldConfig
+from tracking.types import Tracker
 
 Table = dict[str, Any]
 
@@ -56,14 +62,14 @@ class Scenario:
     sight: SightConfig
     believed: BelievedConfig
     measure: MeasureConfig
-    robot: Any
-    target: Any
-    motion: Any
-    tracker: Any
-    features: Any
-    estimator: Any
-    controller: Any
-    disturbances: tuple[Any, ...]
+    robot: PartConfig[Design]
+    target: PartConfig[Target]
+    motion: PartConfig[Motion]
+    tracker: PartConfig[Tracker]
+    features: FeaturesConfig
+    estimator: PartConfig[Estimator]
+    controller: PartConfig[Callable[[Estimator], Controller]]
+    disturbances: tuple[PartConfig[Disturbance], ...]
     expect: dict[str, float | str]
     """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
     bounds: Expected
@@ -73,22 +79,22 @@ class Scenario:
 
     @property
     def frames(self) -> int:
-        """Number of frames of a run."""
+        """Return the number of frames of a run."""
         return max(1, round(self.run.duration * self.camera.rate))
 
     @property
     def unjudged(self) -> str:
-        """A sentence where the bounds are made for another tracker; else nothing."""
+        """Return a sentence where the bounds are made for another tracker; else nothing."""
         return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
     def rates_changed(self) -> dict[str, float]:
-        """Rates [Hz] of which the run uses others than those asked for, by setting."""
+        """Return the rates [Hz] that differ from those asked for, by setting."""
         asked = self.world.physics_rate, self.world.drive_rate, self.camera.rate
         return Rates.of(*asked).changed(*asked)
 
     def settings(self) -> Table:
-        """Every value the run uses, the defaults included."""
+        """Return every value the run uses, the defaults included."""
         plain = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
         chosen = {name: _described(getattr(self, name)) for name in PLUGINS}
         listed = {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
@@ -96,7 +102,7 @@ class Scenario:
 
 
 def _described(config: Any) -> Table:
-    """The kind of a `Config` and its settings."""
+    """Return the kind of a `Config` and its settings."""
     value: Any = config
     settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
     return {"kind": kinds.kind_of(config)} | settings
@@ -105,7 +111,10 @@ def _described(config: Any) -> Table:
 def load(
     name: str | Path, overrides: Sequence[str] = (), seed: int | None = None, **settings: Any
 ) -> Scenario:
-    """A scenario by its shipped name or by the path of a TOML file.
+    """Return a scenario by its shipped name or by the path of a TOML file.
+
+    >>> load("still", ["run.duration=2"], gain=1.5).frames
+    60
 
     Args:
         name: Such as "reversal" or "mine/slow.toml".
@@ -190,8 +199,8 @@ def parse(
             values |= {key: _filled(key, fixed) for key in {section_of(key) for key in drawn}}
     except WrongSetting as error:
         # What a calibration gives is wrong where the calibration is named.
-        named = ("camera.calibration",) if error.keys[0] == "camera" else ()
-        sentence = f"{where('.'.join(error.keys), *named)}: {error}"
+        named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
+        sentence = f"{where(error.setting, *named)}: {error}"
         raise Mistake(sentence) from error.__cause__
     bounds = Expected.read(table, table if written is None else written, where("expect"))
     check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
@@ -205,25 +214,16 @@ def _filled(key: str, table: Table) -> Any:
     """Return the value of one of a scenario's tables.
 
     Raises:
-        WrongSetting: Its keys begin with this one.
+        WrongSetting: Something in it is wrong.
     """
-    try:
-        if key in SECTIONS:
-            return fill(SECTIONS[key], table.get(key, {}), key)
-        if key in PLUGINS:
-            return fill_plugin(PLUGINS[key][0], table.get(key, {}), key, PLUGINS[key][1])
-    except WrongSetting as error:
-        raise WrongSetting(str(error), key, *error.keys) from error.__cause__
+    if key in SECTIONS:
+        return fill(SECTIONS[key], table.get(key, {}), key)
+    if key in PLUGINS:
+        return fill_plugin(PLUGINS[key][0], table.get(key, {}), key, PLUGINS[key][1])
     items = table.get(key, [])
     if not isinstance(items, list):
         raise WrongSetting(f"{key} should be a list of tables, not {items!r}", key)
-    found: list[Any] = []
-    for i, item in enumerate(items):
-        try:
-            found.append(fill_plugin(LISTS[key], item, f"{key}[{i}]"))
-        except WrongSetting as error:
-            raise WrongSetting(str(error), key, str(i), *error.keys) from error.__cause__
-    return tuple(found)
+    return tuple(fill_plugin(LISTS[key], item, f"{key}[{i}]") for i, item in enumerate(items))
 
 
 def _drawn(draws: Sequence[Draw], table: Table, seed: int) -> Table:

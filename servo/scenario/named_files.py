@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -17,7 +18,6 @@ from sim.installed import Trusted
 from sim.ranges import NamesFile
 
 Table = dict[str, Any]
-Change = Callable[[str], str]
 MODELS = (".xml", ".urdf")
 """Files that name others: meshes, pictures, included models."""
 MISSING = "missing"
@@ -59,7 +59,7 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
         except (OSError, RuntimeError, ValueError):  # no file can have this name
             return name
 
-    return _changed(table, _are_files(table, *bases), whole)
+    return _changed(table, (table, *bases), whole)
 
 
 def named_in(*tables: Table) -> list[str]:
@@ -70,9 +70,8 @@ def named_in(*tables: Table) -> list[str]:
         found.append(name)
         return name
 
-    are_files = _are_files(*tables)
     for table in tables:
-        _changed(table, are_files, note)
+        _changed(table, tables, note)
     return found
 
 
@@ -117,53 +116,39 @@ def _digest(path: Path, changed: int, size: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _are_files(*tables: Table) -> Callable[[tuple[str, ...]], bool]:
-    """Return whether a setting names a file, by its section and its name."""
-    kinds: dict[str, set[str]] = {}
-    for table in tables:
-        for (section, *rest), value in _settings(table):
-            if rest == ["kind"] and isinstance(value, str):
-                kinds.setdefault(section, set()).add(value)
+def _changed(table: Table, tables: Iterable[Table], change: Callable[[str], str]) -> Table:
+    """Return a table in which the names of files are changed; which settings name files depends on
+    the kinds in all the tables.
+    """
+    kinds = defaultdict[str, set[str]](set)
 
-    @functools.cache
-    def are_files(setting: tuple[str, ...]) -> bool:
-        section, *rest = setting
-        configs = [config_of(section, kind) for kind in kinds.get(section, {None})]
-        return any(c is not None and rest[0] in file_settings(c) for c in configs if rest)
+    def note_kind(section: str, setting: str, text: str) -> str:
+        if setting == "kind":
+            kinds[section].add(text)
+        return text
 
-    return are_files
+    def changed(section: str, setting: str, text: str) -> str:
+        configs = [config_of(section, kind) for kind in kinds[section] or [None]]
+        is_file = any(c is not None and setting in file_settings(c) for c in configs)
+        return change(text) if is_file else text
 
-
-def _setting(keys: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the section and the setting that keys in a file lead to, without items of lists."""
-    keys = keys[1:] if keys[0] == "sweep" else keys
-    inner = ".".join(keys[AROUND.get(keys[0], 0) :] if keys else ())
-    return tuple(key for key in inner.split(".") if not key.isdecimal())
+    for each in tables:
+        _visited(each, note_kind)
+    return _visited(table, changed)
 
 
-def _settings(value: Any, keys: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield each plain value of a table, with its section and setting."""
+def _visited(value: Any, visit: Callable[[str, str, str], str], *keys: str) -> Any:
+    """Return a table in which each text is replaced by what `visit` gives for its section, its
+    setting and itself.
+    """
     match value:
         case dict():
-            for key, item in value.items():
-                yield from _settings(item, (*keys, key))
+            return {key: _visited(item, visit, *keys, key) for key, item in value.items()}
         case list():
-            for item in value:
-                yield from _settings(item, keys)
-        case _:
-            yield _setting(keys), value
-
-
-def _changed(
-    value: Any, are_files: Callable[[tuple[str, ...]], bool], change: Change, *keys: str
-) -> Any:
-    """Return a table in which the names of files are changed."""
-    match value:
-        case dict():
-            return {k: _changed(item, are_files, change, *keys, k) for k, item in value.items()}
-        case list():
-            return [_changed(item, are_files, change, *keys) for item in value]
-        case str() if are_files(_setting(keys)[:2]):
-            return change(value)
+            return [_visited(item, visit, *keys) for item in value]
+        case str():
+            section, *settings = ".".join(keys[AROUND.get(keys[0], 0) :]).split(".")
+            named = [key for key in settings if not key.isdecimal()]  # no item of a list
+            return visit(section, named[0], value) if named else value
         case _:
             return value

@@ -50,7 +50,7 @@ class RunConfig:
 
     @property
     def repeats(self) -> bool:
-        """Whether the same seed gives the same numbers."""
+        """Return whether the same seed gives the same numbers."""
         return self.tracker_ms != "measured"
 
 
@@ -88,7 +88,7 @@ class GoalConfig:
     """How long it changes, at constant speed [s]."""
 
     def depth_at(self, time: float) -> float:
-        """The distance asked for at a time [s]."""
+        """Return the distance [m] asked for at a time [s]."""
         done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
         return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
@@ -139,7 +139,7 @@ class RegionConfig:
     """Factor on its height."""
 
     def corners(self, truth: Truth) -> Array:
-        """The target's corners (4, 2) that the tracker is given [px]."""
+        """Return the target's corners (4, 2) that the tracker is given [px]."""
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
         away = (truth.corners - truth.centre) @ [1, 1j] / own
         sized = (away.real * self.width + 1j * away.imag * self.height) * given

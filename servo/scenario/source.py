@@ -15,7 +15,7 @@ Table = dict[str, Any]
 
 
 def read(name: str) -> tuple[Table, str]:
-    """The TOML table of a scenario, not looked at yet, and the name of its file for messages.
+    """Return the TOML table of a scenario, not checked yet, and its file's name for messages.
 
     Files that it names are looked for beside it first, then from the working directory.
 
@@ -28,7 +28,7 @@ def read(name: str) -> tuple[Table, str]:
 
 
 def path_of(name: str) -> Path:
-    """The file of a scenario, by its shipped name or by its path.
+    """Return the file of a scenario, by its shipped name or by its path.
 
     Raises:
         Mistake: There is no such name.

@@ -13,8 +13,8 @@ from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.files import reading
 from sim.installed import Trusted
 
-LARGEST = 1_000_000
-"""Largest file [bytes]."""
+LARGEST_FILE = 1_000_000
+"""Largest file [bytes], chosen by hand: a scenario has some thousand."""
 DEEPEST = 20
 """Most tables and lists inside each other."""
 INTEGERS = range(-(1 << 63), 1 << 63)
@@ -22,7 +22,7 @@ INTEGERS = range(-(1 << 63), 1 << 63)
 
 
 def read(path: Path, what: str) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Args:
         path: Where it is.
@@ -32,13 +32,13 @@ def read(path: Path, what: str) -> str:
         Mistake: It cannot be read, is not a regular file, is not UTF-8 text, or is too large.
     """
     try:
-        return reading.text(path, what, LARGEST)
+        return reading.text(path, what, LARGEST_FILE)
     except ValueError as error:
         raise Mistake(str(error)) from None
 
 
 def decode(text: str, place: str) -> dict[str, Any]:
-    """The table of a TOML text; place names it in messages.
+    """Return the table of a TOML text; place names it in messages.
 
     Raises:
         Mistake: It is no TOML, or as for `check`.
@@ -81,7 +81,7 @@ def check(value: Any, place: str, depth: int = 0) -> None:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a finite number, which true and false are not."""
+    """Return whether a value is a finite number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
@@ -94,7 +94,7 @@ def _too_large() -> str:
 
 
 def _has_surrogates(text: str) -> bool:
-    """Whether there are halves of characters in it, as in a file's name that is not UTF-8."""
+    """Return whether it has halves of characters, as in a file's name that is not UTF-8."""
     return any("\ud800" <= c <= "\udfff" for c in text)
 
 
@@ -105,16 +105,19 @@ def override(table: Table, item: str) -> None:
     """Apply one "a.b=value" to a table, as `put` does.
 
     Raises:
-        Mistake: It has not that form, or as for `put`.
+        Mistake: It does not have that form, or as for `put`.
     """
     put(table, *assignment(item), f"--set {item}")
 
 
 def assignment(item: str) -> tuple[str, Any]:
-    """Path and value of one "a.b=value"; what is no TOML is a word.
+    """Return path and value of one "a.b=value"; what is no TOML is a word.
+
+    >>> assignment("tracker.kind=frozen")
+    ('tracker.kind', 'frozen')
 
     Raises:
-        Mistake: It has not that form.
+        Mistake: It does not have that form.
     """
     path, equals, text = item.partition("=")
     keys = [key.strip() for key in path.split(".")]
@@ -157,7 +160,7 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
-    """A copy of a table with settings at their paths, as by `put`."""
+    """Return a copy of a table with settings at their paths, as by `put`."""
     changed = copy.deepcopy(table)
     for key, value in settings.items():
         put(changed, key, value, place)
@@ -165,7 +168,7 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
 
 
 def _forget(table: Table, keys: list[str]) -> None:
-    """Draw no more what is set now."""
+    """Remove the draw of a setting that is set now."""
     at = table.get("vary")
     for key in keys[:-1]:
         at = at.get(key) if isinstance(at, dict) else None
@@ -174,12 +177,12 @@ def _forget(table: Table, keys: list[str]) -> None:
 
 
 def _numbers(at: list[Any]) -> list[str]:
-    """The numbers of a list's items that are no tables."""
+    """Return the numbers of a list's items that are no tables."""
     return [str(i) for i, item in enumerate(at) if not isinstance(item, dict)]
 
 
 def _inside(at: Any, key: str, usual: Any) -> Any:
-    """What lies in a table or a list under a key; `usual` where a table has no such key."""
+    """Return the value in a table or a list under a key; `usual` where a table has none."""
     if not isinstance(at, list):
         return at.setdefault(key, usual)
     if not key.isdecimal() or str(int(key)) != key:
@@ -196,7 +199,7 @@ def _value(text: str) -> Any:
 
 
 def trusted(value: Any) -> Any:
-    """The same value with all its texts trusted: it comes from the command line or from Python."""
+    """Return a value from the command line or from Python with all its texts trusted."""
     match value:
         case str():
             return Trusted(value)

@@ -16,7 +16,8 @@ from sim.geometry import log_se3
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
 from sim.motions import KINDS as MOTIONS
-from sim.robot.robot import Design, Robot
+from sim.robot.design import Design
+from sim.robot.robot import Robot
 from sim.robots import KINDS as ROBOTS
 from sim.targets import KINDS as TARGETS
 from sim.types import Array, Effect, Pose

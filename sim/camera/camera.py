@@ -50,14 +50,10 @@ class CameraConfig:
     calibration: File | None = None
     """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
     beside the scenario's file, or in the working directory where --set names it."""
-    supersample: Annotated[int, Ge(1), Le(4)] = 1
-    """Rendered this many times as large and averaged: 2 smooths the edges, and doubles the time."""
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
     """Exposure as a fraction of the frame interval; what moves meanwhile is blurred."""
-    subframes: Annotated[int, Ge(2), Le(64)] = 6
-    """Pictures that are averaged over the exposure, where there is one."""
     readout_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
     """Rolling shutter: the first row is exposed this long before the last one, which ends at the
     frame's time [ms]."""

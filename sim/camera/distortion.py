@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Model = Literal["plumb_bob", "rational", "fisheye"]
 COEFFICIENTS: dict[Model, int] = {"plumb_bob": 5, "rational": 8, "fisheye": 4}
-"""How many coefficients a model has."""
+"""Number of coefficients of a model."""
 WIDEST = 85.0
 """Largest angle between a ray and the optical axis [deg]: a flat picture cannot show much more."""
 RADII = 2048
@@ -51,7 +51,7 @@ class Distortion:
     """
 
     model: Model
-    """Which formula."""
+    """Name of the formula."""
     coefficients: tuple[float, ...]
     """In OpenCV's order."""
 
@@ -76,7 +76,7 @@ class Distortion:
 
     @property
     def folds(self) -> bool:
-        """Whether the model folds back within the widest angle."""
+        """True where the model folds back within the widest angle."""
         return self.reach < np.tan(np.radians(WIDEST))
 
     def bend(self, rays: Array) -> Array:

@@ -145,7 +145,7 @@ def _require(name: str, remedy: str) -> None:
 
 
 def _has_device() -> bool:
-    """Whether some EGL device can be initialised (needs a DRI driver, which libEGL alone does not
+    """Try to initialise an EGL device (needs a DRI driver, which libEGL alone does not
     bring).
     """
     try:

@@ -51,12 +51,10 @@ class Lens:
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def count(self, mask: NDArray[np.bool_]) -> int:
-        """Pixels of the camera's picture in which a mask of `view`, of any size, is set."""
+        """Count the pixels of the camera's picture in which a mask of `view` is set."""
         if self._maps is None:
             return int(mask.sum())
-        size = self.view.width, self.view.height
-        whole = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-        return int(cv2.remap(whole, *self._maps, cv2.INTER_NEAREST).sum())
+        return int(cv2.remap(mask.astype(np.uint8), *self._maps, cv2.INTER_NEAREST).sum())
 
 
 def _view(camera: Camera) -> Camera:

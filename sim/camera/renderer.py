@@ -38,9 +38,12 @@ class Renderer(Protocol):
         ...
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Where in the picture (rows, columns) one of the geoms (a mask over geom ids) is seen.
+        """Return a mask (rows, columns) of the pixels that show one of the geoms.
 
-        The mask may have more rows and columns than the picture. Alone: with nothing in front.
+        Args:
+            data: The scene as it is.
+            geoms: A mask over geom ids.
+            alone: Draw nothing but these geoms.
         """
         ...
 
@@ -49,35 +52,30 @@ class Renderer(Protocol):
         ...
 
 
-MakeRenderer = Callable[[mujoco.MjModel, str, Camera, int], Renderer]
-"""Makes the renderer of a model's camera, by its name: with the intrinsics of the pictures, which
-have no distortion, and how many times as large they are rendered before they are averaged."""
+MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]
+"""Makes the renderer of a model's camera, by its name, with the intrinsics of the pictures, which
+have no distortion."""
 
 
 class OpenGLRenderer:
     """MuJoCo's own renderer, into memory. Holds GL buffers: close it."""
 
-    def __init__(
-        self, model: mujoco.MjModel, camera: str, view: Camera, supersample: int = 1
-    ) -> None:
-        self._size = (view.width, view.height)
-        width = view.width * supersample
-        height = view.height * supersample
+    def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
         if pinhole(model, camera, view.width, view.height) != view:
             _aim(model, camera, view)
         offscreen = model.vis.global_
-        offscreen.offwidth = width
-        offscreen.offheight = height
+        offscreen.offwidth = view.width
+        offscreen.offheight = view.height
         gl.make_current()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
         self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        self._rect = mujoco.MjrRect(0, 0, width, height)
+        self._rect = mujoco.MjrRect(0, 0, view.width, view.height)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = model.camera(camera).id
         self._option = mujoco.MjvOption()
-        self._upside_down = np.empty((height, width, 3), np.uint8)
+        self._upside_down = np.empty((view.height, view.width, 3), np.uint8)
 
     def close(self) -> None:
         gl.make_current()
@@ -85,13 +83,9 @@ class OpenGLRenderer:
 
     def render(self, data: mujoco.MjData) -> Image:
         self._draw(data)
-        picture = cv2.flip(self._upside_down, 0)
-        if picture.shape[1::-1] != self._size:
-            picture = cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)
-        return picture  # type: ignore[return-value]
+        return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Where one of the geoms is seen, as large as it is rendered."""
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         group = self._model.geom_group.copy()

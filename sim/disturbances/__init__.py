@@ -1,9 +1,14 @@
-"""What disturbs the world, one a file: `Config.build(rng)` gives an object with `at(time) ->
+"""Disturbances of the world, one a file: `Config.build(rng)` gives an object with `at(time) ->
 Effect`, and `props`: the models that it needs in the scene.
 """
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.disturbances")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from sim.stage import Disturbance
+
+KINDS: Kinds[PartConfig[Disturbance]] = Kinds(__name__, "servobench.disturbances")

@@ -6,9 +6,15 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.ranges import Interval, Place, Time
+from sim.ranges import Time
 from sim.settled import Settled
 from sim.types import Effect
+
+SLIDE = 0.2
+"""How long the board takes to slide in, and out [s]."""
+DISTANCE = 0.6
+"""Where it comes from and goes to: sideways from the line of sight [m], out of the picture. Both
+were chosen by hand: the target is hidden within six pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,10 +26,6 @@ class Config(Settled):
     """When it stands first [s]."""
     duration: Time = 0.5
     """How long it stands [s]."""
-    slide: Interval = 0.2
-    """How long the board takes to slide in, and out [s]."""
-    distance: Place = 0.6
-    """Where it comes from and goes to: sideways distance from the line of sight [m]."""
     offset: Annotated[float, Ge(0), Le(5)] = 0.0
     """Where it stops: sideways from the line of sight [m]. Other than at 0 it goes back where
     it came from; from 0.12 to 0.26 it hides a part of the target only."""
@@ -32,9 +34,9 @@ class Config(Settled):
         # Fully hidden means within the board's own rim, which its slide has passed a moment before
         # it stops.
         ends = self.start + self.duration
-        times = (self.start - self.slide, self.start, ends, ends + self.slide)
+        times = (self.start - SLIDE, self.start, ends, ends + SLIDE)
         if not times[0] <= time <= times[-1]:
             return Effect()
-        end = self.distance if self.offset == 0 else -self.distance
-        places = (-self.distance, -self.offset, -self.offset, end)
+        end = DISTANCE if self.offset == 0 else -DISTANCE
+        places = (-DISTANCE, -self.offset, -self.offset, end)
         return Effect(board=float(np.interp(time, times, places)))

@@ -8,24 +8,25 @@ from typing import final
 
 import numpy as np
 
-from sim.ranges import Interval, Share, Time
+from sim.ranges import Share
 from sim.types import Effect
+
+LENGTH = 0.03
+"""How long one drop lasts at least [s]: a frame at 30 Hz."""
+START = 0.5
+"""No frame is dropped before [s], so that trackers begin with pictures."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """How many, and for how long."""
+    """How many frames are dropped."""
 
     share: Share = 0.2
     """Share of the time in which frames are dropped."""
-    length: Interval = 0.03
-    """How long one drop lasts at least [s]."""
-    start: Time = 0.5
-    """No frame is dropped before [s]."""
 
     def build(self, rng: np.random.Generator) -> DroppedFrames:
         """The disturbance; the generator seeds its draws."""
-        return DroppedFrames(self, int(rng.integers(2**31)))
+        return DroppedFrames(self.share, int(rng.integers(2**31)))
 
 
 @final
@@ -34,13 +35,12 @@ class DroppedFrames:
 
     props: tuple[str, ...] = ()
 
-    def __init__(self, config: Config, seed: int) -> None:
-        self._config = config
+    def __init__(self, share: float, seed: int) -> None:
+        self._share = share
         self._seed = seed
 
     def at(self, time: float) -> Effect:
-        c = self._config
-        if time < c.start:
+        if time < START:
             return Effect()
-        slot = floor(time / c.length)
-        return Effect(dropped=np.random.default_rng([self._seed, slot]).random() < c.share)
+        slot = floor(time / LENGTH)
+        return Effect(dropped=np.random.default_rng([self._seed, slot]).random() < self._share)

@@ -3,9 +3,14 @@
 from dataclasses import dataclass
 
 from sim.motions import line
-from sim.ranges import Degrees, Place, Speed, Time
+from sim.ranges import Place, Time
 from sim.settled import Settled
 from sim.types import Effect
+
+HEADING_DEG = 90.0
+"""Direction of the drive, from world x towards y [deg]: across the other scenarios' drives."""
+SPEED = 0.2
+"""Speed [m/s], chosen by hand: twice that of the target on a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,13 +26,9 @@ class Config(Settled):
     """Where it appears [m]."""
     y: Place = -0.6
     """Where it appears [m]."""
-    heading_deg: Degrees = 90.0
-    """Direction of the drive, from world x towards y [deg]."""
-    speed: Speed = 0.2
-    """Speed [m/s]."""
 
     def at(self, time: float) -> Effect:
         since = time - self.start
         if not 0 <= since <= self.duration:
             return Effect()
-        return Effect(second=line.Config(self.x, self.y, self.heading_deg, self.speed).at(since))
+        return Effect(second=line.Config(self.x, self.y, HEADING_DEG, SPEED).at(since))

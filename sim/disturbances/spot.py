@@ -4,14 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.ranges import Interval, Place, Share, Time
+from sim.ranges import Interval, Place, Time
 from sim.settled import Settled
 from sim.types import Effect, Spot
+
+STRENGTH = 0.4
+LAMP = 0.5
+"""Brightness of the spot, and the factor on the lamp's meanwhile: light that adds up to more than 1
+is lost."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(Settled):
-    """When, where and how bright."""
+    """When and where."""
 
     props = ("spot",)
     start: Time = 3.0
@@ -21,18 +26,12 @@ class Config(Settled):
     duration: Time = 3.0
     """How long it stays [s]."""
     x: Place = 0.0
-    """Middle of the spot on the table [m]."""
-    y: Place = 0.0
-    """Middle of the spot on the table [m]."""
-    strength: Share = 0.4
-    """Brightness of the spot."""
-    lamp: Share = 0.5
-    """Factor on the lamp's brightness meanwhile: light that adds up to more than 1 is lost."""
+    """Middle of the spot along the table's x [m]; it lies on y = 0."""
 
     def at(self, time: float) -> Effect:
         times = np.cumsum([self.start, self.ramp, self.duration, self.ramp])
         share = float(np.interp(time, times, (0.0, 1.0, 1.0, 0.0)))
         if share == 0.0:
             return Effect()
-        spot = Spot(self.x, self.y, share * self.strength)
-        return Effect(lamp=1.0 - share * (1.0 - self.lamp), spot=spot)
+        spot = Spot(self.x, 0.0, share * STRENGTH)
+        return Effect(lamp=1.0 - share * (1.0 - LAMP), spot=spot)

@@ -7,9 +7,9 @@ import mujoco
 
 from sim.camera.camera import FOVY, CameraConfig
 from sim.models.model_files import compiled
+from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
-from sim.quaternion import quaternion_of
-from sim.robot.robot import CAMERA, Design
+from sim.robot.design import CAMERA, Design
 
 ROBOT = "robot"
 TARGET = "target"

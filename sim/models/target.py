@@ -30,7 +30,18 @@ class Target:
     """Corners (4, 3) of its reference rectangle in its frame [m]: level, in the order in which an
     image with the nose to the right shows them, from the top left clockwise."""
     found: bool = False
-    """Whether the rectangle was found from what is seen from above, because nobody gave it."""
+    """True where the rectangle was found from above, as neither model nor settings give it."""
+
+
+def target_of(spec: mujoco.MjSpec) -> Target:
+    """Return the target of a model, with the rectangle of its site `outline`, or else the one that
+    is found from above.
+
+    Raises:
+        ValueError: Nothing of it is seen from above.
+    """
+    own = outline_site(spec)
+    return Target(spec, seen_from_above(spec) if own is None else own, found=own is None)
 
 
 def rectangle(centre: Array, length: float, width: float) -> Array:
@@ -102,7 +113,7 @@ def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array] |
 
 
 def _hits(model: mujoco.MjModel, data: mujoco.MjData, low: Array, high: Array) -> Array:
-    """Where rays straight down, in the middles of a grid's cells, first meet the model (n, 3)."""
+    """Return the points (n, 3) where rays straight down, one a cell of a grid, meet the model."""
     middles = (np.arange(RAYS) + 0.5) / RAYS
     xs, ys = (low[i] + middles * (high[i] - low[i]) for i in (0, 1))
     down = np.array([0.0, 0.0, -1.0])

@@ -1,7 +1,12 @@
 """Target motions, one a file: `Config.build(rng)` gives an object with `at(time) -> Pose`."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.motions")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from sim.stage import Motion
+
+KINDS: Kinds[PartConfig[Motion]] = Kinds(__name__, "servobench.motions")

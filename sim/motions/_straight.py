@@ -1,4 +1,4 @@
-"""What drives along a straight line, its nose ahead, has in common."""
+"""Drives along a straight line, the nose ahead."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Straight(Settled):
 
     @abstractmethod
     def way(self, time: float) -> float:
-        """How far the target is from its start at a time [s], along its nose [m]."""
+        """Return the distance from the start at a time [s], along the nose [m]."""
 
     def at(self, time: float) -> Pose:
         heading = radians(self.heading_deg)

@@ -11,32 +11,29 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.ranges import Length, Place
+from sim.ranges import Length
 from sim.types import Array, Pose
 
 HARMONICS = (2, 3)
 """Which waves bend the loop's radius; higher ones would make turns too tight for a car."""
+UNEVENNESS = 0.3
+"""Sum of the amplitudes of the radius's waves, times their order squared, over the radius; chosen
+by hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """How large the loop is and how far from a circle."""
+    """Size of the loop, and the time of a round."""
 
-    x: Place = 0.0
-    """Centre [m]."""
-    y: Place = 0.0
-    """Centre [m]."""
     radius: Length = 0.18
     """Mean radius [m]."""
-    unevenness: Annotated[float, Ge(0), Le(0.5)] = 0.3
-    """Sum of the amplitudes of the radius's waves, times their order squared, over the radius."""
     period: Annotated[float, Ge(0.01), Le(1e6)] = 9.0
     """Time of one round [s]."""
 
     def build(self, rng: np.random.Generator) -> Wander:
         """The motion; its shape, start and sense come from the generator."""
         order = np.array(HARMONICS)
-        size = self.unevenness * rng.dirichlet(np.ones(len(order))) / order**2
+        size = UNEVENNESS * rng.dirichlet(np.ones(len(order))) / order**2
         return Wander(self, size, rng.uniform(0, 2 * pi, len(order) + 1), rng.choice((-1, 1)))
 
 
@@ -57,4 +54,4 @@ class Wander:
         dr = -c.radius * sum(a * k * sin(k * phi + p) for k, a, p in self._waves)
         dx = self._sense * (dr * cos(phi) - r * sin(phi))
         dy = self._sense * (dr * sin(phi) + r * cos(phi))
-        return Pose.planar(c.x + r * cos(phi), c.y + r * sin(phi), atan2(dy, dx))
+        return Pose.planar(r * cos(phi), r * sin(phi), atan2(dy, dx))

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 import mujoco
 import numpy as np
 
-from sim.quaternion import matrix_of
+from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
 FEWEST = 6
@@ -15,7 +15,7 @@ FEWEST = 6
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """What moves a flange."""
+    """The joints that move a flange."""
 
     flange: str
     """Name of the body or site."""
@@ -81,7 +81,7 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
 
 
 def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
-    """What may be a flange: its kind, its name, and how many joints move it, the most first."""
+    """Return candidates for the flange: kind, name and number of joints, the most joints first."""
     bodies = [("body", model.body(i).name, i) for i in range(1, model.nbody)]
     sites = [("site", model.site(i).name, int(model.site_bodyid[i])) for i in range(model.nsite)]
     found = [(what, name, len(joints_to(model, b))) for what, name, b in sites + bodies if name]

@@ -10,7 +10,7 @@ from sim.models.model_files import compiled
 from sim.types import Array
 
 TIME_CONSTANT = 0.015
-"""How fast a joint takes a new rate [s]: several steps of physics, and half a frame."""
+"""Time in which a joint takes a new rate [s]: several steps of physics, and half a frame."""
 ARMATURE = {"hinge": 0.01, "slide": 0.1}
 """Least inertia of a geared motor, as seen by its joint [kg m^2 or kg]."""
 GEARED = 0.5
@@ -26,7 +26,7 @@ SAMPLES = 64
 
 
 def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
-    """Whether each of these joints has one velocity servo, to be kept as it is."""
+    """Return True where each of these joints has one velocity servo, which is then kept."""
     found = [drive_of(model, joint) for joint in joints]
     return all(i is not None and wrong_drive(model, i) is None for i in found)
 
@@ -39,7 +39,7 @@ def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
 
 
 def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
-    """Why an actuator is no velocity servo of one joint; None where it is one."""
+    """Return the reason why an actuator is no velocity servo of one joint; None where it is one."""
     gain = model.actuator_gainprm[actuator, 0]
     bias = model.actuator_biasprm[actuator, :3]
     on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
@@ -98,7 +98,7 @@ def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
 
 
 def kind_of_joint(joint_type: int) -> str:
-    """Whether a joint of a chain is a "hinge" or a "slide"."""
+    """Return "hinge" or "slide", the type of a joint in a chain."""
     return "slide" if joint_type == mujoco.mjtJoint.mjJNT_SLIDE else "hinge"
 
 

@@ -1,4 +1,4 @@
-"""A robot as it knows itself: through its encoders, and by a model of it that may be wrong."""
+"""A robot as it knows itself: by its encoders, and a model that may be wrong."""
 
 import copy
 from typing import final
@@ -10,13 +10,14 @@ from sim.believed import BelievedConfig
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import log_se3
 from sim.ranges import EachJoint
-from sim.robot.robot import CAMERA, Design, Robot
+from sim.robot.design import CAMERA, Design
+from sim.robot.robot import Robot
 from sim.types import Array, Pose, Posture
 
 
 @final
 class KnownRobot:
-    """Reads encoders, computes pose, Jacobian and rates from what they say, and drives joints that
+    """A robot that computes from its encoders and its own, maybe wrong, model. Its joints
     have play.
 
     The play is kinematic: the motor, where the encoder is, turns freely by `backlash` when it
@@ -58,7 +59,7 @@ class KnownRobot:
         return self._robot.jacobian(self._data)
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """What is left of the motors' rates (n,) for the joints over a time [s]."""
+        """Return the joints' rates (n,) over a time [s]: the motors', less the play."""
         if not self._slack.any():
             return rates
         before = self._play
@@ -66,7 +67,7 @@ class KnownRobot:
         return rates - (self._play - before) / hold
 
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
-        """What the robot makes of its encoders; the twist is the mean since the last posture."""
+        """Return the posture by the encoders; its twist is the mean since the last one."""
         self._read(data)
         eye = self._robot.eye(self._data)
         twist = np.zeros(6)

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from sim.models.model_files import SIMULATION, compiled, leave_out
-from sim.quaternion import quaternion_of
+from sim.models.quaternion import quaternion_of
 from sim.robot.chain import Chain, chain_to, name_all
+from sim.robot.design import EYE
 from sim.robot.drives import (
     SPEEDS,
     add_drives,
@@ -19,7 +20,6 @@ from sim.robot.drives import (
     has_velocity_drives,
     kind_of_joint,
 )
-from sim.robot.robot import EYE
 from sim.types import Array, Pose
 
 CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))

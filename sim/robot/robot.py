@@ -6,73 +6,20 @@ actuator is a `velocity` servo of one joint, and the camera's optical centre is 
 model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
-from dataclasses import dataclass, field
-from typing import Annotated
-
 import mujoco
 import numpy as np
-from annotated_types import Ge, Le
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import exp_se3, inverse_if_strong
-from sim.ranges import EachPlay
+from sim.robot.design import CAMERA, EYE, Design, Inversion
 from sim.robot.drives import wrong_drive
 from sim.robot.start_pose import Reach, iterate, reach
 from sim.types import Array, Pose, Posture
 
-EYE = "eye"
-"""Name of the camera in a robot's model, and of the site in its optical centre."""
-CAMERA = f"robot/{EYE}"
-"""Their name in the scene."""
 STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
-
-
-Damping = Annotated[float, Ge(1e-6), Le(100)]
-
-
-@dataclass(frozen=True, slots=True)
-class Drives:
-    """How a camera twist becomes joint rates, and what stands between the two."""
-
-    weakest: Damping = 0.1
-    """Near a singular pose: below this smallest singular value of the Jacobian [m/s or rad/s of the
-    camera per unit of joint rate] the inverse is damped."""
-    damping: Damping = 0.1
-    """Damping in a singular pose; the camera then moves less than asked for, and another way."""
-    centring: Annotated[float, Ge(0), Le(100)] = 1.0
-    """With more than six joints: how fast those with limits move towards the middle between them
-    [1/s], as far as this does not move the camera (Liegeois 1977)."""
-    exact: bool = False
-    """Take the rates that bring the camera exactly to where the twist leads by the next update of
-    the drives; otherwise those that the twist needs at the beginning are held until then."""
-    encoder_noise: EachPlay = 0.0
-    """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
-    encoder_step: EachPlay = 0.0
-    """Joints are read in whole steps of this, one for all or one each [m or rad]."""
-    backlash: EachPlay = 0.0
-    """Play between motor and joint, one for all or one each [m or rad]: a motor that reverses turns
-    so far, and its encoder with it, until the joint follows."""
-    lag_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
-    """Time constant with which a drive takes over a new rate, before its own servo [ms]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Design:
-    """A robot before it is put into the room."""
-
-    name: str
-    """What messages call its model, such as "gantry.xml"."""
-    spec: mujoco.MjSpec
-    """Its model, with a camera and a site `eye`, and one velocity actuator for each joint."""
-    drives: Drives
-    homes: tuple[tuple[float, ...], ...]
-    """Joint positions from which all others are sought, one after another [m or rad]; where there
-    are none, from everywhere."""
-    base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
-    """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
 
 
 def own_name(name: str) -> str:
@@ -80,18 +27,21 @@ def own_name(name: str) -> str:
     return name.removeprefix("robot/")
 
 
-def damped_inverse(J: Array, drives: Drives) -> Array:
+def damped_inverse(J: Array, inversion: Inversion) -> Array:
     """The inverse (n, 6) of a Jacobian (6, n), damped near singular poses.
 
     After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`,
     lambda^2 = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 +
     lambda^2).
     """
-    if J.shape[0] == J.shape[1] and (inverse := inverse_if_strong(J, drives.weakest)) is not None:
+    if (
+        J.shape[0] == J.shape[1]
+        and (inverse := inverse_if_strong(J, inversion.weakest)) is not None
+    ):
         return inverse
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    missing = max(0.0, 1.0 - (s[-1] / drives.weakest) ** 2)
-    return (Vt.T * (s / (s**2 + missing * drives.damping**2))) @ U.T
+    missing = max(0.0, 1.0 - (s[-1] / inversion.weakest) ** 2)
+    return (Vt.T * (s / (s**2 + missing * inversion.damping**2))) @ U.T
 
 
 def _check_drives(model: mujoco.MjModel, design: Design) -> None:
@@ -120,7 +70,8 @@ class Robot:
         """
         _check_drives(model, design)
         self.model = model
-        self._design = design
+        self._homes = design.homes
+        self._inversion = design.inversion
         self._site = model.site(CAMERA).id
         self.ids = joints = model.actuator_trnid[:, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
@@ -143,8 +94,12 @@ class Robot:
         self._ahead = mujoco.MjData(model)
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """What the robot knows of itself, as of the last kinematics; twist is its mean since the
-        last frame, accepted the mean of what its drives were set to.
+        """Return what the robot knows of itself, as of the last kinematics.
+
+        Args:
+            data: Where the joints are.
+            twist: Mean camera twist (6,) since the last frame.
+            accepted: Mean camera twist (6,) that the drives were set to.
         """
         J = self.jacobian(data)
         joints = self.joints(data)
@@ -190,8 +145,8 @@ class Robot:
             hold: How long the rates hold [s], for drives that are exact.
         """
         J = self.jacobian(data)
-        exact = self._exact(data, twist, hold) if self._design.drives.exact and hold else None
-        wanted = damped_inverse(J, self._design.drives) @ twist if exact is None else exact
+        exact = self._exact(data, twist, hold) if self._inversion.exact and hold else None
+        wanted = damped_inverse(J, self._inversion) @ twist if exact is None else exact
         if self._freedom and exact is None:
             centred = wanted + self._centring(data, J)
             if self._slowed(data, centred) == 1.0:
@@ -200,7 +155,7 @@ class Robot:
         return wanted * factor, factor < 1.0
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """What joints do that are driven at these rates (n,) for a time [s]: all of it."""
+        """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
         del hold
         return rates
 
@@ -233,12 +188,12 @@ class Robot:
         middles, projected into the null space of the Jacobian.
         """
         away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
-        free = -self._design.drives.centring * away
+        free = -self._inversion.centring * away
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
         """Set the joints so that the camera takes this pose, or comes near it; how near."""
-        return reach(self, data, self._design.homes, T_world_camera)
+        return reach(self, data, self._homes, T_world_camera)
 
     def eye(self, data: mujoco.MjData) -> Pose:
         """T_world_camera, as of the last kinematics."""

@@ -2,29 +2,26 @@
 iteration, and else from many places by quadratic programs with the limits of the joints (mink).
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import angle_of, log_se3
 from sim.robot.drives import random_joints
 from sim.types import Array, Pose
 
-if TYPE_CHECKING:
-    from sim.robot.robot import Robot
-
 STEPS = 200
 TOLERANCE = 1e-10
 DAMPING = 1e-3
-"""Of the damped iteration."""
+"""Steps of the damped iteration, the error at which it ends [m, rad], which leaves starts exact to
+rounding, and its damping; chosen by hand."""
 RESTARTS = 40
 ENOUGH = 8
 """The search begins at so many places at most, and ends with so many solutions."""
@@ -39,6 +36,29 @@ COMFORT = 0.5
 """Room before a limit beyond which more does not count [rad or m]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""
+
+
+class Kinematics(Protocol):
+    """Joints that carry a camera."""
+
+    model: mujoco.MjModel
+    ids: NDArray[np.intp]
+    """The joints (n,) in the model."""
+    qpos: NDArray[np.intp]
+    """Their places (n,) in `qpos`."""
+    names: tuple[str, ...]
+    lower: Array
+    """Lower limits (n,); -inf where there is none."""
+    upper: Array
+    """Upper limits (n,); inf where there is none."""
+
+    def eye(self, data: mujoco.MjData) -> Pose:
+        """Return T_world_camera, as of the last kinematics."""
+        ...
+
+    def jacobian(self, data: mujoco.MjData) -> Array:
+        """Return the camera twist per joint rate (6, n), as of the last kinematics."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +88,7 @@ class Reach:
 
 
 def reach(
-    robot: Robot, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
+    robot: Kinematics, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
 ) -> Reach:
     """Set the joints so that the camera takes a pose, or comes near it; how near.
 
@@ -84,9 +104,9 @@ def reach(
 
 
 def iterate(
-    robot: Robot, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
+    robot: Kinematics, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
 ) -> bool:
-    """Newton's method, damped, from one place; whether it ends inside the limits."""
+    """Run Newton's method, damped, from one place; True where it ends inside the limits."""
     data.qpos[robot.qpos] = home
     for _ in range(STEPS):
         _refresh(robot, data)
@@ -104,7 +124,7 @@ def iterate(
 
 
 def _search(
-    robot: Robot, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
+    robot: Kinematics, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
 ) -> Reach:
     """Take the most comfortable of several solutions, or the posture that came nearest."""
     rng = np.random.default_rng(0)
@@ -126,7 +146,7 @@ def _search(
 
 
 def _descend(
-    robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
+    robot: Kinematics, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
 ) -> float:
     """Walk from a place towards the pose inside the limits; the error that is left."""
     mink: Any = importlib.import_module("mink")  # only now: it takes a second
@@ -158,9 +178,9 @@ def _descend(
     return left
 
 
-def comfort(robot: Robot, data: mujoco.MjData) -> float:
-    """How well the robot can move on: far from limits and singular poses, its links neither before
-    the camera nor below the table.
+def comfort(robot: Kinematics, data: mujoco.MjData) -> float:
+    """Rate a posture: higher where it is far from limits and singular poses, with no link before
+    the camera or below the table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()
@@ -172,7 +192,7 @@ def comfort(robot: Robot, data: mujoco.MjData) -> float:
     return float(min(room, COMFORT) * weakest) * (0.01 if hidden else 1.0)
 
 
-def _reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
+def _reach(robot: Kinematics, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
     error = robot.eye(data).inverse() @ T_world_camera
     angle = angle_of(error.rotation)
     q = data.qpos[robot.qpos]
@@ -186,6 +206,6 @@ def _reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, *, there: bo
     return Reach(there, distance, angle, name, float(room[tightest]))
 
 
-def _refresh(robot: Robot, data: mujoco.MjData) -> None:
+def _refresh(robot: Kinematics, data: mujoco.MjData) -> None:
     mujoco.mj_kinematics(robot.model, data)
     mujoco.mj_comPos(robot.model, data)

@@ -1,7 +1,12 @@
 """Robots that carry the camera, one a file: `Config.build(rng)` gives a `Design`."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.robots")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from sim.robot.robot import Design
+
+KINDS: Kinds[PartConfig[Design]] = Kinds(__name__, "servobench.robots")

@@ -16,8 +16,8 @@ from sim.models.model_files import read_spec
 from sim.models.urdf import joint_speeds
 from sim.ranges import Degrees, File, Place
 from sim.robot.chain import FEWEST
+from sim.robot.design import Design, Drives
 from sim.robot.model import camera_chain, drive, make_robot, mount_pose
-from sim.robot.robot import Damping, Design, Drives
 from sim.types import Pose
 
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
@@ -31,8 +31,6 @@ ROOT = "MENAGERIE_ROOT"
 class Config(Drives):
     """The model, where it stands, and where its camera is."""
 
-    weakest: Damping = 0.02
-    damping: Damping = 0.02
     model: File = "arm7.xml"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, the
     name of one of ours, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""

@@ -1,7 +1,12 @@
 """Objects to be followed, one a file: `Config.build(rng)` gives a `Target`."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__, "servobench.targets")
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from sim.models.target import Target
+
+KINDS: Kinds[PartConfig[Target]] = Kinds(__name__, "servobench.targets")

@@ -10,9 +10,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.models.target import Target, outline_site, rectangle, seen_from_above
+from sim.models.target import Target, rectangle, target_of
 from sim.ranges import Length, Share
-from sim.types import Array
 
 Colour = str | tuple[Share, Share, Share]
 """As "#rrggbb", or red, green and blue from 0 to 1."""
@@ -21,32 +20,23 @@ HEX = re.compile("#[0-9a-fA-F]{6}")
 
 @dataclass(frozen=True, slots=True)
 class Outlined:
-    """A target whose reference rectangle can be given."""
+    """A target whose reference rectangle is found, or given."""
 
     outline: tuple[Length, Length, Annotated[float, Ge(0), Le(5)]] | None = None
     """Length along the nose, width, and height over the table of the reference rectangle [m]; by
-    default those that the kind has, or that are found.
-    """
+    default those of the model's site `outline`, or that are found."""
 
-    def target(self, spec: mujoco.MjSpec, own: Array | None = None) -> Target:
-        """The target of a model.
-
-        Args:
-            spec: Its model.
-            own: Corners (4, 3) of its rectangle [m]; without them they are those of its site
-                `outline`, else found from what is seen from above.
+    def target(self, spec: mujoco.MjSpec) -> Target:
+        """Return the target of a model.
 
         Raises:
             ValueError: Nothing of it is seen from above.
         """
-        if own is None:
-            own = outline_site(spec)
-        found = own is None
-        corners = seen_from_above(spec) if own is None else own
+        target = target_of(spec)
         if self.outline is None:
-            return Target(spec, corners, found=found)
+            return target
         length, width, height = self.outline
-        middle = np.append(corners.mean(axis=0)[:2], height)
+        middle = np.append(target.outline.mean(axis=0)[:2], height)
         return Target(spec, rectangle(middle, length, width))
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from sim.models.target import Target, rectangle
 from sim.ranges import Length
 from sim.targets import _paint
-from sim.targets._settings import Colour, Outlined, rgba
+from sim.targets._settings import Colour, rgba
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Outlined):
+class Config:
     """Size and appearance of the box."""
 
     size: tuple[Length, Length, Length] = (0.16, 0.1, 0.04)
@@ -31,4 +31,4 @@ class Config(Outlined):
         picture = None if name is None else _paint.picture_named(name, "picture")
         spec = _paint.box(self.size, rgba(self.colour), picture)
         length, width, height = self.size
-        return self.target(spec, rectangle(np.array([0, 0, height]), length, width))
+        return Target(spec, rectangle(np.array([0, 0, height]), length, width))

@@ -6,14 +6,14 @@ from importlib import resources
 import mujoco
 import numpy as np
 
-from sim.models.target import Target
-from sim.targets._settings import Outlined
+from sim.models.target import Target, target_of
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Outlined):
-    """Only the rectangle can be set."""
+class Config:
+    """Nothing of it can be set."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """The target; draws nothing."""
-        return self.target(mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml")))
+        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml"))
+        return target_of(spec)

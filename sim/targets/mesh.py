@@ -130,9 +130,7 @@ def read_mesh(path: Path) -> Triangles:
         raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
     with reading.opened(path, "mesh") as file:
         try:
-            found = trimesh.load_mesh(
-                file, suffix[1:], process=False, maintain_order=True, skip_materials=True
-            )
+            found = trimesh.load_mesh(file, suffix[1:], process=False, skip_materials=True)
             vertices, same = np.unique(found.vertices, axis=0, return_inverse=True)
             faces = same.reshape(-1)[found.faces]
         except Exception:  # trimesh's readers raise what they meet in a broken file

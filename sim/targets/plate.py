@@ -7,13 +7,12 @@ import numpy as np
 from sim.models.target import Target, rectangle
 from sim.ranges import File, Length
 from sim.targets import _paint
-from sim.targets._settings import Outlined
 
 THICKNESS = 0.002
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Outlined):
+class Config:
     """Which picture, and how large."""
 
     picture: File = "pebbles"
@@ -32,4 +31,4 @@ class Config(Outlined):
         picture = _paint.picture_named(self.picture, "picture")
         spec = _paint.box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
         top = np.array([0, 0, THICKNESS])
-        return self.target(spec, rectangle(top, self.length, self.width))
+        return Target(spec, rectangle(top, self.length, self.width))

@@ -13,7 +13,6 @@ from annotated_types import Ge, Le
 from sim.models.target import Target, rectangle
 from sim.ranges import Length
 from sim.targets import _paint
-from sim.targets._settings import Outlined
 from sim.targets.plate import THICKNESS
 
 CELLS = 8
@@ -22,7 +21,7 @@ CELL = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Outlined):
+class Config:
     """Which tag, and how large."""
 
     id: Annotated[int, Ge(0), Le(586)] = 0
@@ -38,4 +37,4 @@ class Config(Outlined):
         side = self.size * (CELLS + 2) / CELLS
         picture = np.repeat(grey[:, :, None], 3, axis=2).astype(np.uint8)
         spec = _paint.box((side, side, THICKNESS), (1, 1, 1, 1), picture)
-        return self.target(spec, rectangle(np.array([0, 0, THICKNESS]), self.size, self.size))
+        return Target(spec, rectangle(np.array([0, 0, THICKNESS]), self.size, self.size))

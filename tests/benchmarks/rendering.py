@@ -28,20 +28,18 @@ SETTINGS = {
     "round parts as MuJoCo has them": {"numslices": 28, "numstacks": 16, "numquads": 4},
     "round parts half as fine": {"numslices": 8, "numstacks": 4},
     "anti-aliased (MSAA 4)": {"offsamples": 4},
-    "rendered twice as large": {"supersample": 2},
     "with a shadow map of 512": {"shadow": True},
 }
 
 
 def picture(world, setting):
     model = world.model
-    quality = {k: v for k, v in setting.items() if k not in ("supersample", "shadow")}
+    quality = {k: v for k, v in setting.items() if k != "shadow"}
     before = {k: getattr(model.vis.quality, k) for k in quality}
-    supersample = setting.get("supersample", 1)
     model.light("lamp").castshadow = setting.get("shadow", False)
     for key, value in quality.items():
         setattr(model.vis.quality, key, value)
-    renderer = OpenGLRenderer(model, CAMERA, world.camera, supersample)
+    renderer = OpenGLRenderer(model, CAMERA, world.camera)
     times = []
     for _ in range(ROUNDS):
         began = perf_counter()

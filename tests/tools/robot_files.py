@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from sim.camera.camera import CameraConfig
 from sim.models.assembly import build_model
+from sim.robot.design import Inversion
 from sim.robot.robot import Robot
 from sim.robots import mjcf
 from sim.targets import car
@@ -124,9 +126,13 @@ def write_obj(path: Path) -> None:
     path.write_text("\n".join(lines + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES]) + "\n")
 
 
-def built(**settings: Any) -> tuple[Robot, mujoco.MjModel, mujoco.MjData]:
+def built(
+    inversion: Inversion | None = None, **settings: Any
+) -> tuple[Robot, mujoco.MjModel, mujoco.MjData]:
     """The robot of these settings of `mjcf` in the room."""
     rng = np.random.default_rng(0)
     design = mjcf.Config(**settings).build(rng)
+    if inversion is not None:
+        design = replace(design, inversion=inversion)
     model = build_model(480.0, CameraConfig(), design, car.Config().build(rng))
     return Robot(model, design), model, mujoco.MjData(model)

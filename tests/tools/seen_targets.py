@@ -5,10 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from sim.camera.camera import CameraConfig
 from sim.motions import still
 from sim.robots import gantry
-from sim.world import World, WorldConfig
+from sim.world import World, WorldConfig, WorldParts
 
 RNG = np.random.default_rng()
 MIDDLE = np.array([160.0, 120.0])
@@ -42,15 +41,14 @@ def show_target(request):
     """Shows a target to the camera; the picture and the truth."""
 
     def show(config, theta=0.0, disturbances=(), x=0.0):
-        world = World(
-            WorldConfig(visibility=True),
+        parts = WorldParts(
             gantry.Config().build(RNG),
             build(config),
-            CameraConfig(),
             still.Config(x=x).build(RNG),
             disturbances,
-            np.random.default_rng(1),
+            config=WorldConfig(visibility=True),
         )
+        world = World(parts, np.random.default_rng(1))
         request.addfinalizer(world.close)
         assert world.start(MIDDLE, theta, 1.0)
         return world.look().image, world.truth(), world

@@ -6,7 +6,7 @@ from sim.camera.camera import CameraConfig
 from sim.geometry import exp_so3
 from sim.robots import gantry
 from sim.types import Pose
-from sim.world import World, WorldConfig
+from sim.world import World, WorldParts
 from tracking.types import Region, State
 
 FACE = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
@@ -29,9 +29,8 @@ class Scene:
         rng = np.random.default_rng(0)
         self._put = Put()
         config = CameraConfig(width=width, height=height, fx=focal, rate=240.0, **camera)
-        self.world = World(
-            WorldConfig(), gantry.Config().build(rng), target.build(rng), config, self._put, (), rng
-        )
+        parts = WorldParts(gantry.Config().build(rng), target.build(rng), self._put, camera=config)
+        self.world = World(parts, rng)
         self.world.start(np.array([width, height]) / 2, 0.0, 1.0)
         self.eye = self.world.truth().T_world_camera
 

@@ -14,15 +14,16 @@ from tracking.sequences.sources import RATE
 
 
 class Got10kTracker:
-    """What the toolkit's experiments take: a name, `track(img_files, box)`, and the methods that it
-    is made of, `init(image, box)` and `update(image) -> box`. RGB pictures of PIL or arrays, boxes
-    of OTB's kind (pixels counted from 1).
+    """A tracker for the toolkit's experiments: a name, `track(img_files, box)`, and its methods
+    `init(image, box)` and `update(image) -> box`.
+
+    Pictures are RGB, of PIL or arrays; boxes are of OTB's kind (pixels counted from 1).
     """
 
     is_deterministic = True
 
     def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
-        """A tracker by its kind; see `tracking.create`."""
+        """Choose a tracker by its kind; see `tracking.create`."""
         self.name = kind
         self._follower = Follower(kind, seed, rate, settings)
 
@@ -35,7 +36,7 @@ class Got10kTracker:
         self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
     def update(self, image: Any) -> Array:
-        """The box (4,)."""
+        """Return the box (4,)."""
         _, (left, top, width, height) = self._follower.update(_array(image))
         return np.array([left + 1.0, top + 1.0, width, height])
 

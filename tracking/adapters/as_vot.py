@@ -12,14 +12,14 @@ from tracking.sequences.sources import RATE
 
 
 class VotHandle(Protocol):
-    """What `vot.VOT("rectangle")` or `vot.VOT("polygon")` of the toolkit's integration offers."""
+    """Interface of `vot.VOT("rectangle")` or `vot.VOT("polygon")` of the toolkit's integration."""
 
     def region(self) -> Any:
-        """The target in the first picture: x, y, width, height, or points of x, y."""
+        """Return the target in the first picture: x, y, width, height, or points of x, y."""
         ...
 
     def frame(self) -> str | None:
-        """The next picture's path; nothing at the end."""
+        """Return the next picture's path; nothing at the end."""
         ...
 
     def report(self, region: Any, confidence: float) -> None:

@@ -3,13 +3,14 @@
 import argparse
 import sys
 import tomllib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
 from sim.files.picture_file import read_image
-from sim.types import Array, Image
+from sim.types import Array
 from tracking.adapters.follower import Follower
 from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
 from tracking.sequences.sources import RATE
@@ -35,63 +36,49 @@ def run_trax(
 
     Args:
         kind: The tracker; see `tracking.create`.
-        seed: Of its random draws.
-        rate: Of the pictures [1/s].
+        seed: Seed of its random draws.
+        rate: Rate of the pictures [1/s].
         requests: The client's messages; None: standard input.
-        answers: Where ours go; None: standard output.
+        answers: Stream for our messages; None: standard output.
         **settings: The tracker's settings.
 
     Raises:
         ValueError: The client shows no region or no picture, or a frame before a region.
     """
     out = answers or sys.stdout
-
-    def say(message: Message) -> None:
+    follower = Follower(kind, seed, rate, settings)
+    for message in _conversation(kind, follower, requests or sys.stdin):
         out.write(message.line())
         out.flush()
 
-    session = Session(Follower(kind, seed, rate, settings))
-    say(Message("hello", named=ABOUT | {"trax.name": kind}))
-    for line in requests or sys.stdin:
+
+def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Iterator[Message]:
+    """Yield a hello, and the answers to a client's messages."""
+    yield Message("hello", named=ABOUT | {"trax.name": kind})
+    given: Array | None = None  # a region, until its first picture comes
+    boxes = True
+    for line in requests:
         asked = message_in(line)
-        if asked is not None and asked.type == "quit":
+        if asked is None:
+            continue
+        if asked.type == "quit":
             return
-        if asked is not None and (answer := session.answer(asked)) is not None:
-            say(answer)
-
-
-class Session:
-    """One conversation: the target that was given, until it is shown, then its tracker."""
-
-    def __init__(self, follower: Follower) -> None:
-        self._follower = follower
-        self._given: Array | None = None
-        self._boxes = True
-
-    def answer(self, asked: Message) -> Message | None:
-        """The answer to a message; None where none is due.
-
-        Raises:
-            ValueError: As for `run_trax`.
-        """
         pictures = list(asked.arguments)
         if asked.type == "initialize":
-            self._given = region_in(pictures.pop()) if pictures else None
+            given = region_in(pictures.pop()) if pictures else None
         if not pictures:
-            return None
+            continue
         image = picture_in(pictures[0])
         image = read_image(image) if isinstance(image, Path) else image
-        if self._given is not None:
-            return self._begin(image, self._given)
-        found, rect = self._follower.update(image)
-        region = np.array(rect) if self._boxes else found.outline(self._follower.region)
-        return _state(region, 1.0 - found.distance)
-
-    def _begin(self, image: Image, given: Array) -> Message:
-        self._follower.start(image, given.ravel(), turned=True)
-        self._given = None
-        self._boxes = given.ndim == 1
-        return _state(given, 1.0)
+        if given is not None:
+            follower.start(image, given.ravel(), turned=True)
+            boxes = given.ndim == 1
+            yield _state(given, 1.0)
+            given = None
+        else:
+            found, rect = follower.update(image)
+            region = np.array(rect) if boxes else found.outline(follower.region)
+            yield _state(region, 1.0 - found.distance)
 
 
 def _state(region: Array, confidence: float) -> Message:
@@ -99,7 +86,7 @@ def _state(region: Array, confidence: float) -> Message:
 
 
 def main() -> None:
-    """Serve what the command line names."""
+    """Serve the tracker that the command line names."""
     parser = argparse.ArgumentParser(prog="python -m tracking.adapters.trax_server")
     parser.add_argument("kind")
     parser.add_argument("settings", nargs="*", help="such as particles=80")

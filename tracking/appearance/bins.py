@@ -1,4 +1,4 @@
-"""What a histogram counts: bin numbers of the pixels in a window of the image."""
+"""Bins of a histogram: numbers of the pixels in a window of the image."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from sim.types import Array, Image
 from tracking.hot import colour_labels as hot
 
 Labels = NDArray[np.integer[Any]]
-MOST_LEVELS = 32
-"""Colour bins a channel whose joint numbers have 16 bits."""
+DARK = 8
+"""Added to the largest channel of evenly lit pixels: darker ones are noise without colour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +28,13 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> Window:
-        """A part of the image that holds all within a radius (at scale 1) of the states (N, 4).
+        """Return the part of an image that holds all within a radius of states.
 
         Args:
-            states: (N, 4).
-            radius: Of the template [px].
-            image: Its size bounds the window.
-            more: How much farther the window goes [px].
+            states: States (N, 4).
+            radius: Radius of the template at scale 1 [px].
+            image: Image whose size bounds the window.
+            more: Distance by which the window goes farther [px].
         """
         height, width = image.shape[:2]
         low = np.minimum.reduce(states).tolist()
@@ -48,7 +48,7 @@ class Window:
         )
 
     def holds(self, other: Window) -> bool:
-        """Whether the other one lies inside."""
+        """Return whether the other window lies inside."""
         return (
             self.left <= other.left
             and self.top <= other.top
@@ -62,7 +62,7 @@ def _whole(at: int, most: int) -> int:
 
 
 class Bins(Protocol):
-    """A way to turn pixels into bin numbers."""
+    """Bins that pixels are counted in."""
 
     @property
     def count(self) -> int:
@@ -70,7 +70,7 @@ class Bins(Protocol):
         ...
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Bin numbers (h, w) of the pixels in a window; negative: in no bin."""
+        """Return bin numbers (h, w) of the pixels in a window; negative: in no bin."""
         ...
 
 
@@ -79,11 +79,7 @@ class ColourBins:
     """Equal bins in each channel of RGB."""
 
     levels: int = 8
-    """Bins a channel, 1 to 32."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.levels <= MOST_LEVELS:
-            raise ValueError(f"levels must be 1 to {MOST_LEVELS}, not {self.levels}")
+    """Bins a channel, 1 to `MOST_LEVELS`."""
 
     @property
     def count(self) -> int:
@@ -94,40 +90,47 @@ class ColourBins:
         return hot.labels(image, *at, self.levels)
 
 
-class Labelled:
+class LabelledImage:
     """One picture with the bin numbers of its pixels, each computed once and only where needed.
 
     The labels live as long as this object. A caller may write the next picture into the same
     array, as cameras do: the next picture is another object.
     """
 
-    def __init__(self, image: Image, bins: Bins, farthest: float = 0.0) -> None:
+    def __init__(
+        self, image: Image, bins: Bins, farthest: float = 0.0, blurred: Image | None = None
+    ) -> None:
         """Label nothing yet.
 
         Args:
             image: RGB (H, W, 3); not written to while this object is in use.
-            bins: What is counted.
+            bins: Bins of the pixels.
             farthest: Label at least this far around any state [px].
+            blurred: The picture as views are read in it; by default the picture itself.
         """
+        self.image = image
         self.bins = bins
-        self.blurred = image
-        """The picture as views are read in it."""
-        self._image = image
+        self.blurred = image if blurred is None else blurred
         self._farthest = farthest
         self._last: tuple[Window, Labels] | None = None
 
     def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:
-        """Labels (h, w), and the first column and row they stand for.
+        """Return the labels (h, w) around states, and the first column and row they stand for.
 
         Args:
-            states: Around which (N, 4).
-            radius: How far, at scale 1 [px].
-            more: How much farther [px].
+            states: States (N, 4).
+            radius: Distance around them, at scale 1 [px].
+            more: Distance beyond that, at any scale [px].
         """
         last = self._last
-        if last is None or not last[0].holds(Window.around(states, radius, self._image, more)):
+        if last is None or not last[0].holds(Window.around(states, radius, self.image, more)):
             reach = max(radius, self._farthest)
-            window = Window.around(states, reach, self._image, more)
-            last = self._last = window, self.bins.label(self._image, window)
+            window = Window.around(states, reach, self.image, more)
+            last = self._last = window, self.bins.label(self.image, window)
         held, labels = last
         return labels, held.left, held.top
+
+
+def as_seen(image: Image, *, even: bool) -> Image:
+    """Return a picture (H, W, 3) as a tracker sees it: as it is, or evenly lit."""
+    return hot.evened(image, DARK) if even else image

@@ -1,4 +1,4 @@
-"""Where a template is read: points in parts under kernels, and the histograms they give.
+"""Points of a template in parts under kernels, and the histograms read at them.
 
 A template is read at points that every state carries along, not at whole pixels, so that a
 histogram's normaliser is a constant, a state costs the same at every scale, and no point lies
@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.appearance.bins import Labelled
+from tracking.appearance.bins import LabelledImage
 from tracking.hot import point_histograms as hot
 from tracking.types import Region, State
 
 Kernel = Literal["epanechnikov", "linear"]
 Combine = Literal["mean", "sum"]
-"""Of the parts' squared distances: the mean, or the sum, as if the parts were independent."""
+"""Combination of the parts' squared distances: the mean, or the sum, as if they were
+independent."""
 TINY = 1e-12
 LEAST_RING = 8
 """Points along each side of a ring: with fewer, none might lie outside the template."""
@@ -28,7 +29,7 @@ LEAST_RING = 8
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where a template is read, which part each point belongs to, and what it weighs."""
+    """Points at which a template is read, with the part and the weight of each."""
 
     points: Array
     """Template points (P, 2) [px]."""
@@ -41,21 +42,40 @@ class Layout:
     count: int
     """Number of parts K."""
     pulls: Array
-    """How much each point counts in a mean-shift step (P,): -k'(r^2), up to a factor."""
+    """Weight of each point in a mean-shift step (P,): -k'(r^2), up to a factor."""
 
     @staticmethod
     def of(
         points: Array, parts: NDArray[np.int64], kernel: Array, pulls: Array | None = None
     ) -> Layout:
-        """A layout with the kernel's values (P,) normalised over each part."""
+        """Return a layout with the kernel's values (P,) normalised over each part."""
         mass = np.bincount(parts, kernel)
         radius = float(np.max(np.hypot(points[:, 0], points[:, 1])))
         pulls = np.ones(len(points)) if pulls is None else pulls
         return Layout(points, parts, kernel / mass[parts], radius, len(mass), pulls)
 
 
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """Points at which a template is read: in cells, or in one part under a kernel."""
+
+    density: int = 16
+    """Points along each side of a cell, or along the kernel's diameter."""
+    cells: int | None = None
+    """Cells along each side, under constant kernels; None: one part under `kernel`."""
+    kernel: Kernel = "epanechnikov"
+    combine: Combine = "mean"
+
+    def layout(self, region: Region, finer: int = 1) -> Layout:
+        """Return the layout in a region, read so many times more densely."""
+        density = finer * self.density
+        if self.cells is None:
+            return disc(region, density, self.kernel)
+        return grid(region, self.cells, density)
+
+
 def grid(region: Region, per_side: int, density: int) -> Layout:
-    """The template cut into per_side^2 equal parts: constant kernels, density^2 points in each."""
+    """Cut the template into per_side^2 equal parts: constant kernels, density^2 points in each."""
     steps = per_side * density
     at = (np.arange(steps) + 0.5) / steps - 0.5
     u, v = np.meshgrid(at, at)
@@ -65,7 +85,7 @@ def grid(region: Region, per_side: int, density: int) -> Layout:
 
 
 def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout:
-    """One part: the ellipse in the template under a kernel 1 - r^2, or 1 - r, whose pull is 1 / r.
+    """Return one part: the ellipse in the template, under a kernel 1 - r^2, or 1 - r (pull 1 / r).
 
     The KAMS paper steps under its linear kernel as if all points pulled alike, which does not climb
     the linear kernel's coefficient; with 1 / r the step does.
@@ -83,7 +103,7 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
 
 
 def ring(region: Region, width: float, density: int) -> Layout:
-    """One part: the frame around the template, out to (1 + width) times its size."""
+    """Return one part: the frame around the template, out to (1 + width) times its size."""
     density = max(density, LEAST_RING)
     outer = 1.0 + width
     at = outer * ((np.arange(density) + 0.5) / density - 0.5)
@@ -93,8 +113,8 @@ def ring(region: Region, width: float, density: int) -> Layout:
     return Layout.of(points, np.zeros(len(points), np.int64), np.ones(len(points)))
 
 
-def histograms(image: Labelled, layout: Layout, state: State) -> Array:
-    """Normalised histograms (K, B) of the parts of a layout; points off the image are left out."""
+def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
+    """Return normalised histograms (K, B) of the parts; points off the image are left out."""
     vector = state.vector
     window = image.around(vector[None], layout.radius)
     at = (layout.points, layout.parts, layout.weights)

@@ -21,7 +21,8 @@ from tracking.appearance.bins import Bins, ColourBins, Labels, Window
 from tracking.types import Region, State
 
 THRESHOLD = 8.0
-"""How much brighter a neighbour must be [grey levels]: the a = -8 of the authors' program."""
+"""Least difference of a neighbour that counts as brighter [grey levels]: the a = -8 of the
+authors' program."""
 FEWEST = 2
 """Least number of ones, and of zeros, in the patterns that count."""
 NO_FRACTION = 1e-9
@@ -32,7 +33,7 @@ Grey = NDArray[np.float32]
 
 
 def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
-    """Number of ones of uniform patterns (P, ...); -1: not uniform (Ojala's label P + 1)."""
+    """Return the numbers of ones of uniform patterns (P, ...); -1: not uniform (Ojala's P + 1)."""
     changes = np.sum(bits != np.roll(bits, 1, axis=0), axis=0)
     return np.where(changes <= 2, bits.sum(axis=0), -1).astype(np.int16)
 
@@ -40,13 +41,14 @@ def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
 def ones_of(
     grey: Grey, threshold: float = THRESHOLD, neighbours: int = 8, radius: float = 1.0
 ) -> NDArray[np.int16]:
-    """Number of ones of the uniform pattern at each inner pixel (h - 2m, w - 2m); -1: not uniform.
+    """Return the numbers of ones of the uniform patterns at the inner pixels (h - 2m, w - 2m); -1:
+    not uniform.
 
     Args:
         grey: (h, w).
-        threshold: How much brighter a neighbour must be.
+        threshold: Least difference of a brighter neighbour [grey levels].
         neighbours: Points P on the circle, the first to the right, then clockwise.
-        radius: Of the circle [px]; the margin m is the next whole number.
+        radius: Radius of the circle [px]; the margin m is the next whole number.
     """
     least = _inner(grey, radius, 0, 0) + np.float32(threshold)
     turns = 2 * np.pi * np.arange(neighbours) / neighbours
@@ -56,14 +58,14 @@ def ones_of(
 
 
 def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
-    """The inner pixels' neighbours at a whole distance."""
+    """Return the inner pixels' neighbours at a whole distance."""
     (height, width) = grey.shape
     margin = math.ceil(radius)
     return grey[margin + dy : height - margin + dy, margin + dx : width - margin + dx]
 
 
 def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
-    """The inner pixels' neighbours at any distance, bilinearly."""
+    """Return the inner pixels' neighbours at any distance, bilinearly."""
     (near_y, far_y, by_y) = _split(dy)
     (near_x, far_x, by_x) = _split(dx)
     if by_y == 0 and by_x == 0:
@@ -83,7 +85,7 @@ def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
 
 
 def _split(distance: float) -> tuple[int, int, float]:
-    """The whole distances before and after one, and the share of the one after."""
+    """Return the whole distances before and after one, and the share of the one after."""
     size = abs(distance)
     whole = math.floor(size + NO_FRACTION)
     share = max(size - whole, 0.0)
@@ -99,14 +101,12 @@ class TextureBins:
 
     levels: int = 8
     """Colour bins a channel; 1: texture alone."""
-    threshold: float = THRESHOLD
-    """How much brighter a neighbour must be [grey levels]."""
     neighbours: int = 8
     """Points on the circle."""
     radius: float = 1.0
-    """Of the circle [px]."""
+    """Radius of the circle [px]."""
     rest: Rest = "discard"
-    """What pixels without major texture count as."""
+    """Bin of the pixels without major texture: none, one of all, or one for each colour."""
 
     @property
     def textures(self) -> int:
@@ -125,7 +125,7 @@ class TextureBins:
             return colours
         part = _cut(image, window, math.ceil(self.radius))
         grey = cv2.cvtColor(part, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        texture = ones_of(grey, self.threshold, self.neighbours, self.radius) - FEWEST
+        texture = ones_of(grey, THRESHOLD, self.neighbours, self.radius) - FEWEST
         major = (texture >= 0) & (texture < self.textures)
         number = np.int16 if self.count <= np.iinfo(np.int16).max else np.int32
         colours = colours.astype(number)
@@ -150,7 +150,7 @@ def texture_or_colour(
 
 
 def _cut(image: Image, window: Window, margin: int) -> Image:
-    """The window with a margin around it; at the image's border, its last pixel again."""
+    """Return the window with a margin around it; at the image's border, its last pixel again."""
     height, width = image.shape[:2]
     rows = np.arange(window.top - margin, window.bottom + margin).clip(0, height - 1)
     columns = np.arange(window.left - margin, window.right + margin).clip(0, width - 1)

@@ -1,4 +1,4 @@
-"""How far any state is from a target's reference: histograms at fixed template points, under one
+"""Distance of any state from a target's reference: histograms at fixed template points, under one
 kernel or many.
 
 With the template cut into cells this is the multiple-kernel representation of the particle filter
@@ -18,17 +18,23 @@ times gamma, under which 300 particles leave an effective sample of two.
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.appearance.bins import Bins, Labelled
-from tracking.appearance.layout import Combine, Kernel, Layout, disc, grid, ring
-from tracking.appearance.reference import Learning, Reference
+from tracking.appearance.bins import Bins, ColourBins, LabelledImage, as_seen
+from tracking.appearance.layout import Sampling, ring
+from tracking.appearance.reference import Reference
 from tracking.appearance.views import Views
 from tracking.hot import point_histograms as hot
+from tracking.settings import AppearanceSettings
 from tracking.types import Region, State
 
-REFERENCE_DENSITY = 4
+FINER = 4
 """The reference is read this much more densely a side, so that it does not depend on the pixel
-grid.
-"""
+grid."""
+RING = 0.4
+"""Width of the ring around the target that is compared with it, both sides together, over its size:
+the nine cells' bias of size is then smallest (a prototype on painted scenes)."""
+UNLIKE = 0.3
+"""Weight of 1 - likeness to the views beside the squared distance of colours; chosen by hand on 13
+annotated recordings (tracking/README.md)."""
 
 
 class SampledModel:
@@ -40,52 +46,60 @@ class SampledModel:
     """
 
     def __init__(
-        self, layout: Layout, around: Layout, bins: Bins, reference: Reference, combine: Combine
+        self,
+        image: Image,
+        region: Region,
+        state: State,
+        settings: AppearanceSettings,
+        sampling: Sampling,
+        bins: Bins | None = None,
     ) -> None:
-        """Put a model together.
+        """Learn the target from the first picture.
 
         Args:
-            layout: Where states are read.
-            around: The ring, for the contrast.
-            bins: What is counted.
-            reference: The target's appearance.
-            combine: How the energies of the parts are combined.
+            image: First picture, RGB (H, W, 3).
+            region: The template.
+            state: State of the target there.
+            settings: Settings of the histograms.
+            sampling: Points at which states are read.
+            bins: Bins that are counted; by default colours.
         """
-        self._factor = layout.count if combine == "sum" else 1
-        self._bins = bins
-        self._layout = layout
-        self._ring = around
-        self._reference = reference
-        self._radius = max(layout.radius, around.radius)
+        inside = region.inner(settings.inset)
+        self._settings = settings
+        self._bins = ColourBins(settings.levels) if bins is None else bins
+        self._layout = sampling.layout(inside)
+        self._ring = ring(region, RING, sampling.density * (sampling.cells or 1))
+        self._factor = self._layout.count if sampling.combine == "sum" else 1
+        self._radius = max(self._layout.radius, self._ring.radius)
         self._views: Views | None = None
-        self._unlike = 0.0
+        seen = LabelledImage(as_seen(image, even=settings.even), self._bins)
+        fine = sampling.layout(inside, FINER)
+        self._reference = Reference(seen, region, state, fine, learns=settings.learn)
 
-    def label(self, image: Image) -> Labelled:
-        """A picture (H, W, 3), ready to be read by the other methods; one object a picture."""
-        found = Labelled(image, self._bins, self._reference.radius)
-        if self._views is not None:
-            found.blurred = self._views.blurred(image)
-        return found
+    def label(self, image: Image) -> LabelledImage:
+        """Return a picture (H, W, 3), ready to be read by the other methods."""
+        seen = as_seen(image, even=self._settings.even)
+        blurred = seen if self._views is None else self._views.blurred(seen)
+        return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
-    def recognise(self, views: Views, unlike: float) -> None:
-        """From now on the energy has another term: `unlike` times 1 - the likeness to the views."""
+    def recognise(self, views: Views) -> None:
+        """Add from now on `UNLIKE` times 1 - the likeness to the views to the energy."""
         self._views = views
-        self._unlike = unlike
 
-    def distances(self, image: Labelled, states: Array) -> Array:
-        """d_m (N,) of each state (N, 4)."""
+    def distances(self, image: LabelledImage, states: Array) -> Array:
+        """Return the distance d_m (N,) of each state (N, 4)."""
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(hot.squared_distances(rho))
 
-    def energy(self, image: Labelled, states: Array) -> Array:
-        """What a likelihood exp(-gamma energy) takes (N,): d_m^2 + eta * likeness of the ring, and
-        of views if there are some; with summed parts, times their number.
+    def energy(self, image: LabelledImage, states: Array) -> Array:
+        """Return the energy (N,) of a likelihood exp(-gamma energy) at states (N, 4): d_m^2 + eta *
+        likeness of the ring, and of views if there are some; with summed parts, times their number.
         """
         window = self._window(image, states)
         squared = hot.squared_distances(self._coefficients(window, states))
-        eta = self._reference.learning.contrast
+        eta = self._settings.contrast
         if self._views is not None:
-            squared = squared + self._unlike * (1 - self._views.likeness(image.blurred, states))
+            squared = squared + UNLIKE * (1 - self._views.likeness(image.blurred, states))
         if eta == 0:
             return self._factor * squared
         ring = (self._ring.points, self._ring.parts, self._ring.weights)
@@ -93,16 +107,19 @@ class SampledModel:
         return self._factor * (squared + eta * likeness)
 
     def climb(
-        self, image: Labelled, states: Array, *, most: int, tolerance: float, reach: float
+        self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
-        """Mean shift from each state (N, 4): the states at the modes, their distances, the cost.
+        """Search from each state by mean shift, under one kernel.
 
         Args:
             image: The picture.
-            states: Where to begin.
+            states: First states (N, 4).
             most: Largest number of histograms read for a state.
             tolerance: A shorter shift ends a search [px].
-            reach: How far a search may go [px].
+            reach: Largest length of a search [px].
+
+        Returns:
+            The states (N, 4) at the modes, their distances (N,), the number of histograms read.
         """
         window = self._window(image, states, reach)
         at = (self._layout.points, self._layout.weights, self._layout.pulls)
@@ -111,7 +128,7 @@ class SampledModel:
         )
         return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
 
-    def learn(self, image: Labelled, state: State) -> None:
+    def learn(self, image: LabelledImage, state: State) -> None:
         """Take over the present appearance of target and surroundings, if the settings say so."""
         self._reference.learn(image, state)
 
@@ -119,36 +136,5 @@ class SampledModel:
         at = (self._layout.points, self._layout.parts, self._layout.weights)
         return hot.coefficients(window, states, *at, self._reference.root_parts)
 
-    def _window(self, image: Labelled, states: Array, reach: float = 0.0) -> hot.Window:
+    def _window(self, image: LabelledImage, states: Array, reach: float = 0.0) -> hot.Window:
         return image.around(states, self._radius, reach)
-
-
-def model_of(
-    image: Image,
-    region: Region,
-    state: State,
-    bins: Bins,
-    learning: Learning,
-    *,
-    density: int,
-    per_side: int | None = None,
-    kernel: Kernel = "epanechnikov",
-    combine: Combine = "mean",
-    inset: float = 0.0,
-) -> SampledModel:
-    """The template with a ring around it: in per_side^2 cells, with `density` points along each
-    side; or under one kernel, with so many along its diameter. Of the region's sides the share
-    `inset` is left out.
-    """
-    inside = region.inner(inset)
-
-    def layout(density: int) -> Layout:
-        return (
-            disc(inside, density, kernel) if per_side is None else grid(inside, per_side, density)
-        )
-
-    around = ring(region, learning.ring, density * (per_side or 1))
-    dense = layout(REFERENCE_DENSITY * density)
-    labelled = Labelled(image, bins)
-    reference = Reference(labelled, region, state, dense, learning)
-    return SampledModel(layout(density), around, bins, reference, combine)

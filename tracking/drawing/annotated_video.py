@@ -3,18 +3,14 @@
 from pathlib import Path
 
 from sim.types import Array
-from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
+from tracking.drawing.running_chart import Chart
 from tracking.evaluation.track import Shot
-from tracking.types import Region, Status
+from tracking.types import Region
 
-COLOURS = {
-    Status.LOCKED: (60, 220, 60),
-    Status.UNSURE: (255, 180, 30),
-    Status.LOST: (240, 50, 50),
-}
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
-CURVES = {"confidence": "#2b6cb0"}
+CURVES = {"confidence": colours.CURVES[1]}
 SMALLEST = (608, 64)
 LARGEST = (1888, 1000)
 """Pictures are enlarged or reduced to a panel between these [px]."""
@@ -43,9 +39,9 @@ class AnnotatedVideo:
         """
         status = shot.estimate.status
         outline = shot.estimate.outline(self._region)
-        marks = [(outline, COLOURS[status])]
+        marks = [(outline, colours.STATUS[status])]
         if truth is not None:
-            marks.insert(0, (truth, TRUE))
+            marks.insert(0, (truth, colours.TRUTH))
         film = self._opened(*(shot.size or SMALLEST))
         view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
         note = f"frame {shot.index}"
@@ -68,15 +64,6 @@ class AnnotatedVideo:
             w = max(SMALLEST[0], round(factor * width))
             h = max(SMALLEST[1], round(factor * height))
             self._size = w + w % 2, h + h % 2
-            self._film = FilmPage(
-                self._path,
-                self._rate,
-                self._title,
-                [CAPTION],
-                self._size,
-                CURVES,
-                "confidence",
-                end=self._end,
-                top=1.0,
-            )
+            chart = Chart(CURVES, "confidence", self._end, top=1.0)
+            self._film = FilmPage(self._path, self._rate, self._title, [CAPTION], self._size, chart)
         return self._film

@@ -6,14 +6,18 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.drawing.colours import ESTIMATE, TRUTH
 from tracking.sequences.sources import Picture, Source
 
-TRUE = (255, 255, 255)
-FOUND = (60, 220, 60)
 TILE = 240
 """Width of a picture on the sheet [px]."""
 GAP = 4
+"""Space between pictures [px]."""
+COLUMNS = 4
 SUBPIXEL_BITS = 4
+"""OpenCV then takes places in sixteenths of a pixel, so that outlines do not jump."""
+FARTHEST = 2**30
+"""Largest place in those units that OpenCV draws a line to."""
 
 
 def outline(
@@ -23,7 +27,7 @@ def outline(
     if not np.isfinite(corners).all():
         return
     unit = 1 << SUBPIXEL_BITS
-    at = np.round((corners * factor - 0.5) * unit).clip(-(2**30), 2**30).astype(np.int32)
+    at = np.round((corners * factor - 0.5) * unit).clip(-FARTHEST, FARTHEST).astype(np.int32)
     cv2.polylines(image, [at], True, (0, 0, 0), width + 2, cv2.LINE_AA, SUBPIXEL_BITS)
     cv2.polylines(image, [at], True, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
 
@@ -51,7 +55,7 @@ def page(tiles: Sequence[Image]) -> Image:
     """A picture made of tiles in rows of four."""
     height = max(t.shape[0] for t in tiles)
     width = TILE
-    columns = min(4, len(tiles))
+    columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
     whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
     for i, one in enumerate(tiles):
@@ -69,9 +73,9 @@ def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
     factor = TILE / image.shape[1]
     size = (TILE, max(1, round(image.shape[0] * factor)))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    outline(small, truth, TRUE, factor)
+    outline(small, truth, TRUTH, factor)
     if found is not None:
-        outline(small, found, FOUND, factor)
+        outline(small, found, ESTIMATE, factor)
     cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 3)
-    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, TRUE, 1)
+    cv2.putText(small, picture.name, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, TRUTH, 1)
     return small

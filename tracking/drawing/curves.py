@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from tracking.drawing.colours import CURVES
 from tracking.drawing.figures import literal, panels, save
 from tracking.evaluation.track_measures import NEAR, OVERLAPS, PIXELS
 
 STYLES = ("-", "--", ":", "-.")
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#0f766e", "#be185d", "#4b5563")
 
 
 def draw(
@@ -34,8 +34,8 @@ def draw(
         for i, label in enumerate(order):
             curve = np.mean([r[name] for r in results if r["tracker"] == label], axis=0)
             score = curve.mean() if mark is None else curve[mark]
-            dashes = STYLES[i // len(COLOURS) % len(STYLES)]
-            colour = COLOURS[i % len(COLOURS)]
+            dashes = STYLES[i // len(CURVES) % len(STYLES)]
+            colour = CURVES[i % len(CURVES)]
             name_and_score = f"{literal(label)} [{score:.3f}]"
             ax.plot(thresholds, curve, dashes, color=colour, lw=1.5, label=name_and_score)
         ax.set(xlabel=below, ylabel=beside, title=f"{literal(title)}: {name}", ylim=(0, 1.02))

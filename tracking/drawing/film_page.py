@@ -1,6 +1,6 @@
 """A film: a line of text, pictures beside each other, and below them a chart that grows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from sim.types import Array, Image
+from tracking.drawing.colours import PARTICLES, STATUS_ON_WHITE
 from tracking.drawing.contact_sheet import outline
 from tracking.drawing.figures import DOTS, literal
-from tracking.drawing.running_chart import COLOURS, RunningChart, pixels
+from tracking.drawing.running_chart import Chart, RunningChart, pixels
 from tracking.drawing.video_writer import VideoWriter
 
 MARGIN = 16
@@ -24,7 +25,6 @@ OTHERS = 410
 STATUS = 100
 """Widths of a letter of the title, of all that stands beside it, and of the status in there [px]; a
 longer title is cut."""
-AMBER = (255, 190, 40)
 GROUND = (228, 228, 228)
 LINE = 2
 DOT = 1
@@ -56,7 +56,7 @@ def panel(
     )
     for x, y in () if particles is None else (factor * particles[:, :2]).round().tolist():
         if 0 <= x < size[0] and 0 <= y < size[1]:
-            cv2.circle(drawn, (int(x), int(y)), DOT, AMBER, -1, cv2.LINE_AA)
+            cv2.circle(drawn, (int(x), int(y)), DOT, PARTICLES, -1, cv2.LINE_AA)
     for corners, colour in marks:
         centre = corners.mean(axis=0)
         front = (corners[1] + corners[2]) / 2
@@ -79,11 +79,7 @@ class FilmPage:
         title: str,
         captions: Sequence[str],
         size: tuple[int, int],
-        curves: Mapping[str, str],
-        label: str,
-        *,
-        end: float | None = None,
-        top: float | None = None,
+        chart: Chart,
     ) -> None:
         """Open the file.
 
@@ -93,10 +89,7 @@ class FilmPage:
             title: What the film shows.
             captions: One above each panel.
             size: Even width and height of each panel [px].
-            curves: As for `RunningChart`.
-            label: As for `RunningChart`.
-            end: As for `RunningChart`.
-            top: As for `RunningChart`.
+            chart: What grows below them.
 
         Raises:
             OSError: The file cannot be written.
@@ -119,7 +112,7 @@ class FilmPage:
         for i, (text, caption) in enumerate(zip(texts, captions, strict=True)):
             text.set(x=(MARGIN + i * (size[0] + MARGIN)) / width, ha="left", text=caption, size=8)
         self._page[HEAD : HEAD + CAPTION] = pixels(line)
-        self._chart = RunningChart(width, CHART, curves, label, end=end, top=top)
+        self._chart = RunningChart(width, CHART, chart)
         self._video = VideoWriter(path, rate, width, height)
 
     def add(
@@ -138,7 +131,7 @@ class FilmPage:
             OSError: The file cannot be written.
         """
         self._note.set_text(f"{note}    t = {time:.2f} s")
-        self._status.set(text=status, color=COLOURS[status])
+        self._status.set(text=status, color=STATUS_ON_WHITE[status])
         self._page[:HEAD, -OTHERS:] = pixels(self._beside)
         top = HEAD + CAPTION
         for i, picture in enumerate(panels):

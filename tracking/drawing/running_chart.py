@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import cv2
@@ -10,21 +11,22 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.types import Array, Image
+from tracking.drawing.colours import STATUS_ON_WHITE
 from tracking.drawing.figures import DOTS
 
-COLOURS = {"LOCKED": "#1f7a3a", "UNSURE": "#b7791f", "LOST": "#c23b2e"}
-"""Of the band and of the status's name, on white."""
 BAND = 0.07
 """Height of the band, as a share of the axes."""
 FIRST_END = 10.0
 LONGER = 1.5
 """End of the time axis where it is not known [s], and its factor when it is reached."""
 SUBPIXEL_BITS = 4
+"""OpenCV then takes places in sixteenths of a pixel, so that curves are smooth."""
 PAD = 0.1
 """Space to the left and right [inch]."""
 WIDTH = 2
 """Of a curve [px]."""
 NICE = (1.0, 2.0, 5.0, 10.0)
+"""First digits of the end of an axis that grows."""
 LOWEST = 5.0
 """Least end of a vertical axis that grows."""
 
@@ -41,35 +43,29 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:], 16)
 
 
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Curves that share an axis from 0 up."""
+
+    curves: Mapping[str, str]
+    """Colours by name."""
+    label: str
+    """Of the vertical axis."""
+    end: float | None = None
+    """Of the time axis [s]; None: it is not known."""
+    top: float | None = None
+    """Of the vertical axis; None: it grows with the values."""
+
+
 class RunningChart:
-    """Curves that share an axis from 0 up; both axes grow where a value passes their end."""
+    """A drawing of a chart; both axes grow where a value passes their end."""
 
-    def __init__(
-        self,
-        width: int,
-        height: int,
-        curves: Mapping[str, str],
-        label: str,
-        *,
-        end: float | None = None,
-        top: float | None = None,
-    ) -> None:
-        """Begin a chart of a size [px].
-
-        Args:
-            width: Of the picture [px].
-            height: Of the picture [px].
-            curves: Colours by name.
-            label: Of the vertical axis.
-            end: Of the time axis [s]; None: it is not known.
-            top: Of the vertical axis; None: it grows with the values.
-        """
+    def __init__(self, width: int, height: int, chart: Chart) -> None:
+        """Begin a drawing of a size [px]."""
         self._size = (width, height)
-        self._curves = curves
-        self._label = label
-        self._end = end or FIRST_END
-        self._top = top or 0.0
-        self._grows = top is None
+        self._chart = chart
+        self._end = chart.end or FIRST_END
+        self._top = chart.top or 0.0
         self._rows: list[tuple[float, Sequence[float], str]] = []
         self.picture = np.zeros((0, 0, 3), np.uint8)
 
@@ -90,7 +86,7 @@ class RunningChart:
 
     def _too_small(self, time: float, value: float) -> bool:
         longer = time > self._end
-        higher = self._grows and value > self._top
+        higher = self._chart.top is None and value > self._top
         if longer:
             self._end = max(self._end * LONGER, time)
         if higher or not self._top:
@@ -104,11 +100,11 @@ class RunningChart:
         figure = Figure((width / DOTS, height / DOTS), dpi=DOTS, layout="constrained")
         figure.get_layout_engine().set(w_pad=PAD, h_pad=PAD / 2)  # type: ignore[call-arg]
         axes = figure.add_subplot()
-        for name, colour in self._curves.items():
+        for name, colour in self._chart.curves.items():
             axes.plot([], [], color=colour, lw=1.5, label=name)
         axes.set_xlim(0, self._end)
         axes.set_xlabel("time [s]", size=8)
-        axes.set_ylabel(self._label, size=8)
+        axes.set_ylabel(self._chart.label, size=8)
         axes.set_ylim(-2 * BAND * self._top, 1.02 * self._top)
         axes.set_yticks([t for t in axes.get_yticks() if 0 <= t <= self._top])
         axes.grid(alpha=0.25)
@@ -117,7 +113,7 @@ class RunningChart:
         axes.legend(
             loc="lower right",
             bbox_to_anchor=(1.0, 0.98),
-            ncols=len(self._curves),
+            ncols=len(self._chart.curves),
             frameon=False,
             fontsize=8,
             borderaxespad=0.0,
@@ -135,7 +131,7 @@ class RunningChart:
         times = [time for time, _, _ in rows]
         unit = 1 << SUBPIXEL_BITS
         for colour, values in zip(
-            self._curves.values(), np.transpose([v for _, v, _ in rows]), strict=True
+            self._chart.curves.values(), np.transpose([v for _, v, _ in rows]), strict=True
         ):
             points = self._at(times, np.minimum(values, self._top))
             for begin, end in pairwise(points):
@@ -145,7 +141,9 @@ class RunningChart:
         low, high = self._at([0.0, 0.0], np.array([-2.0, -1.0]) * BAND * self._top)[:, 1]
         across = self._at(times, np.zeros(len(times)))[:, 0].round().astype(int).tolist()
         for (_, _, status), (left, right) in zip(rows[1:], pairwise(across), strict=True):
-            self.picture[round(high) + 1 : round(low), left : right + 1] = rgb(COLOURS[status])
+            self.picture[round(high) + 1 : round(low), left : right + 1] = rgb(
+                STATUS_ON_WHITE[status]
+            )
 
     def _at(self, times: Sequence[float], values: Array) -> Array:
         """Places in the picture (n, 2) [px]."""

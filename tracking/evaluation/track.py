@@ -28,7 +28,7 @@ class Shot:
 
     @property
     def blind(self) -> bool:
-        """Whether there was no picture."""
+        """True if there was no picture."""
         return self.size is None
 
     @property

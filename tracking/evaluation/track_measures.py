@@ -23,7 +23,7 @@ SHARES = np.linspace(0, 0.5, 51)
 NEAR = 20
 """Error at which the precision is reported [px]."""
 LOSS_RUN = 5
-"""Number of frames in a row away from the target that count as a loss."""
+"""Number of frames in a row away from the target that count as a loss: one jump is none."""
 ON_TARGET = 0.1
 """Least overlap of a box that counts as on the target in `lost_signal`."""
 HALF = 0.5
@@ -31,20 +31,8 @@ MOST = 0.9
 """Criterion of success: an overlap above this in at least this share of the frames."""
 
 
-SHARES_OF_ONE = (
-    "auc",
-    "auc_turned",
-    "precision_20",
-    "precision_norm",
-    "completed",
-    "held",
-    "lost_auc",
-)
-"""Measures that are at most 1."""
-
-
 class Better(Enum):
-    """Whether higher or lower values are better."""
+    """The better direction of a measure."""
 
     HIGHER = "higher"
     LOWER = "lower"
@@ -60,7 +48,7 @@ class Comparison:
     states: Array | None
     """True x, y, theta, scale (n, 4) if they are known exactly, else None."""
     present: NDArray[np.bool_]
-    """Whether the target is in the frame (n,); m of the n frames have it."""
+    """True in the frames with the target (n,); m of the n frames have it."""
     offsets: Array
     """From the true centres to those found (m, 2) [px]."""
     sizes: Array
@@ -114,20 +102,21 @@ class TrackMeasure:
     better: Better
     meaning: str
     of: Callable[[Comparison], float]
-
-    @property
-    def most(self) -> float:
-        """Its largest possible value; the smallest is 0."""
-        return 1.0 if self.name in SHARES_OF_ONE else np.inf
+    most: float = np.inf
+    """Its largest possible value; the smallest is 0."""
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
-    """Whether the target is present (n,) in a truth (n, 4, 2)."""
+    """Return the frames (n,) of a truth (n, 4, 2) in which the target is present."""
     return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
 
 def box_overlaps(a: Array, b: Array) -> Array:
-    """Intersection over union (n,) of upright boxes (n, 4): left, top, width, height."""
+    """Return the intersection over union (n,) of upright boxes (n, 4): left, top, width, height.
+
+    >>> box_overlaps(np.array([[0.0, 0.0, 2.0, 2.0]]), np.array([[1.0, 0.0, 2.0, 2.0]])).round(3)
+    array([0.333])
+    """
     low = np.maximum(a[:, :2], b[:, :2])
     high = np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
     shared = np.prod(np.maximum(high - low, 0), axis=1)
@@ -136,7 +125,7 @@ def box_overlaps(a: Array, b: Array) -> Array:
 
 
 def turned_overlaps(a: Array, b: Array) -> Array:
-    """Intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
+    """Return the intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
     overlaps = np.zeros(len(a))
     for i, (p, q) in enumerate(zip(a.astype(np.float32), b.astype(np.float32), strict=True)):
         shared = float(cv2.intersectConvexConvex(p, q)[0])
@@ -145,14 +134,14 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 
 def frames_until_loss(c: Comparison) -> float:
-    """Number of frames before the error exceeds the target's size for five frames in a row."""
+    """Return the frames before the error exceeds the target's size for five in a row."""
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
     return float(np.argmax(runs)) if runs.any() else float(len(away))
 
 
 def lost_signal(c: Comparison) -> float:
-    """Area under the ROC curve of 1 - confidence as a sign that the box is not on the target."""
+    """Return the area under the ROC curve of 1 - confidence as a sign of being off the target."""
     off = ~c.present
     off[c.present] = c.overlaps < ON_TARGET
     doubt = 1 - c.track.confidence[: len(off)]
@@ -186,6 +175,7 @@ MEASURES = (
         H,
         "success: area under the curve of upright box overlap",
         lambda c: float(c.success().mean()),
+        1.0,
     ),
     TrackMeasure(
         "auc_turned",
@@ -193,6 +183,7 @@ MEASURES = (
         H,
         "the same for rectangles as they are turned",
         lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
+        1.0,
     ),
     TrackMeasure(
         "precision_20",
@@ -200,6 +191,7 @@ MEASURES = (
         H,
         "share of frames with an error of at most 20 px",
         lambda c: float(c.precision()[NEAR]),
+        1.0,
     ),
     TrackMeasure(
         "precision_norm",
@@ -207,6 +199,7 @@ MEASURES = (
         H,
         "area under the curve of error over the target's size",
         lambda c: float(np.mean(_relative(c) <= SHARES[:, None])),
+        1.0,
     ),
     TrackMeasure(
         "rmse_px",
@@ -241,6 +234,7 @@ MEASURES = (
         H,
         "1 if it was never lost",
         lambda c: float(frames_until_loss(c) == len(c.errors)),
+        1.0,
     ),
     TrackMeasure(
         "held",
@@ -248,6 +242,7 @@ MEASURES = (
         H,
         "1 if the overlap exceeds 0.5 in 90 % of the frames",
         lambda c: float(np.mean(c.overlaps > HALF) >= MOST),
+        1.0,
     ),
     TrackMeasure(
         "lost_auc",
@@ -255,6 +250,7 @@ MEASURES = (
         H,
         "area under the ROC of 1 - confidence as a sign of being off",
         lost_signal,
+        1.0,
     ),
     TrackMeasure(
         "milliseconds",

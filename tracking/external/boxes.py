@@ -17,7 +17,7 @@ ORDERS = [np.roll(order, k) for k in range(4) for order in ((0, 1, 2, 3), (3, 2,
 
 
 def box_of(region: Region, state: State, image: Image) -> Box:
-    """The upright box of a region, inside the image and at least one pixel large."""
+    """Return the upright box of a region, inside the image and at least one pixel large."""
     corners = region.corners(state)
     height, width = image.shape[:2]
     low = np.clip(np.floor(corners.min(axis=0)), 0, (width - 1, height - 1)).astype(int)
@@ -25,7 +25,7 @@ def box_of(region: Region, state: State, image: Image) -> Box:
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
-class Placed:
+class Placement:
     """The state of a region whose box, or whose corners, another tracker follows.
 
     A box moves the centre and scales the region by the square root of its area, both relative to
@@ -34,16 +34,16 @@ class Placed:
     """
 
     turns = False
-    """Whether corners that have an angle were given."""
+    """True once corners that have an angle were given."""
     resizes = False
-    """Whether the size has ever changed."""
+    """True once the size has changed."""
 
     def __init__(self, region: Region, state: State, box: Array, *, sizes: bool) -> None:
         """Begin with a region and the box (4,) that the tracker gets for it [px].
 
         Args:
             region: The template.
-            state: Where it is.
+            state: State of the target at first.
             box: The upright box around it, as the tracker gets it [px].
             sizes: Take over the size, too.
         """
@@ -88,7 +88,7 @@ class Placed:
 
 
 def convex(corners: Array) -> bool:
-    """Whether corners (4, 2) are a convex quadrilateral with an area."""
+    """Return whether corners (4, 2) are a convex quadrilateral with an area."""
     points = corners.astype(np.float32)
     return cv2.contourArea(points) > 0 and cv2.isContourConvex(points)
 
@@ -98,6 +98,6 @@ def _complex(points: Array) -> np.ndarray:
 
 
 def _upright(corners: Array) -> bool:
-    """Whether the sides of a quadrilateral (4, 2) lie along the axes."""
+    """Return whether the sides of a quadrilateral (4, 2) lie along the axes."""
     sides = np.abs(np.diff(corners, axis=0, append=corners[:1]))
     return bool((sides.min(axis=1) <= UPRIGHT * sides.max()).all())

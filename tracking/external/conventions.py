@@ -1,4 +1,4 @@
-"""How other trackers take pictures and boxes, and what they may answer.
+"""Conventions of other trackers: their pictures, boxes and answers.
 
 | | OpenCV | GOT-10k |
 |---|---|---|
@@ -9,60 +9,94 @@
 
 import inspect
 import reprlib
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import cv2
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.external.boxes import Box
-from tracking.types import FARTHEST
+from tracking.external.boxes import Box, box_of
+from tracking.types import FARTHEST, Region, State
 
-Name = Literal["opencv", "got10k"]
+Convention = Literal["opencv", "got10k"]
+Score = str | Callable[[Any], float]
+"""Attribute or method of a tracker that gives its score, or a function of the tracker."""
+SLACK = 1e-3
+"""A score may leave 0..1 by this much: single precision adds up to that."""
 EXPECTED = "(ok, box) or a box of x, y, width, height"
 BOXES = {"box", "bbox"}
-"""Names of the second argument of `init` in GOT-10k's convention."""
+"""Conventions of the second argument of `init` in GOT-10k's convention."""
+
+
+class Foreign(Protocol):
+    """A tracker in one of the conventions."""
+
+    def init(self, image: Any, box: Any, /) -> Any:
+        """Learn the target in a box; False refuses it."""
+        ...
+
+    def update(self, image: Any, /) -> Any:
+        """Return the target's box in the next picture."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Calls a tracker in one of the two conventions."""
+    """A tracker of boxes that is called in its convention."""
 
-    tracker: Any
-    convention: Name
+    tracker: Foreign
+    convention: Convention
     name: str
-    """Of the tracker, for messages."""
+    """Name of the tracker, for messages."""
+    score_of: Score | None
 
-    def init(self, image: Image, box: Box) -> None:
-        """Show the first picture with the target's box.
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the target's box, and return the box.
 
         Raises:
             ValueError: The tracker refuses by returning False.
         """
+        box = box_of(region, state, image)
         given = box if self.convention == "opencv" else np.array(box, dtype=float) + (1, 1, 0, 0)
         if self.tracker.init(self._picture(image), given) is False:
             raise ValueError(f"{self.name}: init refused the region x, y, width, height = {box}")
+        return box
 
     def update(self, image: Image) -> Array | None:
-        """The target's box (4,) in the next picture [px]; None where it is not seen.
+        """Return the target's box (4,) in the next picture [px]; None where it is not seen.
 
         Raises:
-            ValueError: What the tracker returned is neither.
+            ValueError: The tracker returned something else.
         """
         box = box_in(self.tracker.update(self._picture(image)), self.name)
         return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
 
+    def score(self) -> float:
+        """Return the tracker's own score, 0..1.
+
+        Raises:
+            ValueError: It is not there, or not between 0 and 1.
+        """
+        if callable(self.score_of):
+            return score_in(self.score_of(self.tracker), self.name)
+        name = str(self.score_of)
+        if not hasattr(self.tracker, name):
+            raise ValueError(f"{self.name} has no '{name}', which is to give its score")
+        found = getattr(self.tracker, name)
+        return score_in(found() if callable(found) else found, self.name)
+
     def _picture(self, image: Image) -> Image:
-        """A picture that the tracker may keep and write to."""
+        """Return a picture that the tracker may keep and write to."""
         if self.convention == "opencv":
             return cv2.cvtColor(image, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
         return np.array(image, order="C")
 
 
-def convention_of(tracker: Any) -> Name:
-    """GOT-10k's for a subclass of its toolkit's `Tracker`, and where the second argument of `init`
-    is named box or bbox; else OpenCV's.
+def convention_of(tracker: Foreign) -> Convention:
+    """Return the convention of a tracker: GOT-10k's for a subclass of its toolkit's `Tracker`, and
+    where the second argument of `init` is named box or bbox; else OpenCV's.
     """
     if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
         return "got10k"
@@ -74,7 +108,7 @@ def convention_of(tracker: Any) -> Name:
 
 
 def box_in(answer: Any, name: str) -> Array | None:
-    """The box (4,) in what `update` returned; None for ok = False, or a box of zeros.
+    """Return the box (4,) in an answer of `update`; None for ok = False, or a box of zeros.
 
     Raises:
         ValueError: It is something else; the message names the tracker and what it returned.
@@ -98,7 +132,7 @@ def box_in(answer: Any, name: str) -> Array | None:
 
 
 def score_in(answer: Any, name: str) -> float:
-    """A tracker's score, 0..1.
+    """Return a tracker's score, kept within 0..1.
 
     Raises:
         ValueError: It is none; the message names the tracker and its score.
@@ -112,10 +146,6 @@ def score_in(answer: Any, name: str) -> float:
     return min(max(score, 0.0), 1.0)
 
 
-SLACK = 1e-3
-"""A score may leave 0..1 by this much."""
-
-
 def shown(answer: Any) -> str:
-    """What a tracker returned, on one short line."""
+    """Return a tracker's answer on one short line."""
     return " ".join(reprlib.repr(answer).split())

@@ -1,4 +1,4 @@
-"""One of OpenCV's own trackers, made by its name, whose failures become sentences."""
+"""OpenCV's own trackers, made by their names; their failures become sentences."""
 
 import ctypes
 import os
@@ -22,9 +22,6 @@ MODELS = {
 """The model files of the trackers that have some, in this order; these have a score, too."""
 CONTRIB = ("CSRT", "KCF")
 """Trackers of OpenCV's additional modules."""
-SUFFIX = ".onnx"
-LARGEST = 2_000_000_000
-"""Largest model file [bytes]."""
 
 
 class Cv2Tracker:
@@ -82,7 +79,7 @@ class Cv2Tracker:
         return found and min(box[2:]) > 0, box
 
     def score(self) -> float:
-        """OpenCV's score of the last update, kept within 0..1."""
+        """Return OpenCV's score of the last update, kept within 0..1."""
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
     def _made(self) -> Any:
@@ -94,7 +91,7 @@ class Cv2Tracker:
                 f"OpenCV's {self._name} {files}; the number given is {len(self._models)}"
             )
         for path in self._models:
-            check_model(path)
+            reading.opened(path, "model").close()  # OpenCV's own message names no file
         if not parts:
             return made_by.create()
         settings = getattr(cv2, f"Tracker{self._name}_Params")()
@@ -112,10 +109,10 @@ class Cv2Tracker:
 
 
 def factory_of(name: str) -> Any:
-    """OpenCV's class of a tracker.
+    """Return OpenCV's class of a tracker.
 
     Raises:
-        ValueError: This OpenCV does not have it; the message says which ones it has.
+        ValueError: This OpenCV does not have it; the message lists those it has.
     """
     found = getattr(cv2, f"Tracker{name}", None)
     if hasattr(found, "create"):
@@ -131,21 +128,6 @@ def factory_of(name: str) -> Any:
     )
 
 
-def check_model(path: Path) -> None:
-    """Refuse a model file that is none, before OpenCV reads it.
-
-    Raises:
-        ValueError: It cannot be read, is empty or too large, or its name does not end in .onnx.
-    """
-    with reading.opened(path, "model"):
-        size = path.stat().st_size
-    if path.suffix.lower() != SUFFIX:
-        raise ValueError(f"{path}: a model is an ONNX file, whose name ends in {SUFFIX}")
-    if not 0 < size <= LARGEST:
-        reason = f"it is too large; the limit is {LARGEST:,} bytes" if size else "it is empty"
-        raise ValueError(f"{path}: cannot read this model: {reason}")
-
-
 def seed_opencv(seed: int) -> None:
     """Seed what OpenCV's trackers draw from."""
     cv2.setRNGSeed(seed)
@@ -154,6 +136,6 @@ def seed_opencv(seed: int) -> None:
 
 
 def _reason(error: cv2.error) -> str:
-    """What OpenCV says, without its version, file and line."""
+    """Return OpenCV's message, without its version, file and line."""
     text = str(getattr(error, "err", "") or error)
     return " ".join(text.split())

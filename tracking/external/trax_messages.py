@@ -20,7 +20,9 @@ from sim.types import Array, Image
 
 PREFIX = "@@TRAX:"
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
-ARGUMENT = re.compile(r'"((?:[^"\\]+|\\.)*)"|(\S+)')
+ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
+"""An argument in quotes, or without. The possessive repetition takes linear time on a line whose
+quotes are not closed, as a crashing server leaves it."""
 NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
 SPECIAL = re.compile(r'[\\"\n]')
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
@@ -41,14 +43,14 @@ class Message:
     named: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def line(self) -> str:
-        """As it is sent."""
+        """Return the line that is sent."""
         texts = [*self.arguments, *(f"{key}={value}" for key, value in self.named.items())]
         quoted = [f'"{SPECIAL.sub(lambda m: ESCAPED[m[0]], text)}"' for text in texts]
         return f"{PREFIX}{' '.join([self.type, *quoted])}\n"
 
 
 def message_in(line: str) -> Message | None:
-    """The message in a line; None for any other line."""
+    """Return the message in a line; None for any other line."""
     if not line.startswith(PREFIX):
         return None
     name, _, rest = line.removeprefix(PREFIX).strip().partition(" ")
@@ -65,13 +67,13 @@ def message_in(line: str) -> Message | None:
 
 
 def region_text(numbers: Array) -> str:
-    """A box (4,), or corners (n, 2), as a region."""
+    """Return a box (4,), or corners (n, 2), as a region."""
     return ",".join(f"{number:.4f}" for number in numbers.ravel().tolist())
 
 
 def region_in(text: str) -> Array | None:
-    """A box (4,) or a polygon (n, 2) [px]; None for a code, or a box of zeros: the target is not
-    seen.
+    """Return a box (4,) or a polygon (n, 2) [px]; None for a code, or a box of zeros: the target is
+    not seen.
 
     Raises:
         ValueError: It is a mask, or no region.
@@ -92,8 +94,8 @@ def region_in(text: str) -> Array | None:
 
 
 def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
-    """An RGB picture in a format that the server takes: raw in the message, as PNG in it, or in a
-    file.
+    """Return an RGB picture in a format that the server takes: raw in the message, as PNG in it, or
+    in a file.
     """
     if "memory" in formats:
         height, width = image.shape[:2]
@@ -106,7 +108,7 @@ def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
 
 
 def picture_in(text: str) -> Image | Path:
-    """The RGB picture in a message, or the path of its file.
+    """Return the RGB picture in a message, or the path of its file.
 
     Raises:
         ValueError: It cannot be decoded.

@@ -40,7 +40,7 @@ def compiled(error_model: Literal["python", "numpy"] = "python") -> Callable[[Lo
 
 
 def _private_folder() -> Path:
-    """A temporary folder that only this user can write to, because its content is executed."""
+    """Return a temporary folder that only this user can write to: its content is executed."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     folder = Path(tempfile.gettempdir()) / NAME.format(user)
     with suppress(FileExistsError):

@@ -15,17 +15,19 @@ each channel, and the number of pixels above which only every second, third, ...
 FLOOR = 1e-3
 """Added to every bin under the root, whose derivative is infinite at an empty bin."""
 TINY = np.finfo(np.float64).tiny
+# Levenberg's damping, relative to the trace; chosen by hand, with little effect on the basin.
 FIRST_DAMPING = 1e-3
 MORE = 8.0
+"""Factor after a bad step."""
 LESS = 0.2
+"""Factor after a good step."""
 MOST_DAMPING = 1e3
-"""Levenberg damping relative to the trace: at first; factors after a bad and after a good step; and
-the value at which the descent ends."""
+"""With more damping, steps are too short to matter, and the descent ends."""
 
 
 @compiled(error_model="numpy")
 def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
-    """Sums and totals of `kernel_histograms` at x (4,)."""
+    """Return sums and totals of `kernel_histograms` at x (4,)."""
     half, centres, span, levels, pixels = kernels
     area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
     stride = max(1, int(np.sqrt(area / pixels)))

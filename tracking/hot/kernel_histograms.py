@@ -16,8 +16,10 @@ Weight = tuple[float, float, float, float, float]
 
 @compiled(error_model="numpy")
 def _level(value: int, levels: int) -> float:
-    """Position of a channel's value among its bins, whose centres are at (b + 0.5) * 256 / levels;
-    values outside of the first and last centre belong to these bins.
+    """Return the position of a channel's value among its bins.
+
+    Bins have their centres at (b + 0.5) * 256 / levels; values outside of the first and last centre
+    belong to these bins.
     """
     return min(max((value + 0.5) * (levels / 256.0) - 0.5, 0.0), levels - 1.0)
 
@@ -26,7 +28,7 @@ def _level(value: int, levels: int) -> float:
 def _share_between_bins(
     image: Image, i: Any, j: Any, levels: int
 ) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
-    """The four bins that share a pixel, and their shares.
+    """Return the four bins that share a pixel, and their shares.
 
     The shares are those of tetrahedral interpolation, as in colour tables: linear and continuous
     like trilinear ones, with half as many bins. From the lower corner of the cell of eight bins
@@ -60,7 +62,8 @@ def _share_between_bins(
 def _cover(
     rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
 ) -> Weight:
-    """Share of a pixel at r that the template covers, and d cover / d(x, y, theta, ln scale).
+    """Return the share of a pixel at r that the template covers, and d cover / d(x, y, theta, ln
+    scale).
 
     With a hard edge, the objective would have a step and a false minimum wherever a pixel's centre
     crosses the edge.

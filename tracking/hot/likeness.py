@@ -11,7 +11,7 @@ LEAST = 1e-6
 
 @compiled()
 def view(image: Image, state: Array, points: Array) -> Array:
-    """The colours (3 P,) at template points under a state, less their mean, with length 1.
+    """Return the colours (3 P,) at template points under a state, less their mean, with length 1.
 
     Points off the image have the mean colour.
 
@@ -47,7 +47,7 @@ def view(image: Image, state: Array, points: Array) -> Array:
 
 @compiled()
 def likeness(image: Image, states: Array, points: Array, stored: Array) -> Array:
-    """The largest correlation (N,), -1..1, of the view under each state with a stored one.
+    """Return the largest correlation (N,), -1..1, of the view under each state with a stored one.
 
     Args:
         image: RGB (H, W, 3).

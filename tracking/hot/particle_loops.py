@@ -11,7 +11,7 @@ from tracking.hot.compiled import compiled
 
 @compiled()
 def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
-    """Samples (N, 4) after a common change (4,) and noise: a spread (4,) times draws (N, 4).
+    """Return samples (N, 4) after a common change (4,) and noise: a spread (4,) times draws (N, 4).
 
     The last coordinate, ln scale, is limited to -most..most.
     """
@@ -25,7 +25,7 @@ def moved(samples: Array, change: Array, spread: Array, draws: Array, most: floa
 
 @compiled()
 def normalised(log_weights: Array) -> Array:
-    """Weights (N,) that sum to 1, from log-weights with any additive constant."""
+    """Return weights (N,) that sum to 1, from log-weights with any additive constant."""
     weights = np.exp(log_weights - np.max(log_weights))
     return weights / np.sum(weights)
 
@@ -62,7 +62,7 @@ def covariance(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def cloud(samples: Array, weights: Array) -> Array:
-    """Samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
+    """Return samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
     found = np.empty((len(samples), 5))
     found[:, :3] = samples[:, :3]
     found[:, 3] = np.exp(samples[:, 3])
@@ -72,8 +72,9 @@ def cloud(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def systematic(weights: Array, first: float) -> NDArray[Any]:
-    """Indices (N,) of a systematic resampling (Kitagawa 1996): sample i is drawn floor or ceil of
-    N w_i times.
+    """Return the indices (N,) of a systematic resampling (Kitagawa 1996).
+
+    Sample i is drawn floor or ceil of N w_i times.
 
     Args:
         weights: Weights (N,), not negative, with any sum.
@@ -95,7 +96,8 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
 
 @compiled()
 def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -> float:
-    """The beta below `highest` for which w^beta has a given effective sample size, by bisection.
+    """Return the beta below `highest` for which w^beta has a given effective sample size, by
+    bisection.
 
     Args:
         log_likelihood: ln w (N,).

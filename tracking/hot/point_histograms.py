@@ -63,7 +63,7 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
 
 @compiled()
 def _normalised(rho: float, masked: float) -> float:
-    """A coefficient as of a histogram that sums to 1 without the masked points."""
+    """Return a coefficient as of a histogram that sums to 1 without the masked points."""
     if 0.0 < masked < 1.0 - LEAST_KEPT:
         return rho / np.sqrt(1.0 - masked)
     return rho
@@ -85,7 +85,7 @@ def histograms(
     count: int,
     bins: int,
 ) -> Array:
-    """Histograms (count, bins) of the parts of one state (4,), not normalised."""
+    """Return histograms (count, bins) of the parts of one state (4,), not normalised."""
     scratch = _scratch(count, bins, len(points))
     _read(window, state, (points, parts, weights), bins, scratch)
     return scratch[0].reshape((count, bins))

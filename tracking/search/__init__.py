@@ -1,1 +1,1 @@
-"""How a target is found: sampling, and local optimisation."""
+"""Search for a target: sampling, and local optimisation."""

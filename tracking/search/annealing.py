@@ -8,7 +8,7 @@ before w_0 is used; here the set that leaves layer 0 is weighed with it.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 
@@ -16,35 +16,47 @@ from sim.types import Array
 from tracking.hot import particle_loops
 from tracking.search.particles import ParticleFilter
 
+# As published annealed filters have them: half of the particles survive a layer (Deutscher, Blake,
+# Reid), and the noise halves with each.
+SURVIVAL = 0.5
+"""Share of the particles that survives a layer: alpha."""
+RATIO = 2.0
+"""Fixed schedule: each exponent over that of the layer before."""
+COOLING = 0.5
+"""Noise of a layer over the layer before."""
 BISECTIONS = 40
 LARGEST_BETA = 1e4
+"""With these the exponent is found to 1e-8; a larger one has no use."""
 
 
-class Schedule(Enum):
-    """Where the exponents of the layers come from."""
+class Schedule(StrEnum):
+    """Rule for the exponents of the layers."""
 
     SURVIVAL = "survival"
-    """So that a given share of the particles survives each layer (Deutscher)."""
+    """A given share of the particles survives each layer (Deutscher)."""
     FIXED = "fixed"
     """A geometric series that ends at 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Annealing:
-    """How many layers, how sharp, how far apart."""
+    """Number of layers, and the schedule of their exponents."""
 
     layers: int
     schedule: Schedule
-    survival: float
-    """Share of the particles that survives a layer: alpha."""
-    ratio: float
-    """Fixed schedule: each exponent over the next, sharper one."""
-    cooling: float
-    """Noise of a layer over the layer before."""
+
+
+ONE_LAYER = Annealing(1, Schedule.FIXED)
+"""No annealing: the particles are weighed once, with the likelihood as it is."""
 
 
 def exponent(log_likelihood: Array, survival: float) -> float:
-    """The beta with which w^beta has an effective sample size of survival * N, by bisection."""
+    """Return the beta with which w^beta has an effective sample size of survival * N.
+
+    Args:
+        log_likelihood: ln w (N,).
+        survival: Share of the particles, 0..1.
+    """
     target = survival * len(log_likelihood)
     return particle_loops.exponent(log_likelihood, target, LARGEST_BETA, BISECTIONS)
 
@@ -62,17 +74,17 @@ def anneal(
         cloud: The particles.
         velocity: Their motion since the last frame (4,), before the first layer.
         likelihood: Log-likelihood (N,) of the particles where they are; it may move them first.
-        settings: The schedule.
+        settings: Layers and schedule.
         widen: Factor on all noise.
     """
     for layer in range(settings.layers - 1, -1, -1):
-        spread = widen * settings.cooling ** (settings.layers - 1 - layer)
+        spread = widen * COOLING ** (settings.layers - 1 - layer)
         cloud.predict(velocity if layer == settings.layers - 1 else np.zeros(4), spread)
         w = likelihood(cloud)
-        if settings.schedule is Schedule.SURVIVAL:
-            beta = exponent(w, settings.survival)
+        if settings.schedule == Schedule.SURVIVAL:
+            beta = exponent(w, SURVIVAL)
         else:
-            beta = settings.ratio**-layer
+            beta = RATIO**-layer
         cloud.weigh(beta * w)
         if layer > 0:
             cloud.resample()

@@ -26,96 +26,99 @@ from sim.types import Array, Image
 from tracking.hot import descent as hot
 from tracking.types import Region, State
 
-ANGLE_UNIT = 1 / 20
-SCALE_UNIT = 1 / 20
-"""Angle [rad] and ln scale that count as much as one pixel."""
 TINY = 1e-12
-UNITS = np.array([1.0, 1.0, ANGLE_UNIT, SCALE_UNIT])
+PIXELS = 2000
+"""Larger targets are read at every second, third, ... pixel to stay below this number."""
+TOLERANCE = 0.2
+"""A shorter step is the last [px, or as much in angle and scale]. It is taken without being tried:
+so near the minimum Newton's steps are right, and to try it would cost a third of the search."""
+UNITS = np.array([1.0, 1.0, 1 / 20, 1 / 20])
+"""Steps of x, y [px], of the angle [rad] and of ln scale that move a common target's rim alike."""
 
 
 @dataclass(frozen=True, slots=True)
-class Refined:
-    """Where the search ended."""
+class Descent:
+    """The end of a search."""
 
     state: State
     distance: float
     """The distance d_m there."""
     evaluations: int
-    """How often the histograms were computed."""
+    """Number of times the histograms were computed."""
 
 
 def distance_of(cost: float) -> float:
-    """The Bhattacharyya distance: O = 2 d_m^2 (equation 6)."""
+    """Return the Bhattacharyya distance d_m of a value O = 2 d_m^2 of the objective."""
     return sqrt(min(cost / 2, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class KernelGrid:
+    """A grid of Epanechnikov kernels over the template."""
+
+    per_side: int = 3
+    """Kernels along each side: 3 is the paper's nine."""
+    span: float = 1.0
+    """Half axis of a kernel in cells of the grid: larger widens the basin, smaller sharpens the
+    angle."""
+    levels: int = 8
+    """Colour bins a channel."""
+    inset: float = 0.0
+    """Share of the region's width and height that is left out, half on each side."""
 
 
 class KernelModel:
     """The target under a grid of Epanechnikov kernels, and the search for it."""
 
-    def __init__(
-        self,
-        image: Image,
-        region: Region,
-        state: State,
-        *,
-        per_side: int = 3,
-        span: float = 1.0,
-        levels: int = 8,
-        pixels: int = 2000,
-        inset: float = 0.0,
-    ) -> None:
+    def __init__(self, image: Image, region: Region, state: State, grid: KernelGrid) -> None:
         """Learn the reference histograms.
 
         Args:
-            image: First frame (H, W, 3).
+            image: First picture, RGB (H, W, 3).
             region: The template.
-            state: Where it is.
-            per_side: Kernels along each side of the grid.
-            span: Half axis of a kernel in cells of the grid: larger widens the basin, smaller
-                sharpens the angle.
-            levels: Bins a channel.
-            pixels: Larger targets are read at every second, third, ... pixel to stay below this.
-            inset: Share of the region's width and height that is left out, half on each side.
+            state: State of the target there.
+            grid: The kernels.
         """
-        region = region.inner(inset)
-        offsets = (np.arange(per_side) + 0.5) / per_side - 0.5
-        u, v = np.meshgrid(offsets * region.width, offsets * region.height)
+        inside = region.inner(grid.inset)
+        offsets = (np.arange(grid.per_side) + 0.5) / grid.per_side - 0.5
+        u, v = np.meshgrid(offsets * inside.width, offsets * inside.height)
         centres = np.stack([u.ravel(), v.ravel()], axis=1)
-        axes = (span * region.width / per_side, span * region.height / per_side)
-        half = (region.width / 2, region.height / 2)
-        self._kernels: hot.Kernels = half, centres, axes, levels, pixels
+        cell = grid.span * inside.width / grid.per_side, grid.span * inside.height / grid.per_side
+        half = (inside.width / 2, inside.height / 2)
+        self._kernels: hot.Kernels = half, centres, cell, grid.levels, PIXELS
         sums, totals = self.histograms(image, state.vector)
         self._root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + hot.FLOOR)
 
     def histograms(self, image: Image, x: Array) -> tuple[Array, Array]:
-        """Histograms under the kernels at x (4,), not normalised: as of `hot.kernel_histograms`."""
+        """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at x (4,)."""
         return hot.histograms(image, x, self._kernels)
 
     def linearise(self, image: Image, x: Array) -> tuple[float, Array, Array]:
-        """The objective at x (4,), half its gradient (4,) and half its curvature (4, 4), as of
+        """Return the objective at x (4,), half its gradient (4,), and half its curvature (4, 4) by
         Gauss and Newton.
         """
         return hot.linearise(image, x, self._kernels, self._root_reference)
 
-    def refine(
+    def descend(
         self,
         image: Image,
         state: State,
         *,
-        most: int = 8,
-        tolerance: float = 0.2,
+        most: int,
+        tolerance: float = TOLERANCE,
         hopeless: float = 1.0,
-    ) -> Refined:
+    ) -> Descent:
         """Descend from a state to the nearest minimum of the objective.
 
         Args:
             image: RGB (H, W, 3).
-            state: Where to begin.
+            state: First state.
             most: Largest number of evaluations.
-            tolerance: A step shorter than this is the last, and not tried before it is taken
-                [px, or as much in angle and scale]: so near the minimum Newton's steps are right,
-                and to try this one would cost a third of the search.
+            tolerance: A step shorter than this ends the descent [px].
             hopeless: A start with a larger distance than this is returned as it is.
+
+        Returns:
+            The last state, its distance, and the number of evaluations.
         """
         x, cost, evaluations = hot.descend(
             image,
@@ -127,4 +130,4 @@ class KernelModel:
             tolerance,
             2 * hopeless**2,
         )
-        return Refined(State.of(x), distance_of(cost), evaluations)
+        return Descent(State.of(x), distance_of(cost), evaluations)

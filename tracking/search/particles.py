@@ -24,11 +24,11 @@ class ParticleFilter:
 
         Args:
             region: The template; position noise is relative to its size.
-            state: Where it is.
+            state: State of the target at first.
             count: Number of samples.
             noise: Standard deviations per frame: of x and y over the target's size (the root of its
                 area), of theta [rad], of ln scale.
-            rng: Where all draws come from.
+            rng: Source of all draws.
         """
         self.size = size = float(np.sqrt(region.area(state)))
         """Root of the target's area at the start [px]."""
@@ -48,11 +48,11 @@ class ParticleFilter:
         self.weights = particle_loops.normalised(np.log(self.weights) + log_likelihood)
 
     def mean(self) -> State:
-        """The weighted mean. It is read before resampling, which only adds variance."""
+        """Return the weighted mean. It is read before resampling, which only adds variance."""
         return State.of(particle_loops.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
-        """Covariance (4, 4) of the samples; nan in what does not vary between them."""
+        """Return the covariance (4, 4) of the samples; nan in what does not vary between them."""
         found = particle_loops.covariance(self.samples, self.weights)
         kept = np.array([False, False, *(not on for on in self._follows)])
         found[kept] = np.nan
@@ -61,7 +61,7 @@ class ParticleFilter:
 
     @property
     def _follows(self) -> tuple[bool, bool]:
-        """Whether angle, and size, vary between the samples."""
+        """True where the angle, and the size, vary between the samples."""
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
     def ess(self) -> float:
@@ -69,15 +69,15 @@ class ParticleFilter:
         return particle_loops.effective_size(self.weights)
 
     def cloud(self) -> Array:
-        """Samples and weights as (N, 5): x, y, theta, scale, weight."""
+        """Return samples and weights as (N, 5): x, y, theta, scale, weight."""
         return particle_loops.cloud(self.samples, self.weights)
 
     def best(self) -> State:
-        """The sample with the largest weight."""
+        """Return the sample with the largest weight."""
         return State.of(self.samples[int(np.argmax(self.weights))])
 
     def estimate(self, state: State, distance: float, status: Status, evaluations: int) -> Estimate:
-        """The report of a filter that found this state in the frame."""
+        """Return the report of a filter that found this state in the frame."""
         return Estimate(
             state=state,
             covariance=self.covariance(),
@@ -90,7 +90,7 @@ class ParticleFilter:
         )
 
     def resample(self, power: float = 1.0) -> None:
-        """Draw the samples anew, as often as their weights, raised to a power, say."""
+        """Draw the samples anew, in proportion to their weights raised to a power."""
         weights = self.weights if power == 1.0 else self.weights**power
         self.samples = self.samples[particle_loops.systematic(weights, self._rng.random())]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
@@ -101,7 +101,7 @@ class ParticleFilter:
 
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
         """Strew a share of the samples evenly over an image of this width and height [px], with a
-        state's angle and size: where it is unknown where the target is (Lenser, Veloso 2000).
+        state's angle and size: the target may be anywhere (Lenser, Veloso 2000).
         """
         count = round(share * len(self.samples))
         places = self._rng.uniform((0.0, 0.0), size, (count, 2))

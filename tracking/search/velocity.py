@@ -16,7 +16,7 @@ class Velocity:
         """Begin at rest.
 
         Args:
-            state: Where the target is.
+            state: State of the target.
             memory: Share of the old velocity that the new one keeps; 1: always at rest.
         """
         self._last = state.vector
@@ -24,15 +24,17 @@ class Velocity:
         self.value = np.zeros(4)
 
     def step(self, ego: Array | None) -> Array:
-        """The expected change (4,) until the next frame, with the camera's part if it is given."""
+        """Return the expected change (4,) until the next frame, with the camera's part if it is
+        given.
+        """
         if ego is None:
             return self.value
         self._last = self._last + ego
         return self.value + ego
 
     def jump(self, state: State, size: float) -> float:
-        """How far a state is from what `step` expected: position over the target's size, or ln
-        scale, whichever is larger. The size [px] is that at scale 1.
+        """Return the distance of a state from what `step` expected: position over the target's
+        size, or ln scale, whichever is larger. The size [px] is that at scale 1.
         """
         x, y, _, scale = state.vector - (self._last + self.value)
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))

@@ -16,12 +16,12 @@ from sim.types import Image
 from tracking.sequences.sources import RATE, End, Picture, Times
 
 WAKE = 0.1
-"""Time after which a waiting thread looks whether the other one has ended [s]."""
+"""Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
 Item = tuple[int, float | None, Image]
 
 
-class Broken(Exception):
-    """Why a camera or stream cannot be opened, or broke off."""
+class SourceLost(Exception):
+    """A camera or stream cannot be opened, or broke off; the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Feed:
     """An open camera or stream."""
 
     pictures: Iterator[tuple[float | None, Image | None]]
-    """Stamps [s] and pictures, None where one cannot be decoded; raises Broken."""
+    """Stamps [s] and pictures, None where one cannot be decoded; raises SourceLost."""
     rate: float = RATE
     waits: bool = False
-    """Whether it is a recording on a server, which waits for the tracker; nothing is dropped."""
+    """True for a recording on a server, which waits for the tracker; nothing is dropped."""
 
 
-class Live:
+class LiveSource:
     """Pictures of a camera or stream, which can be read once."""
 
     count: int | None = None
@@ -45,7 +45,7 @@ class Live:
 
         Args:
             name: What it is called in messages.
-            opened: Opens it; raises Broken.
+            opened: Opens it; raises SourceLost.
         """
         self.name = name
         self.rate = RATE
@@ -58,7 +58,7 @@ class Live:
 
     @property
     def end(self) -> End | None:
-        """How it ended, and how many pictures were dropped."""
+        """The end, and the number of dropped pictures."""
         many = f"{self.name}: {self._given + self._dropped} pictures"
         slow = f"{self._dropped} of them were dropped, because the tracker was slower"
         slow = f"; {slow}" if self._dropped else ""
@@ -104,7 +104,7 @@ class Live:
                         index += 1
                     if self._stop.is_set():
                         return
-        except Broken as error:
+        except SourceLost as error:
             self._broken = str(error)
 
     def _put(self, item: Item, *, wait: bool) -> None:

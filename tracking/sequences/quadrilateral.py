@@ -9,11 +9,15 @@ BOX = 4
 QUAD = 8
 """Count of numbers of a box, and of four corners."""
 RECTANGULAR = 0.02
-"""Largest deviation of a rectangle from right angles, over its size."""
+"""Largest deviation of a rectangle from right angles, over its size; chosen by hand."""
 
 
 def corners_of(numbers: Array) -> Array:
-    """Corners (4, 2) of a box (left, top, width, height), or of eight coordinates."""
+    """Return the corners (4, 2) of a box (left, top, width, height), or of eight coordinates.
+
+    >>> corners_of(np.array([10.0, 20.0, 30.0, 40.0])).tolist()
+    [[10.0, 20.0], [40.0, 20.0], [40.0, 60.0], [10.0, 60.0]]
+    """
     if len(numbers) == QUAD:
         return numbers.reshape(4, 2)
     x, y, w, h = numbers
@@ -21,14 +25,14 @@ def corners_of(numbers: Array) -> Array:
 
 
 def boxes(corners: Array) -> Array:
-    """Upright boxes (n, 4) around corners (n, 4, 2): left, top, width, height."""
+    """Return the upright boxes (n, 4) around corners (n, 4, 2): left, top, width, height."""
     low = corners.min(axis=1)
     high = corners.max(axis=1)
     return np.hstack([low, high - low])
 
 
 def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
-    """Region and state of corners (4, 2).
+    """Return the region and state of corners (4, 2).
 
     Args:
         corners: In order around the target, the first edge along its x axis.
@@ -47,7 +51,7 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
 
 
 def crosses_itself(corners: Array) -> bool:
-    """Whether two opposite sides of a quadrilateral (4, 2) cross each other."""
+    """Return whether two opposite sides of a quadrilateral (4, 2) cross each other."""
 
     def side(i: int, j: int, k: int) -> float:
         (ax, ay) = corners[j] - corners[i]

@@ -57,7 +57,7 @@ class Sequence:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether there is such a folder; false for a name that no file can have."""
+    """Return whether there is such a folder; false for a name that no file can have."""
     return os.path.isdir(path)  # noqa: PTH112 (Path's raises for such a name)
 
 
@@ -69,11 +69,12 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         ValueError: There is no such source, or it is empty, or the topic is not clear.
     """
     path = Path(text)
-    if not stream.ADDRESS.match(text) and is_bag(path):
+    is_address = stream.ADDRESS.match(text)
+    if not is_address and is_bag(path):
         return Bag(path, topic)
     if topic is not None:
         raise ValueError(f"{text}: this is not a bag, so it has no topic '{topic}'")
-    if stream.ADDRESS.match(text):
+    if is_address:
         return stream.stream(text)
     if text.startswith(CAMERA):
         number = text.removeprefix(CAMERA)
@@ -154,11 +155,15 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
     """
     source = Folder.of(pictures_in(folder), rate)
     found = truths_in(folder)
-    several = len(found) > 1
-    return [
-        _read(f"{folder.name}-{i}" if several else folder.name, source, path, form)
-        for i, path in enumerate(found, 1)
-    ]
+    sequences: list[Sequence] = []
+    for number, path in enumerate(found, 1):
+        corners = truths.read(path, form)
+        check_truth(corners, source, str(path), form)
+        if not np.isfinite(corners[0]).all():
+            raise ValueError(f"{path}: the target is not in the first picture")
+        name = f"{folder.name}-{number}" if len(found) > 1 else folder.name
+        sequences.append(Sequence(name, name, source, corners, *placement(corners[0])))
+    return sequences
 
 
 def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
@@ -173,19 +178,15 @@ def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequ
         raise ValueError(f"{folder}: there is no such folder of sequences")
     if _is_sequence(folder):
         return read_folder(folder, rate, form)
-    found = [
-        s
-        for place in reading.names(folder)
-        if _is_sequence(place)
-        for s in read_folder(place, rate, form)
-    ]
+    places = [place for place in reading.names(folder) if _is_sequence(place)]
+    found = [sequence for place in places for sequence in read_folder(place, rate, form)]
     if not found:
         raise ValueError(f"{folder}: there is no sequence (pictures with a truth file) in it")
     return found
 
 
 def _is_sequence(path: Path) -> bool:
-    """Whether a path is a folder with pictures and a truth.
+    """Return whether a path is a folder with pictures and a truth.
 
     Raises:
         ValueError: It has only one of them, is a broken link, or cannot be read.
@@ -202,12 +203,3 @@ def _is_sequence(path: Path) -> bool:
     if truth and not pictures:
         raise ValueError(f"{path}: there is a truth file in this folder, but no picture")
     return truth
-
-
-def _read(name: str, source: Folder, path: Path, form: Format) -> Sequence:
-    corners = truths.read(path, form)
-    check_truth(corners, source, str(path), form)
-    if not np.isfinite(corners[0]).all():
-        raise ValueError(f"{path}: the target is not in the first picture")
-    region, start = placement(corners[0])
-    return Sequence(name, name, source, corners, region, start)

@@ -1,4 +1,4 @@
-"""What a source of pictures is: pictures with times, a rate, and how it ended; and painted ones."""
+"""Sources of pictures: pictures with times, a rate, and an end; and painted ones."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
 SET_BACK = 1.0
 SET_FORWARD = 86_400.0
-"""A clock that goes back or forward so far was set [s]."""
+"""A clock that goes back or forward so far was set [s]; chosen by hand."""
 CLOSE = 1e-4
+"""Least time between two pictures [s], which keeps their order; chosen by hand."""
 REPEATED = 0.5
-"""Least time between two pictures, and longest between two of the same stamp [s]."""
+"""Longest time between two pictures of the same stamp [s]; chosen by hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +31,16 @@ class Picture:
     image: Image | None
     """RGB (H, W, 3), read-only; None if it cannot be decoded."""
     reason: str = "it cannot be decoded"
-    """Why there is no image, if there is none."""
+    """The reason why there is no image, if there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How the reading of a source ended, where that is worth a sentence."""
+    """The end of a source, where it is worth a sentence."""
 
     sentence: str
     lost: bool = False
-    """Whether pictures are missing at the end: a stream that broke off, a damaged file."""
+    """True if pictures are missing at the end: a stream that broke off, a damaged file."""
     dropped: int = 0
     """Pictures of a stream that the tracker never saw, because it was slower."""
 
@@ -59,7 +60,7 @@ class Source(Protocol):
 
     @property
     def end(self) -> End | None:
-        """How the last reading ended, or what it has dropped so far; None: nothing to say."""
+        """The end of the last reading, or what was dropped so far; None: nothing to report."""
         ...
 
     def __iter__(self) -> Iterator[Picture]: ...
@@ -99,7 +100,7 @@ class Times:
 
 
 @dataclass(frozen=True, slots=True)
-class Painted:
+class PaintedSource:
     """Pictures that a function paints from their numbers."""
 
     paint: Callable[[int], Image]

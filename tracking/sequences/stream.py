@@ -15,7 +15,7 @@ from av.error import ExitError, FFmpegError
 from sim.files.picture_file import rgb
 from sim.quiet import silent_libraries
 from sim.types import Image
-from tracking.sequences.live_source import Broken, Feed, Live
+from tracking.sequences.live_source import Feed, LiveSource, SourceLost
 from tracking.sequences.sources import RATE
 from tracking.sequences.video_file import (
     FASTEST,
@@ -36,7 +36,7 @@ PROTOCOLS = {
     "tcp": "tcp",
     "udp": "udp",
 }
-"""What FFmpeg may open for an address: never a file of this machine."""
+"""Protocols that FFmpeg may open for an address: never a file of this machine."""
 STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 """Formats that FFmpeg may detect: no playlists, which name other addresses and files."""
 PATIENCE = 5.0
@@ -47,18 +47,22 @@ all pictures up to the next one."""
 
 
 def shown(address: str) -> str:
-    """An address without its password, to print and to store."""
+    """Return an address without its password, to print and to store.
+
+    >>> shown("rtsp://eye:secret@10.0.0.7/one")
+    'rtsp://eye:***@10.0.0.7/one'
+    """
     return PASSWORD.sub(r"\1:***@", address)
 
 
-def stream(address: str) -> Live:
-    """The stream at an address that `ADDRESS` matches."""
-    return Live(shown(address), lambda: _stream(address))
+def stream(address: str) -> LiveSource:
+    """Return the stream at an address that `ADDRESS` matches."""
+    return LiveSource(shown(address), lambda: _stream(address))
 
 
-def camera(number: int) -> Live:
-    """A camera of this machine."""
-    return Live(f"camera:{number}", lambda: _camera(number))
+def camera(number: int) -> LiveSource:
+    """Return a camera of this machine."""
+    return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 
 @contextmanager
@@ -70,12 +74,14 @@ def _stream(address: str) -> Generator[Feed]:
         container = av.open(address, options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
         late = time.monotonic() > began + PATIENCE  # RTSP then says that the data are invalid
-        raise Broken(f"cannot open this stream: {_silent() if late else _reason(error)}") from None
+        raise SourceLost(
+            f"cannot open this stream: {_silent() if late else _reason(error)}"
+        ) from None
     with container:
         try:
             video = only_video(container)
         except ValueError as error:
-            raise Broken(str(error)) from None
+            raise SourceLost(str(error)) from None
         rate = float(video.average_rate or video.guessed_rate or 0)
         recording = scheme.startswith("http") and container.duration is not None
         rate = rate if SLOWEST <= rate <= FASTEST else RATE
@@ -86,7 +92,7 @@ def _pictures(container: InputContainer, video: av.VideoStream) -> Iterator[Stam
     try:
         yield from decoded(container, video)
     except (FFmpegError, OSError) as error:
-        raise Broken(_reason(error)) from None
+        raise SourceLost(_reason(error)) from None
 
 
 def _reason(error: Exception) -> str:
@@ -105,7 +111,7 @@ def _camera(number: int) -> Generator[Feed]:
         capture = cv2.VideoCapture(number)
     try:
         if not capture.isOpened():
-            raise Broken("there is no such camera")
+            raise SourceLost("there is no such camera")
         yield Feed(_captured(capture))
     finally:
         capture.release()
@@ -115,5 +121,5 @@ def _captured(capture: cv2.VideoCapture) -> Iterator[tuple[float, Image]]:
     while True:
         more, image = capture.read()
         if not more:
-            raise Broken("it gives no more pictures")
+            raise SourceLost("it gives no more pictures")
         yield time.monotonic(), rgb(image)

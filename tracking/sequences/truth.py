@@ -15,13 +15,7 @@ import numpy as np
 
 from sim.files import reading
 from sim.types import Array
-from tracking.sequences.quadrilateral import (
-    BOX,
-    QUAD,
-    boxes,
-    corners_of,
-    crosses_itself,
-)
+from tracking.sequences.quadrilateral import BOX, QUAD, boxes, corners_of, crosses_itself
 from tracking.types import FARTHEST
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
@@ -36,8 +30,8 @@ BOX_NAMES = (
 )
 LONGEST = 80
 """Longest quotation of a line in a message [characters]."""
-LARGEST = 20_000_000
-"""Largest truth file [bytes]."""
+LARGEST_FILE = 20_000_000
+"""Largest truth file [bytes]: ten hours at 30 pictures a second."""
 DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
     "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
@@ -82,7 +76,7 @@ def read(path: Path, form: Format = Format.AUTO) -> Array:
     Raises:
         ValueError: It cannot be read, a line is not of this format, or AUTO cannot decide.
     """
-    lines = reading.text(path, "truth", LARGEST).splitlines()
+    lines = reading.text(path, "truth", LARGEST_FILE).splitlines()
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
@@ -93,11 +87,13 @@ def read(path: Path, form: Format = Format.AUTO) -> Array:
             return _of_csv(lines, path)
         except csv.Error as error:
             raise ValueError(f"{path}: this is not CSV: {error}") from None
-    rows = [_numbers(line.strip(), f"{path.name}, line {i}") for i, line in enumerate(lines, 1)]
+    places = [f"{path.name}, line {i}" for i in range(1, len(lines) + 1)]
+    rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:
         form = _format_of(path, rows)
-    make = {Format.OTB: _of_otb, Format.TLD: _of_tld}.get(form, _of_vot)
-    return np.stack([make(row, f"{path.name}, line {i}") for i, row in enumerate(rows, 1)])
+    return np.stack(
+        [_corners(row, form, f"{path.name}, line {i}") for i, row in enumerate(rows, 1)]
+    )
 
 
 def _format_of(path: Path, rows: list[Array]) -> Format:
@@ -134,44 +130,41 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
 
 
 def _may_be_corners(given: Array) -> bool:
-    """Whether the four numbers of each line (n, 4) could be x1,y1,x2,y2."""
+    """Return whether the four numbers of each line (n, 4) could be x1,y1,x2,y2."""
     return bool((given[:, 2:] > given[:, :2]).all())
 
 
-def _of_otb(row: Array, place: str) -> Array:
-    if len(row) != BOX:
-        raise ValueError(f"{place}: a line of OTB has 4 numbers, not {len(row)}")
-    return _of_vot(row, place) - 1.0
-
-
-def _of_tld(row: Array, place: str) -> Array:
-    if len(row) != BOX:
-        raise ValueError(f"{place}: a line of TLD has 4 numbers, not {len(row)}")
-    if (row[2:] <= row[:2]).any():
-        given = ",".join(f"{number:g}" for number in row)
-        raise ValueError(f"{place}: {given} is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold")
-    return corners_of(np.concatenate([row[:2], row[2:] - row[:2]]))
-
-
-def _of_vot(row: Array, place: str) -> Array:
-    if len(row) == BOX:
-        width, height = row[2:]
-        if width == height == 0:
-            return np.full((4, 2), np.nan)
-        if width <= 0 or height <= 0:
+def _corners(row: Array, form: Format, place: str) -> Array:
+    """Return the corners (4, 2) that the numbers of a line mean in a format."""
+    if form in (Format.OTB, Format.TLD) and len(row) != BOX:
+        raise ValueError(f"{place}: a line of {form.name} has 4 numbers, not {len(row)}")
+    if len(row) == QUAD:
+        if crosses_itself(row.reshape(4, 2)):
+            raise ValueError(f"{place}: the corners are not in order around the target")
+        return corners_of(row)
+    if form is Format.TLD:
+        if (row[2:] <= row[:2]).any():
+            given = ",".join(f"{number:g}" for number in row)
             raise ValueError(
-                f"{place}: the target is {width:g} x {height:g} px; both sides must be positive"
+                f"{place}: {given} is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold"
             )
-    elif crosses_itself(row.reshape(4, 2)):
-        raise ValueError(f"{place}: the corners are not in order around the target")
-    return corners_of(row)
+        return corners_of(np.concatenate([row[:2], row[2:] - row[:2]]))
+    width, height = row[2:]
+    if width == height == 0:
+        return np.full((4, 2), np.nan)
+    if width <= 0 or height <= 0:
+        raise ValueError(
+            f"{place}: the target is {width:g} x {height:g} px; both sides must be positive"
+        )
+    # OTB counts pixels from 1.
+    return corners_of(row) - (1.0 if form is Format.OTB else 0.0)
 
 
 def _numbers(line: str, place: str) -> Array:
-    """The 4 or 8 numbers of a line; all are nan if the target is absent."""
+    """Return the 4 or 8 numbers of a line; all are nan if the target is absent."""
     parts = line.split(";") if ";" in line else line.split(",") if "," in line else line.split()
     try:
-        numbers = np.array([_number(part) for part in parts])
+        numbers = np.array([float(part) for part in parts])
     except ValueError:
         hint = " (a decimal point, not a comma)" if "," in line else ""
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
@@ -189,20 +182,6 @@ def _numbers(line: str, place: str) -> Array:
     return numbers
 
 
-def _number(text: str) -> float:
-    if "_" in text or not text.isascii():
-        raise ValueError(text)  # Python would read 1_0 as ten
-    return float(text)
-
-
-def _frame(text: str) -> float:
-    """The number of a frame; nan for other text."""
-    try:
-        return _number(text)
-    except ValueError:
-        return np.nan
-
-
 def _of_csv(lines: list[str], path: Path) -> Array:
     table = csv.DictReader(lines, skipinitialspace=True, strict=True)
     names = [name.strip() for name in table.fieldnames or []]
@@ -218,10 +197,18 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         if None in row or None in row.values():
             raise ValueError(f"{place}: the header has {len(names)} columns, this line has not")
         numbers = _numbers(";".join(row[name].strip() or "nan" for name in wanted), place)
-        rows.append(_of_vot(numbers, place))
-        frames.append(_frame(row.get("frame", str(i - 2))))
+        rows.append(_corners(numbers, Format.VOT, place))
+        frames.append(_number(row.get("frame", str(i - 2))))
     if not rows:
         raise ValueError(f"{path}: this truth is empty")
     if not any(frames == [first + i for i in range(len(frames))] for first in (0, 1)):
         raise ValueError(f"{path.name}: the column frame does not count 0, 1, 2 ... or 1, 2, 3 ...")
     return np.stack(rows)
+
+
+def _number(text: str) -> float:
+    """Return the number of a frame; nan for other text."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan

@@ -30,7 +30,11 @@ class McNemar:
 
     @staticmethod
     def of(first: Array, second: Array) -> McNemar:
-        """The test of two scores (n,) for the same sequences; the higher score is a success."""
+        """Return the test of two scores (n,) of the same sequences; the higher score is a success.
+
+        >>> McNemar.of(np.array([1, 1, 1, 1, 0]), np.array([0, 0, 0, 0, 1])).p
+        0.375
+        """
         return McNemar(
             int(np.sum(first > second)), int(np.sum(first < second)), int(np.sum(first == second))
         )
@@ -64,18 +68,18 @@ class Interval:
     """Both ends are nan where there is no interval: over one unit, or where a score is not finite.
     """
     units: int = 0
-    """Number of independent scores behind it; 0: not said."""
+    """Number of independent scores behind it; 0: not known."""
 
     @property
     def known(self) -> bool:
-        """Whether there is an interval around the value."""
+        """True if there is an interval around the value."""
         return bool(np.isfinite(self.low) and np.isfinite(self.high))
 
 
 def mean_of(
     scores: Array, confidence: float = 0.95, least: float = -np.inf, most: float = np.inf
 ) -> Interval:
-    """The mean of the scores (n,) of n independent units, with an interval that covers.
+    """Return the mean of the scores (n,) of n independent units, with an interval that covers.
 
     Scores that are all 0 or 1, or equal between such bounds, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
@@ -139,7 +143,7 @@ def _unskewed(t: float, skewness: float, count: int) -> float:
 
 
 def _quantile(confidence: float) -> float:
-    """How many standard deviations a normal variable is within."""
+    """Return the number of standard deviations that a normal variable is within."""
     return NormalDist().inv_cdf((1 + confidence) / 2)
 
 
@@ -169,7 +173,11 @@ def cells(intervals: Iterable[Interval | None]) -> list[float | str]:
 
 
 def holm(p_values: Array) -> Array:
-    """p values (n,) corrected for n comparisons (Holm 1979), in the given order."""
+    """Return p values (n,) corrected for n comparisons (Holm 1979), in the given order.
+
+    >>> holm(np.array([0.01, 0.04, 0.03])).round(3).tolist()
+    [0.03, 0.06, 0.06]
+    """
     order = np.argsort(p_values)
     count = len(p_values)
     corrected = np.empty(count)

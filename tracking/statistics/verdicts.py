@@ -1,4 +1,4 @@
-"""What an interval says about a claim: it holds, it does not hold, or it is undecided."""
+"""Verdicts of an interval on a claim: it holds, it does not hold, or it is undecided."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tracking.statistics.comparisons import Interval
 
 
 class Finding(Enum):
-    """What was found about a claim; each member carries its sentence."""
+    """The verdict on a claim; each member carries its sentence."""
 
     HOLDS = "holds: the whole interval is on the claim's side of the bound"
     DOES_NOT_HOLD = "does not hold: the whole interval is on the other side of the bound"
@@ -16,7 +16,7 @@ class Finding(Enum):
 
 
 def not_worse(difference: Interval, margin: float) -> Finding:
-    """Whether one is as good as the other: non-inferiority (Piaggio and others, Reporting of
+    """Judge whether one is as good as the other: non-inferiority (Piaggio and others, Reporting of
     noninferiority and equivalence randomized trials, 2012).
 
     Args:
@@ -30,7 +30,11 @@ def not_worse(difference: Interval, margin: float) -> Finding:
 
 
 def greater(value: Interval, bound: float) -> Finding:
-    """Whether a value is above a bound: superiority; the bound of a difference is 0."""
+    """Judge whether a value is above a bound: superiority; the bound of a difference is 0.
+
+    >>> greater(Interval(0.4, 0.1, 0.7), 0.0).name
+    'HOLDS'
+    """
     if value.low > bound:
         return Finding.HOLDS
     return Finding.DOES_NOT_HOLD if value.high < bound else Finding.UNDECIDED

@@ -1,19 +1,24 @@
 """Trackers, one a file, named as in the literature: `Config.build(rng)` gives a `Tracker`."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING, Any
+
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from tracking.types import Tracker
 
 
 def _adapted(found: Any) -> type[Any] | None:
-    """A `Config` class for a class or object with `init` and `update`, or a function that makes
-    one; None for anything else.
+    """Return a `Config` class for a class or object with `init` and `update`, or a function that
+    makes one; None for anything else.
     """
-    from tracking.external.wrapped import wrap  # only now: `servobench list` looks at files only
+    # Imported only now: `servobench list` only looks at files.
+    from tracking.external.wrapped import is_foreign, wrap
 
     is_function = callable(found) and not isinstance(found, type)
-    follows = all(callable(getattr(found, method, None)) for method in ("init", "update"))
-    return wrap(found) if follows or is_function else None
+    return wrap(found) if is_foreign(found) or is_function else None
 
 
-KINDS = Kinds[Any](__name__, "servobench.trackers", _adapted)
+KINDS: Kinds[PartConfig[Tracker]] = Kinds(__name__, "servobench.trackers", _adapted)

@@ -1,7 +1,5 @@
 """A rectangle in a plane that is seen in perspective: homographies, and the state that fits it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 
@@ -13,20 +11,20 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
 def homography(source: Array, target: Array) -> Array:
-    """The matrix (3, 3) that takes four points (4, 2) to four others."""
+    """Return the matrix (3, 3) that takes four points (4, 2) to four others."""
     H = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
     return H.astype(np.float64)
 
 
 def through(H: Array, points: Array) -> Array:
-    """Points (n, 2) after a homography."""
+    """Return points (n, 2) after a homography."""
     seen = np.column_stack([points, np.ones(len(points))]) @ H.T
     return seen[:, :2] / seen[:, 2:]
 
 
 def state_of(corners: Array, region: Region, last: State) -> State:
-    """The state of a region whose corners are seen at (4, 2): centre, direction of the nose and
-    root of the area as `sim.types.Truth` defines them; the angle continues the last one.
+    """Return the state of a region whose corners are seen at (4, 2): centre, direction of the nose
+    and root of the area as `sim.types.Truth` defines them; the angle continues the last one.
     """
     H = homography(SQUARE, corners)
     centre, nose = through(H, np.array([[0.0, 0.0], [0.5, 0.0]]))

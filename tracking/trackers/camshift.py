@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.external.boxes import Box
-from tracking.trackers._opencv import HueSettings, HueTracker
+from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State
 
 SMALLEST_BOX = 4
@@ -18,12 +18,12 @@ SMALLEST_BOX = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Config(HueSettings):
-    """Histogram and iterations."""
+class Config:
+    """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Camshift:
-        """The tracker; draws nothing."""
-        return Camshift(self)
+        """Return the tracker; it draws nothing."""
+        return Camshift()
 
 
 @final
@@ -54,14 +54,16 @@ class Camshift(HueTracker):
         return State(x, y, self._state.theta, scale * float(np.sqrt(area / first)))
 
     def _fit(self, frame: Frame) -> tuple[float, float, float] | None:
-        """Centre and area of the ellipse that CamShift finds [px]; None where it finds nothing."""
+        """Return centre and area of the ellipse that CamShift finds [px]; None where it finds
+        nothing.
+        """
         height, width = frame.image.shape[:2]
         x, y, w, h = self._box
         w = min(max(w, SMALLEST_BOX), width)
         h = min(max(h, SMALLEST_BOX), height)
         window = (min(max(x, 0), width - w), min(max(y, 0), height - h), w, h)
         likely = self._model.back_projection(frame.image)
-        ((u, v), (a, b), _), box = cv2.CamShift(likely, window, self._ends())
+        ((u, v), (a, b), _), box = cv2.CamShift(likely, window, ENDS)
         if a <= 0 or b <= 0:
             return None
         self._box = (int(box[0]), int(box[1]), int(box[2]), int(box[3]))

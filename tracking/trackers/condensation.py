@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from sim.types import Array
-from tracking.appearance.bins import Labelled
+from sim.types import Image
+from tracking.appearance.layout import Sampling
 from tracking.appearance.model import SampledModel
-from tracking.search.particles import ParticleFilter
-from tracking.settings import PLAIN, CloudSettings
-from tracking.trackers._cloud import CloudTracker
+from tracking.settings import PLAIN, AppearanceSettings, DiscPoints, ParticleSettings
+from tracking.trackers._cloud import CloudMethod, CloudTracker
+from tracking.types import Region, State
 
 FILTER: dict[str, Any] = PLAIN | {
     "noise": 1.0,
@@ -23,7 +23,7 @@ FILTER: dict[str, Any] = PLAIN | {
 }
 """The KAMS paper's particle filters with constant velocity. It does not give the noise: this is
 half the largest motion per frame of its wildest sequences, for all filters alike. Its weights 1 - d
-(`likelihood`) lose the target in every filter; these are the usual exp(-20 d^2).
+lose the target in every filter; these are the usual exp(-20 d^2).
 """
 SAME = {"particles": 40}
 """The KAMS paper compares its filters with the same number of particles."""
@@ -31,22 +31,16 @@ PRESETS = {"paper": FILTER | SAME}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(CloudSettings):
+class Config(AppearanceSettings, ParticleSettings):
     """Particles and histogram."""
 
-    def build(self, rng: np.random.Generator) -> CloudTracker:
-        """The tracker; its samples are drawn from the generator."""
-        return CloudTracker(self, self.search, rng)
+    density: DiscPoints = 16
+    """Points along the kernel's diameter at which the image is read."""
 
-    def search(
-        self,
-        cloud: ParticleFilter,
-        model: SampledModel,
-        image: Labelled,
-        velocity: Array,
-        widen: float,
-    ) -> int:
-        """Predict and weigh: see `tracking.trackers._cloud.Search`."""
-        cloud.predict(velocity, widen)
-        cloud.weigh(self.log_likelihood(model.energy(image, cloud.samples)))
-        return len(cloud.samples)
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the target's appearance: one histogram under an Epanechnikov kernel."""
+        return SampledModel(image, region, state, self, Sampling(self.density))
+
+    def build(self, rng: np.random.Generator) -> CloudTracker:
+        """Return the tracker; its samples are drawn from the generator."""
+        return CloudTracker(self, CloudMethod(self.model), rng)

@@ -10,17 +10,17 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.external.boxes import Box, box_of
-from tracking.trackers._opencv import HueSettings, HueTracker
+from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State
 
 
 @dataclass(frozen=True, slots=True)
-class Config(HueSettings):
-    """Histogram and iterations."""
+class Config:
+    """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> CvMeanShift:
-        """The tracker; draws nothing."""
-        return CvMeanShift(self)
+        """Return the tracker; it draws nothing."""
+        return CvMeanShift()
 
 
 @final
@@ -32,6 +32,6 @@ class CvMeanShift(HueTracker):
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         box = box_of(self._region, self._state.moved(ego), frame.image)
-        _, box = cv2.meanShift(self._model.back_projection(frame.image), box, self._ends())
+        _, box = cv2.meanShift(self._model.back_projection(frame.image), box, ENDS)
         x, y, width, height = (int(v) for v in box)
         return State(x + width / 2, y + height / 2, self._state.theta, self._state.scale)

@@ -1,6 +1,4 @@
-"""Nothing at all: the target stays where it was first seen. The baseline that every tracker must
-beat.
-"""
+"""No tracking: the target stays where it was first seen. The baseline of all trackers."""
 
 from __future__ import annotations
 
@@ -18,13 +16,13 @@ class Config:
     """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Frozen:
-        """The tracker; draws nothing."""
+        """Return the tracker; it draws nothing."""
         return Frozen()
 
 
 @final
 class Frozen:
-    """Always the first state; it follows nothing, and never claims to see the target."""
+    """The first state for ever; it never claims to see the target."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Remember the first state."""
@@ -32,7 +30,7 @@ class Frozen:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """The first state, moved by the camera's motion if that is given; always UNSURE."""
+        """Return the first state, moved by the camera's motion if that is given; always UNSURE."""
         self._state = self._state.moved(ego)
         return Estimate(
             self._state, unknown_covariance(), 1.0, Status.UNSURE, follows=(False, False)

@@ -1,26 +1,31 @@
 """Hybrid of Condensation and mean shift: every particle climbs (Maggio and Cavallaro 2005)."""
 
 from dataclasses import dataclass
-from typing import Annotated
 
-from annotated_types import Ge, Le
+import numpy as np
 
-from sim.ranges import Share
-from tracking.trackers import annealed, condensation
+from sim.types import Image
+from tracking.appearance.layout import Sampling
+from tracking.appearance.model import SampledModel
+from tracking.settings import AppearanceSettings, Count, ParticleSettings, Spread
+from tracking.trackers import condensation
+from tracking.trackers._cloud import CloudMethod, CloudTracker
+from tracking.types import Region, State
 
 PRESETS = {"paper": condensation.FILTER}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(annealed.Config):
-    """One layer with unsharpened weights, constant velocity, and a short climb of each particle."""
+class Config(AppearanceSettings, ParticleSettings):
+    """Particles and histogram; unsharpened weights, constant velocity."""
 
-    particles: Annotated[int, Ge(1), Le(100_000)] = 100
-    velocity_memory: Share = 0.5
-    scale_noise: Share = 0.0
-    layers: Annotated[int, Ge(1), Le(50)] = 1
-    """Number of annealing layers: one is no annealing."""
-    schedule: annealed.Schedule = annealed.Schedule.FIXED
-    """"fixed" with one layer weighs with the likelihood as it is."""
-    climb: Annotated[int, Ge(1), Le(100)] = 6
-    """Mean-shift histograms for each particle."""
+    particles: Count = 100
+    noise: Spread = 0.3
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the target's appearance: one histogram under an Epanechnikov kernel."""
+        return SampledModel(image, region, state, self, Sampling())
+
+    def build(self, rng: np.random.Generator) -> CloudTracker:
+        """Return the tracker; its samples are drawn from the generator."""
+        return CloudTracker(self, CloudMethod(self.model, climbs=True), rng)

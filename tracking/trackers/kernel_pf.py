@@ -4,20 +4,51 @@ One histogram, four dimensions: orientation is hardly observable, which is why t
 """
 
 from dataclasses import dataclass
-from typing import Annotated
 
-from annotated_types import Ge, Le
+import numpy as np
 
-from tracking.trackers import mk_pf
+from sim.ranges import Share
+from sim.types import Image
+from tracking.appearance.layout import Sampling
+from tracking.appearance.model import SampledModel
+from tracking.settings import (
+    PLAIN,
+    AppearanceSettings,
+    CellPoints,
+    Contrast,
+    Count,
+    ParticleSettings,
+    Sharpness,
+    Spread,
+    Turn,
+)
+from tracking.trackers._cloud import CloudMethod, CloudTracker
+from tracking.types import Region, State
 
-PRESETS = {"paper": mk_pf.PRESETS["paper"] | {"density": 48}}
+PRESETS = {"paper": PLAIN | {"density": 48, "scatter": 0.0}}
+"""The paper's: with so many points a side, every pixel of a common target is read."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(mk_pf.Config):
+class Config(AppearanceSettings, ParticleSettings):
     """The multiple-kernel filter's settings with one cell."""
 
-    density: Annotated[int, Ge(1), Le(64)] = 15
+    particles: Count = 500
+    gamma: Sharpness = 20.0
+    noise: Spread = 0.08
+    turn_noise: Turn = 0.04
+    """Spread of theta per frame [rad]."""
+    scale_noise: Share = 0.02
+    """Spread of ln scale per frame."""
+    contrast: Contrast = 0.5
+    learn: bool = False
+    density: CellPoints = 15
     """Points along each side of the template at which a particle reads the image."""
-    cells: Annotated[int, Ge(1), Le(8)] = 1
-    """Cells along each side: one kernel."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the target's appearance: one histogram under a constant kernel."""
+        return SampledModel(image, region, state, self, Sampling(self.density, cells=1))
+
+    def build(self, rng: np.random.Generator) -> CloudTracker:
+        """Return the tracker; its samples are drawn from the generator."""
+        return CloudTracker(self, CloudMethod(self.model), rng)

@@ -9,68 +9,89 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.ranges import Share
-from sim.types import Array, Frame
-from tracking.appearance.bins import Labelled
+from sim.types import Array, Frame, Image
+from tracking.appearance.bins import LabelledImage
+from tracking.appearance.layout import Kernel, Sampling
+from tracking.appearance.model import SampledModel
 from tracking.lock import Lock
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN, DiscSettings
+from tracking.settings import PLAIN, AppearanceSettings
+from tracking.trackers._cloud import DISC_LOCK, ModelMaker
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 SCALE_STEP = 0.1
-"""With scale, sizes 10 % smaller and larger are tried too."""
+"""With scale, sizes 10 % smaller and larger are tried too (Comaniciu, Ramesh, Meer)."""
 SCALE_TRUST = 0.1
-"""Share of the best size that the next one takes over: Bhattacharyya prefers to shrink."""
+"""Share of the best size that the next one takes over (the same): Bhattacharyya prefers to
+shrink."""
 NEIGHBOURS = np.exp(1j * np.arange(8) * np.pi / 4)
-
-
+"""Directions of the eight places around the target."""
 PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(DiscSettings):
+class Config(AppearanceSettings):
     """Histogram and climb."""
 
-    steps: Annotated[int, Ge(1), Le(1000)] = 20
-    """Most histograms read in one climb."""
+    kernel: Kernel = "epanechnikov"
+    """1 - r^2, or "linear": 1 - r, as the KAMS paper has it."""
     tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
     """A shorter shift ends the climb [px]."""
     velocity_memory: Share = 1.0
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
     scale: bool = False
     """Also follow the target's size, by trying 10 % more and less."""
-    confidence: Share = 0.0
-    """Below this 1 - d, eight more climbs begin around the target (that is `sok`); 0: never."""
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the target's appearance: one histogram under the kernel."""
+        return SampledModel(image, region, state, self, Sampling(kernel=self.kernel))
 
     def build(self, rng: np.random.Generator) -> MeanShift:
-        """The tracker; draws nothing."""
-        return MeanShift(self)
+        """Return the tracker; it draws nothing."""
+        return MeanShift(self.model, Climb(self.tolerance, self.velocity_memory, scale=self.scale))
+
+
+@dataclass(frozen=True, slots=True)
+class Climb:
+    """Search for a target by mean shift."""
+
+    tolerance: float
+    """A shorter shift ends the climb [px]."""
+    velocity_memory: float
+    """Share of the old velocity that the new one keeps."""
+    steps: int = 20
+    """Most histograms read in one climb: with fewer, long ones end on the way."""
+    scale: bool = False
+    """Also follow the target's size."""
+    confidence: float = 0.0
+    """Below this 1 - d, eight more climbs begin around the target; 0: never."""
 
 
 @final
 class MeanShift:
     """One climb a frame, from where the target was."""
 
-    def __init__(self, config: Config) -> None:
-        self._config = config
+    def __init__(self, model: ModelMaker, climb: Climb) -> None:
+        self._model_of = model
+        self._climb = climb
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram."""
         check_region(frame, region, state)
-        c = self._config
-        self._model = c.model(c.view(frame.image), region, state)
+        self._model = self._model_of(frame.image, region, state)
         self._size = float(np.sqrt(region.area(state)))
         self._state = state
-        self._lock = Lock(c.lock)
-        self._velocity = Velocity(state, c.velocity_memory)
+        self._lock = Lock(DISC_LOCK)
+        self._velocity = Velocity(state, self._climb.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Climb from where the target was, and from around it if that is far off; keep the best."""
-        c = self._config
-        image = self._model.label(c.view(frame.image))
+        c = self._climb
+        image = self._model.label(frame.image)
         begin = self._state.vector + self._velocity.step(ego)
-        found, distances, evaluations = self._climb(image, self._sizes(begin))
+        found, distances, evaluations = self._climbed(image, self._sizes(begin))
         if 1 - distances.min() < c.confidence:
-            more, others, work = self._climb(image, self._around(begin))
+            more, others, work = self._climbed(image, self._around(begin))
             found = np.vstack([found, more])
             distances = np.append(distances, others)
             evaluations += work
@@ -92,20 +113,20 @@ class MeanShift:
             evaluations=evaluations,
         )
 
-    def _climb(self, image: Labelled, states: Array) -> tuple[Array, Array, int]:
-        c = self._config
+    def _climbed(self, image: LabelledImage, states: Array) -> tuple[Array, Array, int]:
+        c = self._climb
         return self._model.climb(
             image, states, most=c.steps, tolerance=c.tolerance, reach=2 * self._size
         )
 
     def _sizes(self, begin: Array) -> Array:
-        """Where to begin (n, 4): as it is, and smaller and larger."""
-        steps = np.log1p([0.0, -SCALE_STEP, SCALE_STEP]) if self._config.scale else np.zeros(1)
+        """Return first states (n, 4): the expected one, and smaller and larger."""
+        steps = np.log1p([0.0, -SCALE_STEP, SCALE_STEP]) if self._climb.scale else np.zeros(1)
         return begin + steps[:, None] * [0, 0, 0, 1]
 
     def _around(self, begin: Array) -> Array:
-        """Eight states (8, 4) on a ring at two radii: with the first they cover nine times its
-        area.
+        """Return eight states (8, 4) on a ring at two radii: with the first they cover nine times
+        its area.
         """
         ring = self._size * np.exp(begin[3]) * NEIGHBOURS
         return begin + np.column_stack([ring.real, ring.imag, np.zeros((8, 2))])

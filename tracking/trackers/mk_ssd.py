@@ -5,7 +5,7 @@ Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
@@ -13,33 +13,36 @@ from annotated_types import Ge, Le
 
 from sim.ranges import Share
 from sim.types import Array, Frame
-from tracking.lock import Lock, LockConfig
-from tracking.search.newton import KernelModel
+from tracking.appearance.bins import as_seen
+from tracking.lock import Lock, LockLimits
+from tracking.search.newton import KernelGrid, KernelModel
 from tracking.search.velocity import Velocity
-from tracking.settings import Colours, Inset
+from tracking.settings import Inset, Levels
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
+STEPS = 12
+"""Most histogram evaluations of one descent: starts up to 15 px away need 6 to 10."""
 PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Colours):
-    """Kernels and descent."""
+class Config:
+    """Kernels and prediction."""
 
-    cells: Annotated[int, Ge(1), Le(8)] = 3
-    """Kernels along each side: 3 is the paper's nine."""
+    levels: Levels = 8
+    """Colour bins a channel."""
+    even: bool = False
+    """See colours as if all were lit alike: each pixel over its largest channel."""
     span: Annotated[float, Ge(0.5), Le(10)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
     inset: Inset = 0.03
-    steps: Annotated[int, Ge(1), Le(100)] = 12
-    """Most histogram evaluations of one descent."""
+    """Share of the region's width and height that the kernels leave out, half on each side: there
+    the background shows, whose change would be taken for the target's."""
     velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
-    lock: LockConfig = field(default_factory=LockConfig)
-    """When the target counts as hidden or lost."""
 
     def build(self, rng: np.random.Generator) -> MkSsd:
-        """The tracker; draws nothing."""
+        """Return the tracker; it draws nothing."""
         return MkSsd(self)
 
 
@@ -54,32 +57,25 @@ class MkSsd:
         """Learn the histograms."""
         check_region(frame, region, state)
         c = self._config
-        self._kernels = KernelModel(
-            c.view(frame.image),
-            region,
-            state,
-            per_side=c.cells,
-            span=c.span,
-            levels=c.levels,
-            inset=c.inset,
-        )
+        grid = KernelGrid(span=c.span, levels=c.levels, inset=c.inset)
+        self._kernels = KernelModel(as_seen(frame.image, even=c.even), region, state, grid)
         self._state = state
-        self._lock = Lock(c.lock)
+        self._lock = Lock(LockLimits())
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, descend, and stay if the descent ended on something else."""
         expected = self._velocity.step(ego)
         begin = self._state.moved(expected if self._lock.locked else ego)
-        image = self._config.view(frame.image)
-        ended = self._kernels.refine(image, begin, most=self._config.steps)
-        status = self._lock.judge(ended.distance, frame.time)
-        self._state = ended.state if status is Status.LOCKED else self._state.moved(ego)
+        image = as_seen(frame.image, even=self._config.even)
+        descent = self._kernels.descend(image, begin, most=STEPS)
+        status = self._lock.judge(descent.distance, frame.time)
+        self._state = descent.state if status is Status.LOCKED else self._state.moved(ego)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         return Estimate(
             self._state,
             unknown_covariance(),
-            ended.distance,
+            descent.distance,
             status,
-            evaluations=ended.evaluations,
+            evaluations=descent.evaluations,
         )

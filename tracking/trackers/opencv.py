@@ -8,13 +8,14 @@ import numpy as np
 
 from sim.ranges import File
 from tracking.external.cv2_tracker import MODELS, Cv2Tracker
+from tracking.external.foreign_tracker import ForeignTracker
 from tracking.external.judge import JudgeSettings
-from tracking.external.wrapped import Wrapped, Wrapping
+from tracking.external.wrapped import Wrapping
 
 
 @dataclass(frozen=True, slots=True)
 class Config(JudgeSettings):
-    """OpenCV's name of the tracker, and what judges it."""
+    """OpenCV's name of the tracker, and the judge of its boxes."""
 
     name: str = "MIL"
     """The class in OpenCV without "Tracker": "Nano", "Vit", "DaSiamRPN", "MIL", "CSRT", "KCF"."""
@@ -22,12 +23,12 @@ class Config(JudgeSettings):
     """ONNX files: one for Vit, two for Nano (backbone, neckhead), three for DaSiamRPN (model,
     kernel_cls1, kernel_r1)."""
 
-    def build(self, rng: np.random.Generator) -> Wrapped:
-        """The tracker; OpenCV's own random state is seeded from the generator."""
+    def build(self, rng: np.random.Generator) -> ForeignTracker:
+        """Return the tracker; OpenCV's own random state is seeded from the generator."""
         models = (self.model,) if isinstance(self.model, str) else self.model
 
         def make(seed: int) -> Cv2Tracker:
             return Cv2Tracker(self.name, models, seed)
 
         score = "score" if self.name in MODELS else None
-        return Wrapped(self, Wrapping(make, "opencv", score, f"OpenCV's {self.name}"), rng)
+        return Wrapping(make, "opencv", score, f"OpenCV's {self.name}").build(self, rng)

@@ -11,7 +11,7 @@ where Newton would lock onto what is in front.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, final
 
 import numpy as np
@@ -19,76 +19,79 @@ from annotated_types import Ge, Le
 
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.bins import ColourBins, Labelled
-from tracking.appearance.layout import Combine
-from tracking.appearance.model import model_of
-from tracking.appearance.reference import Learning
-from tracking.lock import Lock, LockConfig
-from tracking.recognition import Recogniser, Recognition
-from tracking.search.newton import KernelModel, Refined
+from tracking.appearance.bins import LabelledImage
+from tracking.appearance.layout import Combine, Sampling
+from tracking.appearance.model import SampledModel
+from tracking.lock import Lock, LockLimits
+from tracking.recognition import LOCK, Recogniser
+from tracking.search.newton import Descent, KernelGrid, KernelModel
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN, Colours, Inset, Sharpness
-from tracking.trackers.mk_pf import VIDEO
+from tracking.settings import (
+    PLAIN,
+    AppearanceSettings,
+    CellPoints,
+    Contrast,
+    Count,
+    Inset,
+    ParticleSettings,
+    Sharpness,
+    Spread,
+    Turn,
+)
+from tracking.trackers._cloud import WIDER
+from tracking.trackers.mk_pf import CELLS, VIDEO
 from tracking.types import Estimate, Region, State, Status, check_region
 
+STEPS = 8
+"""Most histogram evaluations of one descent: it begins near, and ends after about five."""
+HIDDEN = 0.5
+"""Power of the weights in resampling while the target is not seen: 75 particles would gather on
+what hides it, and miss it when it comes out."""
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": PLAIN | {"inset": 0.0, "density": 16, "lock": LockConfig()},
+    "paper": PLAIN | {"inset": 0.0, "density": 16, "sudden": 0.0},
     "video": VIDEO | {"particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Colours, Learning, Recognition):
+class Config(AppearanceSettings, ParticleSettings):
     """Settings; the defaults hold for the 60 x 30 px car at 5 to 30 Hz."""
 
-    particles: Annotated[int, Ge(1), Le(100_000)] = 75
-    """Number of particles."""
+    particles: Count = 75
     gamma: Sharpness = 20.0
     """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
-    noise: Annotated[float, Ge(0), Le(10)] = 0.1
-    """Spread of position per frame, over the target's size."""
-    turn_noise: Annotated[float, Ge(0), Le(4)] = 0.04
+    noise: Spread = 0.1
+    turn_noise: Turn = 0.04
     """Spread of theta per frame [rad]."""
     scale_noise: Share = 0.02
     """Spread of ln scale per frame."""
-    velocity_memory: Share = 0.5
-    """Share of the old velocity that the new one keeps."""
-    cells: Annotated[int, Ge(1), Le(8)] = 3
-    """Kernels along each side: 3 is the paper's nine."""
-    combine: Combine = "mean"
-    """Of the cells' squared distances: the mean, or the sum, which is the mean with so many times
-    gamma."""
-    density: Annotated[int, Ge(1), Le(64)] = 4
-    """Points along each side of a cell at which a particle reads the image."""
-    contrast: Annotated[float, Ge(0), Le(100)] = 0.5
-    span: Annotated[float, Ge(0.5), Le(10)] = 1.0
-    """Half axis of an Epanechnikov kernel, in cells."""
+    contrast: Contrast = 0.5
+    learn: bool = False
+    """The particles weigh bins by how well they separate the target from its surroundings, and
+    follow slow changes of both in the pictures where it was found; the descent does not."""
     inset: Inset = 0.03
-    """Share of the region's width and height that the kernels leave out, half on each side: there
-    the background shows, whose change would be taken for the target's. From 0.06 on what is left of
-    our car no longer holds its angle against parallax."""
-    steps: Annotated[int, Ge(1), Le(100)] = 8
-    """Most histogram evaluations of one descent."""
+    """Share of the region's width and height that the descent's kernels leave out, half on each
+    side: there the background shows, whose change would be taken for the target's. From 0.06 on
+    what is left of our car no longer holds its angle against parallax."""
+    density: CellPoints = 4
+    """Points along each side of a cell at which a particle reads the image."""
+    combine: Combine = "mean"
+    """The cells' squared distances are combined by their mean, or by their sum, which is the mean
+    with so many times gamma."""
     occluded: Share = 0.6
     """The paper's tau: no descent where the filter's mean is farther from the target than this
-    distance d_m.
-    """
+    distance d_m."""
     trust: Annotated[float, Ge(0), Le(1000)] = 0.6
-    """The descent is believed up to this distance from the filter's mean, over the target's size.
-    """
-    hidden: Share = 0.5
-    """Power of the weights in resampling while the target is not seen: 75 particles would gather on
-    what hides it, and miss it when it comes out."""
-    lock: LockConfig = field(default_factory=lambda: LockConfig(sudden=1.5))
-    """When the target counts as hidden or lost."""
-    widen_when_lost: Annotated[float, Ge(1), Le(100)] = 3.0
-    """Factor on the spread while the target is LOST."""
-    scatter: Share = 0.7
-    """Share of the particles that is strewn over the whole picture while the target is LOST."""
+    """The descent is believed up to this distance from the filter's mean, over the target's
+    size."""
+    sudden: Annotated[float, Ge(0), Le(1000)] = 1.5
+    """A distance this many times the median of recent good frames is not believed at first if the
+    target seems to jump as well: so it is where something begins to hide it and draws the estimate
+    along. 0: it is believed."""
 
     def build(self, rng: np.random.Generator) -> PfSsd:
-        """The tracker; its samples are drawn from the generator."""
+        """Return the tracker; its samples are drawn from the generator."""
         return PfSsd(self, rng)
 
 
@@ -104,44 +107,32 @@ class PfSsd:
         """Learn both representations from the first frame."""
         check_region(frame, region, state)
         c = self._config
-        image = self._config.view(frame.image)
         self._size = float(np.sqrt(region.area(state)))
-        self._cells = model_of(
-            image,
-            region,
-            state,
-            ColourBins(c.levels),
-            c,
-            per_side=c.cells,
-            density=c.density,
-            combine=c.combine,
-        )
-        self._kernels = KernelModel(
-            image,
-            region,
-            state,
-            per_side=c.cells,
-            span=c.span,
-            levels=c.levels,
-            inset=c.inset,
-        )
+        # Only the kernels leave the rim out: the particles' ring needs the whole target.
+        whole = replace(c, inset=0.0)
+        sampling = Sampling(c.density, CELLS, combine=c.combine)
+        self._cells = SampledModel(frame.image, region, state, whole, sampling)
+        image = self._cells.label(frame.image).image
+        grid = KernelGrid(CELLS, levels=c.levels, inset=c.inset)
+        self._kernels = KernelModel(image, region, state, grid)
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
-        self._lock = Lock(c.lock)
+        self._lock = Lock(LOCK if c.views > 0 else LockLimits(sudden=c.sudden))
         self._status = Status.LOCKED
         self._found = state
         self._velocity = Velocity(state, c.velocity_memory)
         self._recogniser = None
         if c.views > 0:
-            self._recogniser = Recogniser(c, image, region, state, self._cells)
+            self._recogniser = Recogniser(c.views, image, region, state, self._cells)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, weigh, descend if the target is seen, resample."""
         c = self._config
-        image = self._config.view(frame.image)
-        labelled = self._cells.label(image)
+        labelled = self._cells.label(frame.image)
+        image = labelled.image
         lost = self._status is Status.LOST
-        self._filter.predict(self._velocity.step(ego), c.widen_when_lost if lost else 1.0)
+        widen = WIDER if lost and self._recogniser is None else 1.0
+        self._filter.predict(self._velocity.step(ego), widen)
         if lost:
             height, width = image.shape[:2]
             self._filter.scatter(c.scatter, (width, height), self._found)
@@ -161,7 +152,7 @@ class PfSsd:
         estimate = self._filter.estimate(state, distance, self._status, evaluations)
         # While the target is hidden the velocity stays; the mean moves by it and by chance.
         seen = self._status is Status.LOCKED
-        self._filter.resample(1.0 if seen else c.hidden)
+        self._filter.resample(1.0 if seen else HIDDEN)
         if seen:
             if lost:
                 self._filter.gather(state)
@@ -176,12 +167,12 @@ class PfSsd:
         return estimate
 
     def _judge(
-        self, image: Labelled, proposed: State, descended: Refined, time: float
+        self, image: LabelledImage, proposed: State, descended: Descent, time: float
     ) -> tuple[State, float]:
-        """Set the status; the state and distance to report.
+        """Set the status; return the state and distance to report.
 
-        With views, the end of the descent, which knows the first picture only, must look more like
-        what was learned than where it began.
+        With views, the end of the descent, which knows the first picture only, must resemble
+        what was learned more than its beginning does.
         """
         if self._recogniser is None:
             jump = self._velocity.jump(descended.state, self._size)
@@ -195,11 +186,11 @@ class PfSsd:
         self._status = self._lock.judge(distance, time)
         return state, distance
 
-    def _descend(self, image: Image, proposed: State) -> Refined:
-        """The end of the descent from the proposal; the proposal itself if that is too far away."""
+    def _descend(self, image: Image, proposed: State) -> Descent:
+        """Descend from the proposal; return the proposal itself if that leads too far away."""
         c = self._config
-        refined = self._kernels.refine(image, proposed, most=c.steps, hopeless=c.occluded)
-        moved = refined.state.vector - proposed.vector
+        descent = self._kernels.descend(image, proposed, most=STEPS, hopeless=c.occluded)
+        moved = descent.state.vector - proposed.vector
         if float(np.hypot(moved[0], moved[1])) <= c.trust * self._size:
-            return refined
-        return Refined(proposed, 1.0, refined.evaluations)
+            return descent
+        return Descent(proposed, 1.0, descent.evaluations)

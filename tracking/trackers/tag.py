@@ -7,11 +7,10 @@ Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wan
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import final
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
@@ -27,44 +26,41 @@ from tracking.types import (
 )
 
 Grey = NDArray[np.uint8]
+# Chosen by hand on rendered tags of 30 to 200 px (tracking/README.md has the errors).
 CELLS = 8
 """Cells along a side of the black square."""
 ALIKE = 0.1
 """A region whose corners are this near to the black square's, over its side, is the square."""
 AROUND = 0.5
-"""The tag is first searched where it was, and this share of its box around it."""
+"""Share of a tag's box around its last place in which it is first searched."""
 ENOUGH = 50.0
 """A tag that was larger [px] is searched in a smaller picture: its edges are fitted afterwards."""
 CONTRAST = 0.25
-"""Half of an edge at least is this strong, over the range of brightness around all edges: where the
+"""Least strength of half of an edge, over the range of brightness around all edges: where the
 border of the picture cuts the tag off there is no edge."""
 ALONG = np.linspace(0.06, 0.94, 40)
 ACROSS = np.linspace(-1.0, 1.0, 15)
-"""Where an edge is sampled: along it, over its length; and across it, over `REACH` cells."""
+"""Points at which an edge is sampled: along it over its length, across it over `REACH` cells."""
 REACH = 0.8
-"""How far from an edge it is sampled, in cells: beyond are other edges."""
+"""Distance from an edge up to which it is sampled, in cells: beyond are other edges."""
 FARTHEST = 3.0
-"""How far from an edge it is sampled at most [px]."""
+"""Largest distance from an edge at which it is sampled [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Which tag."""
-
-    id: Annotated[int, Ge(0), Le(586)] | None = None
-    """Number of the tag in its family; by default that of the tag nearest the region."""
+    """Nothing to set: the tag nearest the region is followed."""
 
     def build(self, rng: np.random.Generator) -> Tag:
-        """The tracker; draws nothing."""
-        return Tag(self)
+        """Return the tracker; it draws nothing."""
+        return Tag()
 
 
 @final
 class Tag:
     """Reports the region's corners, which keep their place in the tag's plane."""
 
-    def __init__(self, config: Config) -> None:
-        self._id = config.id
+    def __init__(self) -> None:
         options = cv2.aruco.DetectorParameters()
         # Its quadrangles are found by AprilTag's own method; OpenCV's misses upright tags.
         options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
@@ -79,10 +75,9 @@ class Tag:
         """
         check_region(frame, region, state)
         grey = _grey(frame.image)
-        found = self._nearest(grey, np.array([state.x, state.y]), self._id)
+        found = self._nearest(grey, np.array([state.x, state.y]), None)
         if found is None:
-            number = "" if self._id is None else f" with id = {self._id}"
-            raise ValueError(f"no AprilTag 36h11{number} is seen in the first picture")
+            raise ValueError("no AprilTag 36h11 is seen in the first picture")
         self._seen: Array | None
         self._number, self._seen = found
         self._region = region
@@ -112,8 +107,13 @@ class Tag:
     def _nearest(
         self, grey: Grey, place: Array, number: int | None, around: Array | None = None
     ) -> tuple[int, Array] | None:
-        """Number and corners (4, 2) of the tag nearest to a place (2,), of this number if given;
-        searched around a quadrangle if that is given.
+        """Return the number and corners (4, 2) of the tag nearest to a place (2,).
+
+        Args:
+            grey: The picture (H, W).
+            place: Where the tag is expected [px].
+            number: Number of the tag; None: any.
+            around: Quadrangle (4, 2) around which it is searched; None: in the whole picture.
         """
         low = np.zeros(2, int)
         high = np.array(grey.shape[::-1])
@@ -145,7 +145,8 @@ def _grey(image: Image) -> Grey:
 
 
 def _in_plane(seen: Array, region: Region, state: State) -> Array:
-    """Corners (4, 2) of the region in the plane of a tag, whose black square is `SQUARE` there.
+    """Return the corners (4, 2) of the region in the plane of a tag, whose black square is `SQUARE`
+    there.
 
     It is a rectangle there, too: of the region's centre, direction, area and ratio of sides.
     """
@@ -167,11 +168,14 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
 
 
 def _fitted(grey: Grey, corners: Array) -> Array | None:
-    """Where the lines through the four edges (dark inside, bright outside) meet (4, 2) [px].
+    """Return the corners (4, 2) [px] where lines through the four edges meet.
 
-    Along each edge the brightness is sampled across it; where it rises, weighed by how much, is the
-    edge. A line is fitted to these places by weighted least squares, twice. None where an edge is
-    missing.
+    The square is dark inside and bright outside. Along each edge the brightness is sampled across
+    it; the edge is where it rises, weighed by how much. A line is fitted to these places by
+    weighted least squares, twice.
+
+    Returns:
+        The corners, or None where an edge is missing.
     """
     better = corners
     for _ in range(2):
@@ -198,7 +202,7 @@ def _fitted(grey: Grey, corners: Array) -> Array | None:
 
 
 def _crossings(corners: Array, along: Array, out: Array, offset: Array, weight: Array) -> Array:
-    """Where the lines meet that fit offsets (4, n) of edges, weighed."""
+    """Return the corners (4, 2) where lines meet that fit weighed offsets (4, n) of edges."""
     total = weight.sum(axis=1)
     t = weight @ ALONG / total
     s = (weight * offset).sum(axis=1) / total

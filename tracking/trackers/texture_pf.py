@@ -2,15 +2,39 @@
 
 from dataclasses import dataclass
 
-from sim.ranges import Share
-from tracking.trackers import condensation
-from tracking.trackers.texture_ms import PAPERS, TextureSettings
+import numpy as np
 
-PRESETS = {"paper": PAPERS | {"estimate": "mean", "scatter": 0.0}}
+from sim.ranges import Share
+from sim.types import Image
+from tracking.appearance.layout import Sampling
+from tracking.appearance.model import SampledModel
+from tracking.settings import AppearanceSettings, ParticleSettings
+from tracking.trackers._cloud import CloudMethod, CloudTracker
+from tracking.trackers._texture import (
+    DENSITY,
+    PAPERS,
+    TextureLevels,
+    TextureSettings,
+    texture_bins,
+)
+from tracking.types import Region, State
+
+PRESETS = {"paper": PAPERS | {"scatter": 0.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(TextureSettings, condensation.Config):
+class Config(AppearanceSettings, ParticleSettings, TextureSettings):
     """The particle filter's settings, and the texture's."""
 
+    levels: TextureLevels = 8
+    """Colour bins a channel; 1: texture alone."""
     scale_noise: Share = 0.03
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the target's appearance: one joint histogram."""
+        bins = texture_bins(image, region, state, self, self)
+        return SampledModel(image, region, state, self, Sampling(DENSITY), bins)
+
+    def build(self, rng: np.random.Generator) -> CloudTracker:
+        """Return the tracker; its samples are drawn from the generator."""
+        return CloudTracker(self, CloudMethod(self.model), rng)

@@ -1,27 +1,26 @@
 """A tracker in a process of its own, in any language, over the TraX protocol (Cehovin 2017)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.types import Array, Frame
-from tracking.external.boxes import Placed, box_of, convex
+from sim.types import Array, Image
+from tracking.external.boxes import Box, box_of, convex
 from tracking.external.conventions import box_in, score_in
-from tracking.external.judge import Judge, JudgeSettings
+from tracking.external.foreign_tracker import ForeignTracker
+from tracking.external.judge import JudgeSettings
 from tracking.external.trax_client import TraxClient
-from tracking.types import FARTHEST, Estimate, Region, State, check_region, unknown_covariance
+from tracking.types import FARTHEST, Region, State
 
 CONFIDENCE = "confidence"
-"""What servers call their score."""
+"""Name under which servers report their score."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(JudgeSettings):
-    """The server, and what judges it: its score is the `confidence` it reports."""
+    """The server, and the judge of its regions: its score is the `confidence` it reports."""
 
     not_from_file = ("command",)
     """Settings that a file may not give: files are data, and nothing in them is run."""
@@ -31,64 +30,46 @@ class Config(JudgeSettings):
     timeout: Annotated[float, Ge(0.1), Le(3600)] = 30.0
     """Longest wait for an answer [s]; the first one waits for the server's start, too."""
 
-    def build(self, rng: np.random.Generator) -> TraxTracker:
-        """The tracker; draws nothing."""
-        return TraxTracker(self)
+    def build(self, rng: np.random.Generator) -> ForeignTracker:
+        """Return the tracker; it draws nothing."""
+        return ForeignTracker(self, lambda: TraxServer(self.command, self.timeout))
 
 
-@final
-class TraxTracker:
-    """Boxes move and scale the region; quadrilaterals turn it, too, and are reported as corners."""
+class TraxServer:
+    """A server of the protocol, as a source of regions."""
 
-    def __init__(self, config: Config) -> None:
-        self._config = config
+    def __init__(self, command: str, timeout: float) -> None:
+        self._name = f"TraX server '{command}'"
+        self._client = TraxClient(command, timeout)
 
-    def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Start the server, anew each time, and show it the first frame.
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the corners, or the box, of the target."""
+        box = box_of(region, state, image)
+        corners = region.corners(state)
+        self._client.initialize(image, corners if self._client.polygons else np.array(box))
+        return box
 
-        Raises:
-            ValueError: The region is none, or the server fails.
-        """
-        check_region(frame, region, state)
-        c = self._config
-        image = np.ascontiguousarray(frame.image)
-        box = np.array(box_of(region, state, image), dtype=float)
-        self._client = TraxClient(c.command, c.timeout)
-        self._client.initialize(image, region.corners(state) if self._client.polygons else box)
-        self._placed = Placed(region, state, box, sizes=c.follow_size)
-        self._judge = Judge(c, frame, region, state)
-
-    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Ask the server.
+    def update(self, image: Image) -> Array | None:
+        """Ask the server: a box (4,), the corners (4, 2) of a convex quadrilateral, or None.
 
         Raises:
-            ValueError: The server has ended, hangs, or answers what is no region.
+            ValueError: The server has ended, hangs, or answers something that is no region.
         """
-        found, named = self._client.frame(np.ascontiguousarray(frame.image))
-        corners = None if found is None else self._take(found)
-        if found is None:
-            distance, status = self._judge.unseen(frame)
-        else:
-            score = self._score(named) if self._config.judge == "score" else None
-            distance, status = self._judge.seen(frame, self._placed.state, score)
-        follows = (self._placed.turns, self._placed.resizes)
-        return Estimate(
-            self._placed.state, unknown_covariance(), distance, status, follows, corners=corners
-        )
-
-    def _take(self, found: Array) -> Array | None:
-        """Take over a region; its corners where they are those of a convex quadrilateral."""
-        name = f"TraX server '{self._config.command}'"
+        found, self._named = self._client.frame(image)
+        if found is None or found.ndim == 1:
+            return None if found is None else box_in(found, self._name)
         if found.shape == (4, 2) and (np.abs(found) <= FARTHEST).all() and convex(found):
-            return self._placed.follow_corners(found)
-        if found.ndim > 1:
-            found = np.concatenate([found.min(axis=0), np.ptp(found, axis=0)])
-        if (box := box_in(found, name)) is not None:
-            self._placed.follow_box(box)
-        return None
+            return found
+        return box_in(np.concatenate([found.min(axis=0), np.ptp(found, axis=0)]), self._name)
 
-    def _score(self, named: dict[str, str]) -> float:
-        name = f"TraX server '{self._config.command}'"
-        if CONFIDENCE not in named:
-            raise ValueError(f'{name} reports no {CONFIDENCE}: judge = "histogram" needs none')
-        return score_in(named[CONFIDENCE], name)
+    def score(self) -> float:
+        """Return the confidence of the last answer, 0..1.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if CONFIDENCE not in self._named:
+            raise ValueError(
+                f'{self._name} reports no {CONFIDENCE}: judge = "histogram" needs none'
+            )
+        return score_in(self._named[CONFIDENCE], self._name)

@@ -20,7 +20,7 @@ import rerun_cli
 
 from servo.mistake import Mistake, Refused
 from servo.output.display import has_display
-from servo.output.recording.archetypes import flushed, new_stream
+from servo.output.recording.destination import flushed, new_stream
 
 HOST = "127.0.0.1"
 SHOWN = 30.0

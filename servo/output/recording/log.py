@@ -35,21 +35,19 @@ from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
 from servo.output.recording import archetypes
-from servo.output.recording.archetypes import IMAGE, Recording
+from servo.output.recording.destination import Recording
+from servo.output.recording.layout import IMAGE, blueprint_of_run
 from servo.output.shapes import shapes_of
 from servo.types import DOF
 from sim.robot.robot import Robot
 from sim.types import Array
+from tracking.drawing.colours import ESTIMATE, GOAL, PARTICLES, TRUTH
 from tracking.drawing.picture_bytes import encoded
 
 JPEG_QUALITY = 80
-GREEN = (60, 220, 90)
-RED = (240, 60, 50)
-WHITE = (255, 255, 255)
-AMBER = (255, 190, 40)
 GREY = (130, 130, 140)
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
-PALETTE = (*XYZ, AMBER, WHITE, GREY, GREEN, RED)
+PALETTE = (*XYZ, PARTICLES, TRUTH, GREY, ESTIMATE, GOAL)
 WAY_RADIUS = 0.004
 """Half the thickness of the camera's way [m]."""
 FRUSTUM = 0.15
@@ -84,7 +82,7 @@ class RerunLog:
         self._at_once = at_once
         self._second = max(1, round(episode.scenario.camera.rate))
         self._file = recording
-        self._rec = recording.begin("servobench", archetypes.blueprint(self._features))
+        self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
         self._jpegs = list[bytes]()
@@ -143,10 +141,10 @@ class RerunLog:
             image_plane_distance=FRUSTUM,
         )
         self._rec.log("world/eye", pinhole, static=True)
-        for name, colour in (("truth", WHITE), ("goal", RED), ("estimate", GREEN)):
+        for name, colour in (("truth", TRUTH), ("goal", GOAL), ("estimate", ESTIMATE)):
             style = rr.LineStrips2D.from_fields(colors=colour, radii=archetypes.LINE_RADIUS)
             self._rec.log(f"{IMAGE}/{name}", style, static=True)
-        dots = rr.Points2D.from_fields(colors=AMBER, radii=1.0)
+        dots = rr.Points2D.from_fields(colors=PARTICLES, radii=1.0)
         self._rec.log(f"{IMAGE}/particles", dots, static=True)
 
     def _send(self) -> None:
@@ -211,10 +209,10 @@ class RerunLog:
         if self._drawn == len(self._way):
             return
         self._drawn = len(self._way)
-        way = rr.LineStrips3D([np.array(self._way)], colors=AMBER, radii=WAY_RADIUS)
+        way = rr.LineStrips3D([np.array(self._way)], colors=PARTICLES, radii=WAY_RADIUS)
         self._rec.log("world/way", way, static=True)
         corners = np.stack(self._corners, axis=1)
-        ways = rr.LineStrips2D(list(corners), colors=AMBER, radii=archetypes.LINE_RADIUS / 2)
+        ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=archetypes.LINE_RADIUS / 2)
         self._rec.log(f"{IMAGE}/way", ways, static=True)
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
@@ -224,7 +222,7 @@ class RerunLog:
 
     def _name_series(self) -> None:
         named = [(p.path, p.names, p.colours) for p in self._plots]
-        named += [(f"motion/{f}", MOTIONS, (GREY, GREEN, WHITE)) for f in self._features]
+        named += [(f"motion/{f}", MOTIONS, (GREY, ESTIMATE, TRUTH)) for f in self._features]
         for path, names, colours in named:
             lines = rr.SeriesLines(names=list(names), colors=list(colours[: len(names)]))
             self._rec.log(f"plots/{path}", lines, static=True)
@@ -255,22 +253,24 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
         Lines(
             "error",
             ("servo", "tracking"),
-            (RED, GREEN),
+            (GOAL, ESTIMATE),
             lambda s: [s.servo_error, s.tracking_error],
         ),
         Lines("features", features, colours, lambda s: s.error),
         twist("linear", slice(3)),
         twist("angular", slice(3, 6)),
-        Lines("joints", robot.names, (*XYZ, AMBER, WHITE, GREY), lambda s: s.joints),
+        Lines("joints", robot.names, (*XYZ, PARTICLES, TRUTH, GREY), lambda s: s.joints),
         Lines(
             "range",
             [*ranges, "lower limit", "upper limit"],
-            (*XYZ, AMBER, WHITE, RED, RED),
+            (*XYZ, PARTICLES, TRUTH, GOAL, GOAL),
             within_range,
         ),
         Lines("nis", features, colours, lambda s: s.prediction.nis),
-        Lines("tilt", ("tilt",), (GREEN,), lambda s: [np.degrees(s.tilt)]),
-        Lines("distance", ("distance",), (GREEN,), lambda s: [s.estimate.distance]),
-        Lines("ess", ("effective sample size",), (GREEN,), lambda s: [s.estimate.ess]),
-        Lines("ms", STAGES, (*XYZ, AMBER), lambda s: [1e3 * getattr(s.seconds, n) for n in STAGES]),
+        Lines("tilt", ("tilt",), (ESTIMATE,), lambda s: [np.degrees(s.tilt)]),
+        Lines("distance", ("distance",), (ESTIMATE,), lambda s: [s.estimate.distance]),
+        Lines("ess", ("effective sample size",), (ESTIMATE,), lambda s: [s.estimate.ess]),
+        Lines(
+            "ms", STAGES, (*XYZ, PARTICLES), lambda s: [1e3 * getattr(s.seconds, n) for n in STAGES]
+        ),
     ]

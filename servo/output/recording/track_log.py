@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import rerun as rr
-import rerun.blueprint as rrb
 
-from servo.output.recording.archetypes import Recording, outline
+from servo.output.recording.archetypes import outline
+from servo.output.recording.destination import Recording
+from servo.output.recording.layout import PICTURE, blueprint_of_track
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
-from tracking.drawing.annotated_video import COLOURS
+from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
 from tracking.types import Region
-
-IMAGE = "image"
-WHITE = (255, 255, 255)
-AMBER = (255, 190, 40)
 
 
 class TrackLog:
@@ -26,25 +23,24 @@ class TrackLog:
         self._region = region
         self._at_once = at_once
         self._file = recording
-        self._rec = recording.begin("servobench_track", _blueprint())
+        self._rec = recording.begin("servobench_track", blueprint_of_track())
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         rec = self._rec
         estimate = shot.estimate
         rec.set_time("frame", sequence=shot.index)
-        rec.set_time(
-            "sim_time", duration=shot.picture.time
-        )  # the timeline of runs, for `servobench view`
+        # The timeline of runs, for `servobench view`.
+        rec.set_time("sim_time", duration=shot.picture.time)
         if shot.picture.image is not None:
             data = encoded(shot.picture.image, JPEG_QUALITY)
-            rec.log(IMAGE, rr.EncodedImage(contents=data, media_type="image/jpeg"))
+            rec.log(PICTURE, rr.EncodedImage(contents=data, media_type="image/jpeg"))
         corners = estimate.outline(self._region)
-        rec.log(f"{IMAGE}/estimate", outline(corners, COLOURS[estimate.status]))
+        rec.log(f"{PICTURE}/estimate", outline(corners, colours.STATUS[estimate.status]))
         if truth is not None:
-            rec.log(f"{IMAGE}/truth", outline(truth, WHITE))
+            rec.log(f"{PICTURE}/truth", outline(truth, colours.TRUTH))
         if estimate.particles is not None:
-            points = rr.Points2D(estimate.particles[:, :2], colors=AMBER, radii=0.5)
-            rec.log(f"{IMAGE}/particles", points)
+            points = rr.Points2D(estimate.particles[:, :2], colors=colours.PARTICLES, radii=0.5)
+            rec.log(f"{PICTURE}/particles", points)
         rec.log("plots/confidence", rr.Scalars(shot.confidence))
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
@@ -56,19 +52,3 @@ class TrackLog:
 
     def abandon(self) -> None:
         """Leave the recording as it is; nothing more is logged."""
-
-
-def _blueprint() -> rrb.Blueprint:
-    plots = [
-        rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
-        for name, title in (
-            ("confidence", "Confidence: 1 - distance"),
-            ("ms", "Time of the tracker [ms]"),
-            ("evaluations", "Histograms read"),
-        )
-    ]
-    view = rrb.Spatial2DView(
-        origin=IMAGE, name="Estimate green (locked), amber (unsure), red (lost); truth white"
-    )
-    columns = rrb.Horizontal(view, rrb.Vertical(*plots), column_shares=[2, 1])
-    return rrb.Blueprint(columns, collapse_panels=True)

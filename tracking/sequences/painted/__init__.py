@@ -1,7 +1,12 @@
 """Painted sequences with exact truth; each file is one family."""
 
-from typing import Any
+from __future__ import annotations
 
-from sim.kinds import Kinds
+from typing import TYPE_CHECKING
 
-KINDS = Kinds[Any](__name__)
+from sim.kinds import Kinds, PartConfig
+
+if TYPE_CHECKING:
+    from tracking.sequences.sequence import Sequence
+
+KINDS: Kinds[PartConfig[Sequence]] = Kinds(__name__)

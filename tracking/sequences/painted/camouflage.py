@@ -22,7 +22,7 @@ FINE = 1.2
 SPREAD = 20.0
 """Size of the blotches of ground and paint [px], and their spread [grey levels]."""
 OTHER = 70.0
-"""How far the gravel's colour is from the car's (Euclidean, RGB)."""
+"""Distance of the gravel's colour from the car's (Euclidean, RGB)."""
 BIN = 32
 SHADE = 9.0
 SMOOTH = 8.0

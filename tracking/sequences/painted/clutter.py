@@ -22,7 +22,7 @@ from annotated_types import Ge, Le
 
 from sim.types import Array, Image
 from tracking.sequences.sequence import Sequence
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.types import Region
 
 LEVELS = {
@@ -72,7 +72,7 @@ class Config:
         states = np.column_stack([centres, np.zeros(self.frames), np.ones(self.frames)])
         name = f"clutter-{self.level}"
         return Sequence.of_states(
-            name, name, Painted(paint, self.frames), Region(2 * RADIUS, 2 * RADIUS), states
+            name, name, PaintedSource(paint, self.frames), Region(2 * RADIUS, 2 * RADIUS), states
         )
 
 

@@ -16,7 +16,7 @@ from annotated_types import Ge, Le
 from sim.types import Array, Image
 from tracking.sequences.painted._painting import blotches, paste
 from tracking.sequences.sequence import Sequence
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.types import Region, State
 
 WIDTH = 320
@@ -75,7 +75,7 @@ class Config:
             return np.clip(image + draws, 0, 255).round().astype(np.uint8)
 
         middle = fine.reshape(self.frames, EXPOSURES, 4).mean(axis=1)
-        source = Painted(paint, self.frames)
+        source = PaintedSource(paint, self.frames)
         sequence = Sequence.of_states("similarity", "similarity", source, REGION, middle)
         sequence.truth[sequence.truth[..., 0].min(axis=1) >= WIDTH] = np.nan
         return sequence

@@ -15,7 +15,7 @@ from sim.kinds import kind_of
 from sim.types import Array, Image
 from tracking.sequences.painted._painting import blotches, paste
 from tracking.sequences.sequence import Sequence
-from tracking.sequences.sources import Painted
+from tracking.sequences.sources import PaintedSource
 from tracking.types import Region, State
 
 WIDTH = 320
@@ -55,7 +55,7 @@ class Config:
             return np.clip(image + draws, 0, 255).round().astype(np.uint8)
 
         name = kind_of(self)
-        return Sequence.of_states(name, name, Painted(paint, self.frames), REGION, states)
+        return Sequence.of_states(name, name, PaintedSource(paint, self.frames), REGION, states)
 
     def _paint(self, rng: np.random.Generator) -> tuple[Image, Image]:
         """The ground, and the car."""

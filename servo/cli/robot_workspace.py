@@ -1,4 +1,4 @@
-"""Where a robot can bring its camera, from random postures, and where it should stand then."""
+"""The workspace of a robot's camera, sampled from random postures, and a base that suits it."""
 
 from dataclasses import dataclass
 from math import atan2, degrees
@@ -24,7 +24,7 @@ ONE_SIDED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """Where the camera gets, in the robot's own frame."""
+    """The reach of the camera, in the robot's own frame."""
 
     farthest: float
     """From the base's origin [m]."""
@@ -41,7 +41,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
     """Try random postures of a robot whose base is the world's origin.
 
     Args:
-        robot: Which.
+        robot: The robot.
         height: Where the camera shall be over the table [m].
     """
     model = robot.model

@@ -1,4 +1,4 @@
-"""Rotations between matrices and quaternions (w, x, y, z), as MuJoCo converts them."""
+"""Rotations as MuJoCo's models have them: quaternions (w, x, y, z)."""
 
 from collections.abc import Iterable
 
@@ -9,14 +9,14 @@ from sim.types import Array
 
 
 def matrix_of(quaternion: Iterable[float]) -> Array:
-    """The rotation matrix (3, 3) of a quaternion (4,)."""
+    """Return the rotation matrix (3, 3) of a quaternion (w, x, y, z), as MuJoCo converts it."""
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, np.array(quaternion, float))
     return matrix.reshape(3, 3)
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """The quaternion (4,) of a rotation matrix (3, 3)."""
+    """Return the quaternion (w, x, y, z) of a rotation matrix (3, 3), as MuJoCo converts it."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, rotation.flatten())
     return quaternion

@@ -3,10 +3,10 @@
 import rerun as rr
 import rerun.blueprint as rrb
 
-from servo.output.recording.archetypes import new_stream
+from servo.output.recording.destination import new_stream
 
 
-class Shown:
+class NotebookRecording:
     """Keeps what is logged in memory."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:

@@ -1,0 +1,98 @@
+"""Destinations of a recording: a file, or a viewer."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from servo.mistake import Refused
+
+PATIENCE = 10.0
+"""Longest wait for the disk, which then counts as not writable [s]."""
+FULL = 1 << 16
+"""A disk with less free space counts as full [bytes]."""
+
+
+class Recording(Protocol):
+    """The destination of a recording."""
+
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """The stream to log to."""
+        ...
+
+    def flush(self) -> None:
+        """Wait until everything that was logged has arrived.
+
+        Raises:
+            Refused: It cannot.
+        """
+        ...
+
+    def close(self) -> None:
+        """Send the last data, and end; errors are those of `flush`."""
+        ...
+
+
+def new_stream(app: str, name: str | None) -> rr.RecordingStream:
+    """A stream that goes nowhere yet, of a recording with a name, without Rerun's own times."""
+    rr.set_strict_mode(True)
+    stream = rr.RecordingStream(app, recording_id=name)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    return stream
+
+
+def flushed(stream: rr.RecordingStream, refused: Callable[[], Refused]) -> None:
+    """Wait until everything that was logged has arrived.
+
+    Raises:
+        Refused: It does not; what `refused` gives.
+    """
+    try:
+        stream.flush(timeout_sec=PATIENCE)
+    except RuntimeError:
+        # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+        rr.unregister_shutdown()
+        raise refused() from None
+
+
+class RecordingFile:
+    """A file that a recording goes to; it has the name of its folder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """Open the file."""
+        self._stream = new_stream(app, self.path.parent.name)
+        self._stream.save(self.path, default_blueprint=blueprint)
+        return self._stream
+
+    def flush(self) -> None:
+        """Wait until everything that was logged is in the file.
+
+        Raises:
+            Refused: The disk cannot be written; the part written before can be opened.
+        """
+        flushed(self._stream, self._refused)
+
+    def _refused(self) -> Refused:
+        full = shutil.disk_usage(self.path.parent).free < FULL
+        why = "the disk is full" if full else "the disk refuses more"
+        return Refused(f"{self.path}: the recording ends too early: {why}")
+
+    def close(self) -> None:
+        """Write the last data and the footer.
+
+        Raises:
+            Refused: As for `flush`; the file then stays as it is.
+        """
+        self.flush()
+        self._stream.disconnect()

@@ -1,0 +1,72 @@
+"""The layout of recordings in Rerun's viewer, and the entities of their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rerun.blueprint as rrb
+
+from servo.output.room_view import EYE, LOOKS_AT
+
+IMAGE = "world/eye/image"
+"""Entity of the camera's picture in the recording of a run."""
+PICTURE = "image"
+"""The same in the recording of a track, which has no room."""
+
+
+def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
+    """Return the layout of a run: camera and scene left, numbers over time right, events below."""
+    eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=(0, 0, 1))
+
+    def plot(name: str, title: str) -> rrb.TimeSeriesView:
+        return rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+
+    pictures = rrb.Vertical(
+        rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
+        rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=False),
+    )
+    motion = [plot(f"motion/{name}", f"Target motion, {name}") for name in features]
+    tabs = [rrb.Tabs(*part) for part in (motion[0::2], motion[1::2]) if part]
+    numbers = rrb.Vertical(
+        plot("error", "Distance of the true centre from goal and estimate [px]"),
+        rrb.Tabs(
+            plot("features", "Feature errors"),
+            plot("range", "Joints within their range"),
+            plot("joints", "Joints"),
+            plot("tilt", "Tilt of the camera [deg]"),
+            plot("nis", "Innovation squared over its variance"),
+        ),
+        rrb.Horizontal(*tabs),
+        rrb.Tabs(
+            plot("twist/linear", "Camera velocity [m/s]"),
+            plot("twist/angular", "Camera turn [rad/s]"),
+        ),
+        rrb.Tabs(
+            plot("distance", "Distance in appearance"),
+            plot("ess", "Effective sample size"),
+            plot("ms", "Stages [ms]"),
+        ),
+        rrb.TextLogView(origin="events", name="Events"),
+        row_shares=[3, 3, 3, 3, 2, 2],
+    )
+    columns = rrb.Horizontal(pictures, numbers, column_shares=[1, 1])
+    return rrb.Blueprint(
+        columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True
+    )
+
+
+def blueprint_of_track() -> rrb.Blueprint:
+    """Return the layout of a track: its picture to the left, numbers over time to the right."""
+    plots = [
+        rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+        for name, title in (
+            ("confidence", "Confidence: 1 - distance"),
+            ("ms", "Time of the tracker [ms]"),
+            ("evaluations", "Histograms read"),
+        )
+    ]
+    view = rrb.Spatial2DView(
+        origin=PICTURE, name="Estimate green (locked), amber (unsure), red (lost); truth white"
+    )
+    columns = rrb.Horizontal(view, rrb.Vertical(*plots), column_shares=[2, 1])
+    return rrb.Blueprint(columns, collapse_panels=True)

@@ -1,0 +1,100 @@
+"""The camera's pictures in a recording, with the rectangles of truth and estimate."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rerun.chunk import RrdReader
+
+from servo.mistake import Mistake
+from servo.output.recording.layout import IMAGE
+from servo.output.recording.view import check
+from sim.types import Array, Image
+
+BLOB = "EncodedImage:blob"
+STRIPS = "LineStrips2D:strips"
+"""Rerun's names of the logged values."""
+FRAME = "frame"
+TIME = "sim_time"
+"""Timelines of a recording."""
+CORNERS = 4
+"""Points of an outline that are its rectangle; the others draw its front."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFrame:
+    """One frame of a recording."""
+
+    time: float
+    """Simulated [s]."""
+    image: Image
+    """RGB (H, W, 3)."""
+    truth: Array
+    """Corners (4, 2) of the target [px]; nan if there are none."""
+    estimate: Array
+    """Corners (4, 2) of the estimate [px]; nan if there are none."""
+
+
+def pictures(path: Path, count: int) -> list[RecordedFrame]:
+    """Up to `count` frames at equal distances, including the first and the last.
+
+    Raises:
+        Mistake: The file is missing, not a recording, or damaged.
+    """
+    check(path)
+    found: dict[str, dict[int, tuple[float, Any]]] = {BLOB: {}, "truth": {}, "estimate": {}}
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings(
+                "ignore", "RRD file has no footer"
+            )  # the frames before are read
+            for name, frame, time, value in _logged(path):
+                found[name][frame] = time, value
+    except (RuntimeError, ValueError, OSError):
+        raise Mistake(f"{path}: this recording is broken") from None
+    frames = sorted(found[BLOB])
+    if not frames:
+        return []
+    wanted = np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).astype(int))
+    return [_recorded(found, frames[i], path) for i in wanted]
+
+
+def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
+    """Name (BLOB, truth or estimate), frame, time [s] and logged value of each."""
+    names = {f"/{IMAGE}": (BLOB, BLOB)} | {
+        f"/{IMAGE}/{who}": (who, STRIPS) for who in ("truth", "estimate")
+    }
+    for chunk in RrdReader(str(path)).stream():
+        who, component = names.get(chunk.entity_path, ("", ""))
+        batch = chunk.to_record_batch()
+        if FRAME not in batch.schema.names or component not in batch.schema.names:
+            continue
+        times = batch.column(TIME).cast("int64").to_numpy() / 1e9
+        for row, frame in enumerate(batch.column(FRAME).to_pylist()):
+            yield who, frame, float(times[row]), batch.column(component)[row]
+
+
+def _recorded(
+    found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path
+) -> RecordedFrame:
+    time, blob = found[BLOB][frame]
+    raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
+    image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
+    if image is None:
+        raise Mistake(f"{path}: frame {frame} is not a picture")
+    truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
+    return RecordedFrame(
+        time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate
+    )
+
+
+def _corners(logged: tuple[float, Any] | None) -> Array:
+    """The rectangle of an outline: the first four points of its first line."""
+    strips = None if logged is None else logged[1].as_py()
+    return np.array(strips[0][:CORNERS]) if strips else np.full((CORNERS, 2), np.nan)
