@@ -154,10 +154,7 @@ def test_a_band_has_the_percentiles_of_the_runs_that_last_so_long():
 def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     page = text_of(make_bench(tmp_path / "bench"), tmp_path)
     assert '<span class="badge plain">best: kams</span>' in page
-    assert (
-        '<tr><td>kams</td><td class="number">11</td><td class="number">0.857'
-        in page
-    )
+    assert '<tr><td>kams</td><td class="number">11</td><td class="number">0.857' in page
     assert (
         "kams tracks for longer than &lt;script&gt;alert(1)&lt;/script&gt; (McNemar, p &lt; 0.05)."
         in page
@@ -218,6 +215,10 @@ BAD = {
     "an empty bench": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "bench"}).encode()},
         "{}: there are no runs in this bench",
+    ),
+    "papers that were stopped": (
+        {"study.json": json.dumps(json.loads(STUDY) | {"holds": "papers"}).encode()},
+        "{}/papers.json: cannot read this file: No such file or directory",
     ),
     "a run that was killed": (
         {"steps.arrows": b""},

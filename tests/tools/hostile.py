@@ -220,8 +220,7 @@ def _results(folder: Path, ran: Path, study: Path, papers: Path) -> None:
     for name in ("list", "null", "bare", "words", "versions"):
         (folder / f"bench_{name}").mkdir()
         text = spoilt.get(name, '{"version": 3, "rows": {}, "trackers": 4}')
-        (folder / f"bench_{name}" / "bench.json").write_text(text)
-        (folder / f"bench_{name}" / "begun.json").write_text(text)
+        (folder / f"bench_{name}" / "study.json").write_text(text)
         (folder / f"bench_{name}" / ".lock").touch()
 
 
