@@ -178,8 +178,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         twist = np.array(self._now.command.twist) if self._residual else np.zeros(6)
         twist[self._moves] += self._reach * done
         self._done = done
-        with self._episode.naming_parts():
-            self._episode.move(self._now, twist)
+        self._episode.move(self._now, twist)
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
@@ -197,8 +196,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def _look(self) -> Step:
         assert self._episode is not None
-        with self._episode.naming_parts():
-            self._now = self._episode.look()
+        self._now = self._episode.look()
         if self.render_mode == "human":
             self._window = self._window or View(ID)
             self._window.show(annotated(self._now))

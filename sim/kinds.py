@@ -90,11 +90,12 @@ def _check_config(config: type[Any], name: str) -> None:
 
 
 def kind_of(config: Any) -> str:
-    """The kind of a `Config`: its own attribute `kind` where it has one, the name of its file in
-    one of our folders, that of its entry point, or module:Class.
+    """The kind of a `Config`: the attribute `kind` of its class where it has one that is not a
+    setting, the name of its file in one of our folders, that of its entry point, or module:Class.
     """
-    own = getattr(config, "kind", None)
     of = type(config)
+    is_setting = dataclasses.is_dataclass(of) and "kind" in {f.name for f in dataclasses.fields(of)}
+    own = None if is_setting else getattr(of, "kind", None)
     if not isinstance(own, str):
         package, _, kind = of.__module__.rpartition(".")
         if package.partition(".")[0] in OWN and of.__qualname__ == "Config":

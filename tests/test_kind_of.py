@@ -1,6 +1,7 @@
 """A `Config` carries its kind, whatever table a scenario came from."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import pytest
 from elsewhere import MyConfig
@@ -17,7 +18,13 @@ FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERAT
 
 @dataclass(frozen=True)
 class Named(MyConfig):
-    kind: str = "mine"
+    kind: ClassVar[str] = "mine"
+
+
+@dataclass(frozen=True)
+class Setting(MyConfig):
+    kind: str = "csrt"
+    """A setting of the user's part, not the name of the part."""
 
 
 def bare(config):
@@ -34,6 +41,7 @@ def test_every_kind_of_ours_is_named_by_its_file(folder):
 def test_one_from_elsewhere_is_named_by_module_and_class_or_by_itself():
     assert kinds.kind_of(MyConfig()) == "elsewhere:MyConfig"
     assert kinds.kind_of(Named()) == "mine"
+    assert kinds.kind_of(Setting()) == f"{__name__}:Setting"
 
 
 def test_settings_name_what_replaced_a_part():

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from servo.loop.episode import Episode
-from servo.loop.part_failed import PartFailed
+from servo.loop.part import PartFailed
 from servo.loop.run_measures import Report, Violation
 from servo.loop.step import Scene, Step
 from servo.mistake import Mistake, Refused, unwritable

@@ -79,11 +79,11 @@ def limited(twist: np.ndarray) -> np.ndarray:
     return twist / max(1.0, *over)
 
 
-def drive(loop: servo.Loop, camera: Camera, robot: Robot, frame: servo.Frame | None) -> str:
+def drive(running: servo.Running, camera: Camera, robot: Robot, frame: servo.Frame | None) -> str:
     """Follow the target from a picture on, as long as pictures come; why it ended."""
     try:
         while frame is not None:
-            robot.go(loop.step(frame, robot.posture(frame.time)).twist)
+            robot.go(running.step(frame, robot.posture(frame.time)).twist)
             last = frame.time
             while (frame := camera.newest()) is None and robot.ask("clock") < last + NO_PICTURE:
                 pass
@@ -105,10 +105,9 @@ SCENARIO = servo.load("circle", ["controller.fastest=0.3", "run.latency=1"])
 PULLED = 5.0  # when somebody pulls the camera's cable [s]
 
 
-def ready_loop(first: servo.Frame) -> servo.Loop:
+def started(first: servo.Frame) -> servo.Running:
     loop = servo.Loop(SCENARIO, CAMERA, OUTLINE)
-    loop.start(first, servo.Region(58.0, 29.0), servo.State(160.0, 120.0))
-    return loop
+    return loop.start(first, servo.Region(58.0, 29.0), servo.State(160.0, 120.0))
 
 
 command = [sys.executable, HERE / "robot_server.py", "circle", str(PULLED)]
@@ -117,7 +116,7 @@ port = int(server.stdout.readline())
 camera, robot = Camera(port), Robot(port)
 while (first := camera.newest()) is None:
     pass
-rehearsal = ready_loop(first)
+rehearsal = started(first)
 for k in range(2):
     rehearsal.step(servo.Frame(first.image, k / 30, k), robot.posture(first.time))
 
@@ -126,7 +125,7 @@ for k in range(2):
 # command and hangs: the robot stops by itself.
 #
 # %%
-print(drive(ready_loop(first), camera, robot, first))
+print(drive(started(first), camera, robot, first))
 
 
 def hang(seconds: float) -> float:
