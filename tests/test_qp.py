@@ -73,7 +73,7 @@ def closed_loop(controller, start, steps=200, delay=0):
     return min(rooms), np.linalg.norm(command.trace.error)
 
 
-@pytest.mark.parametrize("scheme", ["pose_cdMc", "pose_cMo", "points", "hybrid", "segment_n"])
+@pytest.mark.parametrize("scheme", ["pose_cdMc", "pose_cMo", "points", "hybrid", "segment"])
 @pytest.mark.parametrize(
     "settings",
     [

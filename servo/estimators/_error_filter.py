@@ -1,5 +1,5 @@
-"""What the filters on the error itself share: the camera's motion is a known input, and the noise
-is on the position.
+"""Kalman filters of the error itself: the camera's motion is a known input, and the noise is on the
+position.
 
 For each feature, with T the frame interval, u the de/dt that the camera causes, m the state of the
 target's motion (M its transition, r what it adds to the error in a frame), and n the tracker's

@@ -17,15 +17,16 @@ from sim.geometry import inverse
 from sim.types import Array
 
 Flags = NDArray[np.bool_]
+# The constants of a level were chosen by hand so that the NIS of `line`, `sine` and `wander` stays
+# between 0.5 and 2 (tests/test_estimation.py).
 MEMORY = 60
+"""Frames over which a level is learned."""
 FIRST = 5
-"""Frames over which a level is learned, and how many of them the given one counts for at first."""
-MOST = 9.0
-"""What one innovation may count for: a target that turns is no noise."""
-LEAST = 0.01
+"""Frames that the given level counts for at first."""
+LARGEST_NIS = 9.0
+"""A larger NIS of one innovation counts as this: a target that turns is not noise."""
+SMALLEST_LEVEL = 0.01
 """The smallest level, over the given one."""
-
-
 UNMEASURED = 1e12
 """Variance of what was not measured, over that of its innovation."""
 
@@ -147,7 +148,7 @@ class Level:
     def __init__(self, given: Array) -> None:
         """Begin with these variances (k,)."""
         self.value = given.copy()
-        self._least = LEAST * given
+        self._least = SMALLEST_LEVEL * given
         self._frames = np.full(len(given), float(FIRST))
 
     def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:
@@ -157,6 +158,6 @@ class Level:
         nis = np.where(measured, ratio / self.value, np.nan)
         learns = measured if but is None else measured & ~but
         self._frames = np.minimum(self._frames + learns, MEMORY)
-        change = np.where(learns, (np.minimum(nis, MOST) - 1) / self._frames, 0.0)
+        change = np.where(learns, (np.minimum(nis, LARGEST_NIS) - 1) / self._frames, 0.0)
         self.value = np.maximum(self.value * (1 + change), self._least)
         return nis

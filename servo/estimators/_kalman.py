@@ -1,4 +1,4 @@
-"""What the Kalman estimators of the paper share: the plain difference as ViSP filters it."""
+"""Kalman filters of the plain difference, as ViSP has them, and constants of both rates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
-Variance = Annotated[float, Ge(1e-12), Le(1e12)]
 Ratio = Annotated[float, Ge(1e-9), Le(1e9)]
 """Of a variance to the measurement's."""
 Memory = Annotated[float, Ge(0), Le(0.999)]
@@ -33,19 +32,6 @@ def difference_variance(variance: float, dt: float) -> float:
     that interval [1/s^2].
     """
     return float(2 * variance / dt**2)
-
-
-def check_noise(noise: Noise, config: object, *variances: str) -> None:
-    """Refuse variances that a filter of the error does not have.
-
-    Raises:
-        ValueError: One is given.
-    """
-    for name in variances:
-        if noise == "position" and getattr(config, name) is not None:
-            raise ValueError(
-                f'{name} needs noise = "difference"; with noise = "position" only ratios count'
-            )
 
 
 @final
@@ -87,7 +73,7 @@ class DifferenceFilters:
         y = z - f.expected
         nis = y**2 / (f.S * self._relative)
         f.update(y, measured)
-        f.x[first, 0] = z[first]
+        f.x[first, 0] = z[first]  # the first measurement is its own estimate
         self._begun |= fresh
         y, nis = (np.where(measured, values, np.nan) for values in (y, nis))
         return Prediction(shown, f.x[:, 0].copy(), y, nis)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, final
+from typing import final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.mistake import Mistake
 from servo.sight.point_rows import point_rows
 from servo.types import CameraImage, Sight
 from sim.types import Array
@@ -24,15 +25,11 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Where the pixels' interaction matrix is taken."""
-
-    matrix: Literal["current", "desired", "mean"] = "desired"
-    """At the picture of now, at the goal's, or the mean of both; controller.matrix says nothing
-    here."""
+    """Nothing to set; the pixels' interaction matrix is taken at the goal."""
 
     def build(self, outline: Array) -> PhotometricFeatures:
-        """The features of any picture."""
-        return PhotometricFeatures(self.matrix)
+        """Return the features of any picture."""
+        return PhotometricFeatures()
 
 
 @final
@@ -51,10 +48,9 @@ class PhotometricFeatures:
     noise = np.full(6, 1e-4)
     uses_pictures = True
 
-    def __init__(self, matrix: str) -> None:
-        self._where = matrix
+    def __init__(self) -> None:
         self._goal: Sight | None = None
-        self._goal_matrix = self._goal_inverse = np.zeros((0, 6))
+        self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
         """s (6,)."""
@@ -62,15 +58,9 @@ class PhotometricFeatures:
         if goal is not self._goal:
             L = brightness_matrix(_picture(goal), _depth(goal))
             self._goal = goal
-            self._goal_matrix = L
             self._goal_inverse = np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(np.float64)
         e = (brightness(_picture(sight)) - brightness(_picture(goal))).ravel()
-        if self._where == "desired":
-            return self._goal_inverse @ e
-        chosen = brightness_matrix(_picture(sight), _depth(sight))
-        if self._where == "mean":
-            chosen = (chosen + self._goal_matrix) / 2
-        return np.linalg.lstsq(chosen, e, rcond=RANK_TOLERANCE)[0].astype(np.float64)
+        return self._goal_inverse @ e
 
     def matrix(self, sight: Sight) -> Array:
         """The identity (6, 6)."""
@@ -127,7 +117,7 @@ def _grey(picture: CameraImage) -> Array:
 
 def _inside(whole: Array) -> Array:
     if min(whole.shape) <= 2 * BORDER:
-        raise ValueError(
+        raise Mistake(
             f"a picture of {whole.shape[1]} x {whole.shape[0]} px is too small for features made "
             f"of pixels, which leave out {BORDER} px at each side"
         )
