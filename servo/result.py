@@ -31,8 +31,8 @@ from servo.output.annotated import annotated
 from servo.output.steps_table import quantities_of, table_of
 from servo.report.words import Table, shown
 from servo.scenario.load import Scenario, load
-from tracking.drawing.contact_sheet import encoded
 from tracking.drawing.figures import Drawing
+from tracking.drawing.picture_bytes import encoded
 
 QUALITY = 95
 """Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""

@@ -15,18 +15,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-FOLDERS = (
-    "tracking.trackers",
-    "servo.estimators",
-    "servo.controllers",
-    "servo.features",
-    "sim.motions",
-    "sim.disturbances",
-    "sim.robots",
-    "sim.targets",
-)
-"""Folders that packages may add to; the group of "sim.robots" is "servobench.robots"."""
-
 
 class Trusted(str):
     """A text from the command line or from Python.
@@ -53,23 +41,38 @@ class Installed:
     """Where it is, as module:Class."""
 
 
+GROUPS = "servobench."
+"""How the names of our groups of entry points begin."""
+
+
 @functools.cache  # looking through all packages takes 20 ms
-def installed(folder: str) -> tuple[Installed, ...]:
-    """The kinds that packages add to a folder."""
-    if folder not in FOLDERS:
-        return ()
-    found = metadata.entry_points(group=f"servobench.{folder.rpartition('.')[2]}")
-    kinds = {
-        Installed(e.name, e.dist.name, e.dist.version, e.value.replace(" ", ""))
-        for e in found
-        if e.dist is not None
+def _entries() -> dict[str, frozenset[Installed]]:
+    """Return the kinds that packages bring, by group."""
+    entries = metadata.entry_points()
+    return {
+        group: frozenset(
+            Installed(e.name, e.dist.name, e.dist.version, e.value.replace(" ", ""))
+            for e in entries.select(group=group)
+            if e.dist is not None
+        )
+        for group in entries.groups
+        if group.startswith(GROUPS)
     }
-    return tuple(sorted(kinds, key=lambda k: (k.kind, k.package)))
+
+
+def installed(group: str) -> tuple[Installed, ...]:
+    """Return the kinds that packages bring to a group such as "servobench.trackers"."""
+    return tuple(sorted(_entries().get(group, ()), key=lambda k: (k.kind, k.package)))
 
 
 def packages() -> dict[str, str]:
-    """Versions of all packages that bring kinds, by name."""
-    return {k.package: k.version for folder in FOLDERS for k in installed(folder)}
+    """Return the versions of all packages that bring kinds, by name."""
+    return {k.package: k.version for kinds in _entries().values() for k in kinds}
+
+
+def forget_packages() -> None:
+    """Look through the packages anew next time: one has been installed meanwhile."""
+    _entries.cache_clear()
 
 
 def imported(path: str) -> Any:

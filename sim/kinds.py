@@ -1,9 +1,13 @@
-"""A folder is a registry: a file's name is a kind, its `Config` holds the settings and builds the
-thing.
+"""A folder is a registry of kinds: a file's name is a kind, and its `Config` holds the settings and
+builds the thing.
 
-Dropping a file into one of the folders is all it takes to add a motion, a tracker, an estimator,
-... Installed packages add kinds by entry points; see `sim.installed`.
+A folder owns a value `KINDS = Kinds(__name__, ...)`, and a file dropped into it adds a motion, a
+tracker, an estimator, ... A kind may be a preset of another kind: its `Config` then inherits from
+the other one and changes nothing but defaults. Installed packages add kinds by entry points; see
+`sim.installed`.
 """
+
+from __future__ import annotations
 
 import ast
 import dataclasses
@@ -13,67 +17,201 @@ import inspect
 import itertools
 import pkgutil
 from collections import Counter
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
-from typing import Any, cast
+from typing import Any, Generic, TypeVar, cast
 
-from sim.installed import FOLDERS, BrokenPart, Installed, Trusted, imported, installed
+from sim.installed import BrokenPart, Installed, Trusted, imported, installed
 
-OWN = ("sim", "tracking", "servo")
-"""The packages whose folders of plugins name a kind by its file."""
+Config = TypeVar("Config", covariant=True)
+"""The settings of a folder's kinds, which build the thing."""
+Settings = Mapping[str, Any]
 
 
 class UnknownKind(ValueError):
-    """No kind of that name; the message lists what there is."""
+    """There is no kind of that name; the message lists those that there are."""
 
 
-def names(folder: str) -> list[str]:
-    """The kinds a folder (a package such as 'tracking.trackers') has, sorted.
+class Kinds(Generic[Config]):
+    """The kinds of a folder, with those that installed packages add.
 
-    An installed package's kind that has the name of another one is called package:kind.
+    >>> from sim import motions
+    >>> motions.KINDS.config("line", speed=0.2).speed
+    0.2
     """
-    return sorted([*_own(folder), *_added(folder)])
+
+    def __init__(
+        self,
+        folder: str,
+        group: str = "",
+        adapt: Callable[[Any], type[Any] | None] = lambda _: None,
+    ) -> None:
+        """Register a folder.
+
+        Args:
+            folder: Its package, such as "tracking.trackers".
+            group: Entry points of other packages' kinds, such as "servobench.trackers"; without
+                it, no package adds any.
+            adapt: Makes a `Config` class of another object, or gives None.
+        """
+        self.folder = folder
+        self.group = group
+        self._adapt = adapt
+        _REGISTERED[folder] = self
+
+    def names(self) -> list[str]:
+        """Return all kinds, sorted.
+
+        An installed package's kind that has the name of another one is called package:kind.
+        """
+        return sorted([*self._own(), *self._added()])
+
+    def package_of(self, kind: str) -> str:
+        """Return the package and version that a kind comes from; nothing for ours."""
+        found = self._added().get(kind)
+        return "" if found is None else f"{found.package} {found.version}"
+
+    def config(self, kind: str, preset: str | None = None, /, **settings: Any) -> Config:
+        """Return the settings of a kind: those given, then those of the preset, then its defaults.
+
+        Raises:
+            UnknownKind: There is no such kind or preset.
+            TypeError: There is no such setting.
+        """
+        begin = {} if preset is None else self.preset(kind, preset)
+        return self.config_of(kind)(**{**begin, **settings})
+
+    def config_of(self, kind: str) -> type[Any]:
+        """Return the `Config` class of one kind.
+
+        Raises:
+            UnknownKind: There is no such kind, it cannot be imported, or it is no `Config`.
+        """
+        if kind in self._own():
+            return importlib.import_module(f"{self.folder}.{kind}").Config
+        try:
+            return self.as_config(imported(self._path_of(kind)), kind)
+        except BrokenPart as error:
+            package = self.package_of(kind)
+            of = f"the kind '{kind}' of {package}: " if package else ""
+            raise UnknownKind(f"{of}{error}") from error
+
+    def as_config(self, found: Any, name: str) -> type[Any]:
+        """Return a `Config` class for an object that is given as a part.
+
+        Raises:
+            UnknownKind: It is no `Config`, and the folder cannot adapt it.
+        """
+        if isinstance(found, type) and callable(getattr(found, "build", None)):
+            _check_config(found, name)
+            return found
+        if (adapted := self._adapt(found)) is not None:
+            return adapted
+        raise UnknownKind(f"'{name}' is no Config: that is a dataclass with a method build(rng)")
+
+    def preset(self, kind: str, name: str) -> Settings:
+        """Return the settings that a kind has under a name, such as the "paper" it comes from.
+
+        Raises:
+            UnknownKind: There is no such kind, or it has no such preset.
+        """
+        known = self.presets(kind)
+        if name not in known:
+            there = f"there is {', '.join(known)}" if known else f"'{kind}' has none"
+            raise UnknownKind(f"there is no preset '{name}'; {there}")
+        return known[name]
+
+    def presets(self, kind: str) -> dict[str, Settings]:
+        """Return all presets of a kind by name: the `PRESETS` of its file, or of another package's
+        `Config`.
+
+        Raises:
+            UnknownKind: There is no such kind.
+        """
+        config = self.config_of(kind)
+        own = kind in self._own()
+        return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
+
+    def named(self, text: str) -> dict[str, str]:
+        """Return the table that "kind" or "kind:preset" stands for; a kind of another package may
+        be "package:kind", and a class to import "module:Name".
+        """
+        kind, *rest = text.split(":")
+        if kind and rest and kind not in self.names():
+            kind = f"{kind}:{rest.pop(0)}"
+        return {"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {})
+
+    def summary(self, kind: str) -> str:
+        """Return the first sentence of the kind's file, read without importing what it needs; of
+        another package's kind, that of its class.
+
+        Raises:
+            UnknownKind: There is no such kind.
+        """
+        if kind in self._own():
+            return _first_sentence(_tree_of(f"{self.folder}.{kind}"))
+        module, _, name = self._path_of(kind).partition(":")
+        tree = _tree_of(module)
+        classes = [n for n in ast.walk(tree) if isinstance(n, ast.ClassDef) and n.name == name]
+        return next(filter(None, map(_first_sentence, [*classes, tree])), "")
+
+    def kind_at(self, path: str) -> str | None:
+        """Return the kind that an entry point of this folder gives to module:Class, if any."""
+        return next((name for name, found in self._added().items() if found.path == path), None)
+
+    def _own(self) -> list[str]:
+        spec = importlib.util.find_spec(self.folder)
+        paths = spec.submodule_search_locations if spec else None
+        return sorted(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
+
+    def _added(self) -> dict[str, Installed]:
+        """Return kinds of installed packages by the names they go by."""
+        found = installed(self.group) if self.group else ()
+        count = Counter([*self._own(), *(k.kind for k in found)]) if found else Counter[str]()
+        return {k.kind if count[k.kind] == 1 else f"{k.package}:{k.kind}": k for k in found}
+
+    def _path_of(self, kind: str) -> str:
+        """Return module:Class of a kind that is not ours.
+
+        Raises:
+            UnknownKind: There is no such kind, several packages have it, or a file names code.
+        """
+        added = self._added()
+        each = {f"{found.package}:{found.kind}": found for found in added.values()}
+        if (found := added.get(kind) or each.get(kind)) is not None:
+            return found.path
+        if ":" not in kind:
+            several = [n for n in added if n.endswith(f":{kind}")]
+            which = f"several packages have a kind '{kind}': write {' or '.join(several)}"
+            there = f"there is no kind '{kind}'; there is {', '.join(self.names())}"
+            raise UnknownKind(which if several else there)
+        if not isinstance(kind, Trusted):
+            raise UnknownKind(
+                f"'{kind}' is no kind of an installed package, and a file may not name code to "
+                "import: give it with --set, or from Python"
+            )
+        return kind
 
 
-def package_of(folder: str, kind: str) -> str:
-    """The package and version that a kind comes from; nothing for ours."""
-    found = _added(folder).get(kind)
-    return "" if found is None else f"{found.package} {found.version}"
+_REGISTERED: dict[str, Kinds[Any]] = {}
+"""Each folder of kinds that has been imported, by its package."""
 
 
-def config_of(folder: str, kind: str) -> type[Any]:
-    """The `Config` class of one kind.
-
-    Raises:
-        UnknownKind: The folder has no such kind, it cannot be imported, or it is no `Config`.
+def kind_of(config: object) -> str:
+    """Return the kind of a `Config`: the name of its file in a folder of kinds, that of its entry
+    point, or module:Class. A class that stands for something else names its kind by a class
+    attribute `kind`, which is no field.
     """
-    if kind in _own(folder):
-        return importlib.import_module(f"{folder}.{kind}").Config
-    try:
-        return as_config(folder, imported(_path_of(folder, kind)), kind)
-    except BrokenPart as error:
-        package = package_of(folder, kind)
-        of = f"the kind '{kind}' of {package}: " if package else ""
-        raise UnknownKind(f"{of}{error}") from error
-
-
-def as_config(folder: str, found: Any, name: str) -> type[Any]:
-    """A `Config` class for an object that is given as a part.
-
-    A folder may adapt other things: its function `adapted` makes a `Config` class of them, or
-    gives None.
-
-    Raises:
-        UnknownKind: It is no `Config`, and the folder cannot adapt it.
-    """
-    if isinstance(found, type) and callable(getattr(found, "build", None)):
-        _check_config(found, name)
-        return found
-    adapt = getattr(importlib.import_module(folder), "adapted", None)
-    if adapt is not None and (adapted := adapt(found)) is not None:
-        return adapted
-    raise UnknownKind(f"'{name}' is no Config: that is a dataclass with a method build(rng)")
+    of = type(config)
+    package, _, name = of.__module__.rpartition(".")
+    if package in _REGISTERED and of.__qualname__ == "Config":
+        return name
+    path = f"{of.__module__}:{of.__qualname__}"
+    if not dataclasses.is_dataclass(of) or "kind" not in (f.name for f in dataclasses.fields(of)):
+        path = str(getattr(of, "kind", path))
+    return next(filter(None, (each.kind_at(path) for each in _REGISTERED.values())), path)
 
 
 def _check_config(config: type[Any], name: str) -> None:
@@ -89,106 +227,8 @@ def _check_config(config: type[Any], name: str) -> None:
         raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
 
 
-def kind_of(config: Any) -> str:
-    """The kind of a `Config`: the attribute `kind` of its class where it has one that is not a
-    setting, the name of its file in one of our folders, that of its entry point, or module:Class.
-    """
-    of = type(config)
-    is_setting = dataclasses.is_dataclass(of) and "kind" in {f.name for f in dataclasses.fields(of)}
-    own = None if is_setting else getattr(of, "kind", None)
-    if not isinstance(own, str):
-        package, _, kind = of.__module__.rpartition(".")
-        if package.partition(".")[0] in OWN and of.__qualname__ == "Config":
-            return kind
-        own = f"{of.__module__}:{of.__qualname__}"
-    if ":" not in own:
-        return own
-    added = (item for folder in FOLDERS for item in _added(folder).items())
-    return next((name for name, found in added if found.path == own), own)
-
-
-def preset(folder: str, kind: str, name: str) -> dict[str, Any]:
-    """The settings that a kind has under a name, such as the "paper" it comes from.
-
-    Raises:
-        UnknownKind: There is no such kind, or it has no such preset.
-    """
-    known: dict[str, dict[str, Any]] = presets(folder, kind)
-    if name not in known:
-        there = f"there is {', '.join(known)}" if known else f"'{kind}' has none"
-        raise UnknownKind(f"there is no preset '{name}'; {there}")
-    return known[name]
-
-
-def named(folder: str, text: str) -> dict[str, Any]:
-    """The table that "kind" or "kind:preset" stands for; a kind of another package may be
-    "package:kind", and a class to import "module:Name".
-    """
-    kind, *rest = text.split(":")
-    if kind and rest and kind not in names(folder):
-        kind = f"{kind}:{rest.pop(0)}"
-    return {"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {})
-
-
-def presets(folder: str, kind: str) -> dict[str, dict[str, Any]]:
-    """All presets of a kind by name: the `PRESETS` of its file, or of another's `Config`."""
-    config = config_of(folder, kind)
-    own = kind in _own(folder)
-    return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
-
-
-def summary(folder: str, kind: str) -> str:
-    """The first sentence of the kind's file, read without importing what it needs; of another
-    package's kind, that of its class.
-    """
-    if kind in _own(folder):
-        return _first_sentence(_tree_of(f"{folder}.{kind}"))
-    module, _, name = _path_of(folder, kind).partition(":")
-    tree = _tree_of(module)
-    classes = [n for n in ast.walk(tree) if isinstance(n, ast.ClassDef) and n.name == name]
-    return next(filter(None, map(_first_sentence, [*classes, tree])), "")
-
-
-def _own(folder: str) -> list[str]:
-    spec = importlib.util.find_spec(folder)
-    paths = spec.submodule_search_locations if spec else None
-    return sorted(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
-
-
-def _added(folder: str) -> dict[str, Installed]:
-    """Kinds of installed packages by the names they go by."""
-    found = installed(folder)
-    taken = Counter([*_own(folder), *(k.kind for k in found)]) if found else Counter[str]()
-    return {k.kind if taken[k.kind] == 1 else f"{k.package}:{k.kind}": k for k in found}
-
-
-def _path_of(folder: str, kind: str) -> str:
-    """module:Class of a kind that is not ours.
-
-    Raises:
-        UnknownKind: There is no such kind, several packages have it, or a file names code.
-    """
-    for found in installed(folder):
-        if kind == f"{found.package}:{found.kind}":
-            return found.path
-    if (added := _added(folder).get(kind)) is not None:
-        return added.path
-    if ":" not in kind:
-        several = [n for n in _added(folder) if n.endswith(f":{kind}")]
-        which = f"several packages have a kind '{kind}': write {' or '.join(several)}"
-        raise UnknownKind(
-            which if several else f"there is no kind '{kind}'; there is {', '.join(names(folder))}"
-        )
-    if not isinstance(kind, Trusted):
-        raise UnknownKind(
-            f"'{kind}' is no kind of an installed package, and a file may not name code to "
-            "import: give it with --set, or from Python"
-        )
-    return kind
-
-
 def _tree_of(module: str) -> ast.Module:
-    """The parsed source of a module; empty where there is none."""
+    """Return the parsed source of a module; empty where there is none."""
     with suppress(Exception, SystemExit):  # finding a module imports the package around it
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.origin is not None:
@@ -201,7 +241,7 @@ def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
 
 
 def field_docs(config: type[Any]) -> dict[str, str]:
-    """The docstring under each field of a dataclass, by field name."""
+    """Return the docstring under each field of a dataclass, by field name."""
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):
         try:

@@ -103,7 +103,9 @@ def test_vots_protocol(tmp_path):
 
 def test_vots_protocol_names_a_picture_that_is_none(tmp_path):
     (tmp_path / "0.png").write_bytes(b"no picture")
-    with pytest.raises(ValueError, match=r"0\.png: this is not a picture; known formats are JPEG"):
+    with pytest.raises(
+        ValueError, match=r"0\.png: this picture cannot be decoded; known formats are JPEG"
+    ):
         run_vot(Handle([str(tmp_path / "0.png")]), "frozen")
 
 
@@ -159,7 +161,7 @@ def test_got10ks_experiments_call_track(tmp_path):
 
 def test_a_picture_that_is_none_is_named_in_a_track(tmp_path):
     (tmp_path / "a.jpg").write_bytes(b"no picture")
-    with pytest.raises(ValueError, match=r"a\.jpg: this is not a picture"):
+    with pytest.raises(ValueError, match=r"a\.jpg: this picture cannot be decoded"):
         Got10kTracker("mk_ssd").track([str(tmp_path / "a.jpg")], (41, 31, 30, 20))
 
 

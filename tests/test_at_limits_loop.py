@@ -15,7 +15,7 @@ from servo.loop.run_measures import Outcome, Report, RunMeasure, violations
 from servo.scenario.load import load
 from servo.study.results import missed
 from servo.types import Mode
-from sim import kinds
+from sim.disturbances import KINDS as DISTURBANCES
 from sim.geometry import inverse_if_strong
 from sim.timing import Rates
 from tracking.types import Status as Tracked
@@ -37,7 +37,7 @@ def test_whole_steps(rate, fits):
 
 
 def effect(kind, time, **settings):
-    config = kinds.config_of("sim.disturbances", kind)(**settings)
+    config = DISTURBANCES.config_of(kind)(**settings)
     return config.build(np.random.default_rng(0)).at(time)
 
 

@@ -13,7 +13,7 @@ from tracking.appearance.bins import Window
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track_measures import OVERLAPS, Comparison, frames_until_loss, lost_signal
 from tracking.lock import FEW, Lock, LockConfig
-from tracking.sequences import quadrilateral, truth, video_file
+from tracking.sequences import quadrilateral, truth
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import Painted
 from tracking.statistics.comparisons import McNemar
@@ -148,19 +148,6 @@ def test_corners_are_a_rectangle_up_to_a_fiftieth_of_the_longer_side(skew, turne
 )
 def test_numbers_of_cameras(text, right):
     assert passes(source_of, text, 30.0) is right
-
-
-@pytest.mark.parametrize(
-    ("head", "said"),
-    [
-        (b"\x1f" * 9, "not a video; known"),
-        (b"\x20" * 9, "a text"),
-        (b"\t\r\n" * 9, "a text"),
-    ],
-)
-def test_letters_of_texts(head, said):
-    with pytest.raises(ValueError, match=said):
-        video_file.check_beginning(head)
 
 
 def region_passes(width=40.0, height=20.0, x=50.0, y=30.0, theta=0.0, scale=1.0, size=(60, 100)):

@@ -2,8 +2,6 @@
 
 from types import SimpleNamespace
 
-import numpy as np
-import pyarrow as pa
 import pytest
 from distributed.core import Status
 
@@ -13,7 +11,7 @@ from servo.bench.sequence_jobs import LONGEST_LABEL, Contender
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused
 from servo.output import track_folder
-from servo.report import files, words
+from servo.report import words
 from servo.scenario import toml
 from servo.scenario.draws import LARGEST
 from servo.study import parse
@@ -230,12 +228,6 @@ def test_numbers_on_a_page():
     assert told == ["100", "100", "100", "999,999", "1e+06", "-1e+06", "-123"]
     assert words.cut("runs", [1, 2], 2) is None
     assert words.cut("runs", [1, 2, 3], 2) == "The first 2 of 3 runs are shown."
-
-
-def test_numbers_of_a_file():
-    most = files.ABSURD
-    assert not files._absurd(pa.chunked_array([[most, -most, np.nan, np.inf]]))
-    assert files._absurd(pa.chunked_array([[0.0, -1.01 * most]]))
 
 
 def test_cells_of_a_printed_table(capsys):

@@ -13,7 +13,6 @@ from dark import Dark
 import servo.loop.episode
 from servo.loop.episode import Episode
 from servo.loop.run_measures import summarise
-from servo.mistake import Mistake
 from servo.scenario.load import load
 from sim.geometry import angle_of, exp_se3, log_se3
 from tracking.types import Estimate, State, Status, unknown_covariance
@@ -174,11 +173,3 @@ def test_an_ignored_distortion_changes_the_depth_by_what_it_does_to_the_corners(
     off, turned = end_of(f"features.kind={features}", *lens, "believed.ignore_distortion=true")
     assert off[2] == pytest.approx(-0.3 * 2 * 0.1**2, rel=0.02)
     assert np.degrees(turned) < 0.02
-
-
-def test_the_old_place_of_the_depth_is_named():
-    with pytest.raises(Mistake) as found:
-        load("still", ["sight.depth_factor=2.0"])
-    assert str(found.value) == (
-        "--set sight.depth_factor=2.0: sight.depth_factor is believed.depth_factor now"
-    )

@@ -10,13 +10,12 @@ from made import config_for
 from servo import testing
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.testing import BrokenContract, check_features, check_tracker
-from sim import kinds
 from tracking.types import Estimate, State, Status, check_region, unknown_covariance
 
 FOLDERS = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
 CHECKS = {part: getattr(testing, f"check_{part.removesuffix('s')}", None) for part in FOLDERS}
 CHECKS["features"] = check_features
-EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in kinds.names(folder)]
+EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in folder.names()]
 
 
 ALONE = [("tracker", kind) for kind in ("opencv", "tag", "trax")]

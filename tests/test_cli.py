@@ -9,9 +9,9 @@ import pytest
 
 from servo.cli import main
 from servo.output.run_folder import RunFolder
-from sim import kinds
+from tracking import trackers
 
-TRACKERS = ", ".join(kinds.names("tracking.trackers"))
+TRACKERS = ", ".join(trackers.KINDS.names())
 QUICK = ["--set", "run.duration=0.2", "--set", "expect={}", "--quiet", "--no-rerun"]
 
 

@@ -7,11 +7,10 @@ import pytest
 from servo.bench.loop_jobs import LoopJob
 from servo.cli import main
 from servo.papers.experiments import contender
-from sim import kinds
-from tracking import create
+from tracking import create, trackers
 from tracking.external import OF_THE_USER
 
-TRACKERS = [k for k in kinds.names("tracking.trackers") if k not in OF_THE_USER | {"frozen"}]
+TRACKERS = [k for k in trackers.KINDS.names() if k not in OF_THE_USER | {"frozen"}]
 SHORT = ("run.duration=4.0", "measure.after=3.0")
 MOST_PX = 4.0
 """The camera ends this near the target; OpenCV's whole-pixel boxes are the worst, at 2.9."""
@@ -60,15 +59,15 @@ def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd
 
 
 def test_presets_are_the_papers_settings():
-    for kind in kinds.names("tracking.trackers"):
-        for name, settings in kinds.presets("tracking.trackers", kind).items():
-            config = kinds.config_of("tracking.trackers", kind)(**settings)
+    for kind in trackers.KINDS.names():
+        for name, settings in trackers.KINDS.presets(kind).items():
+            config = trackers.KINDS.config_of(kind)(**settings)
             assert name in ("paper", "video")
             assert name == "video" or getattr(config, "contrast", 0.0) == 0.0
             assert name == "video" or not getattr(config, "discriminate", False)
             assert (getattr(config, "views", 0) > 0) == (name == "video")
     papers = {
-        k: kinds.preset("tracking.trackers", k, "paper")
+        k: trackers.KINDS.preset(k, "paper")
         for k in TRACKERS
         if "cv_" not in k and k not in ("camshift", "homography")
     }

@@ -5,14 +5,16 @@ import numpy as np
 import pytest
 from servoing import begun, own, posture_of
 
+from servo import controllers, estimators
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim import kinds
 from sim.types import Frame
+from tracking import trackers
 from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
-EVERY = [(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
-TRACKERS = [kind for kind in kinds.names("tracking.trackers") if kind not in ("tag", "trax")]
+EVERY = [(folder, kind) for folder in FOLDERS for kind in folder.names()]
+TRACKERS = [kind for kind in trackers.KINDS.names() if kind not in ("tag", "trax")]
 """Those that follow any target by themselves; `test_trax.py` has a server, and
 `test_tag_tracker.py` a tag."""
 WITH_COVARIANCE = {
@@ -26,14 +28,14 @@ WITH_COVARIANCE = {
     "texture_pf",
 }
 """Trackers with particles; the others have no covariance."""
-ESTIMATORS = kinds.names("servo.estimators")
-CONTROLLERS = kinds.names("servo.controllers")
+ESTIMATORS = estimators.KINDS.names()
+CONTROLLERS = controllers.KINDS.names()
 FIRST = State(80.0, 60.0, 0.3, 1.0)
 STILL = posture_of(np.zeros(6))
 
 
 def build(folder, kind, seed=0):
-    return kinds.config_of(folder, kind)().build(np.random.default_rng(seed))
+    return folder.config_of(kind)().build(np.random.default_rng(seed))
 
 
 def frames(count=6, gone_after=None):
@@ -51,15 +53,15 @@ def frames(count=6, gone_after=None):
 
 
 def track(kind, seed=0, **options):
-    tracker, sequence = build("tracking.trackers", kind, seed), list(frames(**options))
+    tracker, sequence = build(trackers.KINDS, kind, seed), list(frames(**options))
     tracker.start(sequence[0], Region(40.0, 20.0), FIRST)
     return [tracker.update(frame) for frame in sequence[1:]]
 
 
 @pytest.mark.parametrize(("folder", "kind"), EVERY)
 def test_every_kind_documents_itself_and_its_settings(folder, kind):
-    assert kinds.summary(folder, kind).endswith((".", ")"))
-    docs = kinds.field_docs(kinds.config_of(folder, kind))
+    assert folder.summary(kind).endswith((".", ")"))
+    docs = kinds.field_docs(folder.config_of(kind))
     assert all(docs.values()), docs
 
 
@@ -77,7 +79,7 @@ def test_trackers_give_finite_estimates_and_leave_the_frame_alone(kind):
 
 def jerked(kind, told, jump=(24, -16), count=8):
     """Largest error of the centre where the camera jerks to and fro [px]."""
-    tracker, worst, before = build("tracking.trackers", kind), 0.0, np.zeros(2, int)
+    tracker, worst, before = build(trackers.KINDS, kind), 0.0, np.zeros(2, int)
     for k, frame in enumerate(frames(count)):
         shift = np.array(jump) * (k % 2)
         image = np.roll(frame.image, (shift[1], shift[0]), axis=(0, 1))
@@ -111,12 +113,12 @@ def test_a_target_that_is_gone_is_lost_not_an_exception(kind):
 @pytest.mark.parametrize("kind", TRACKERS)
 def test_trackers_refuse_an_empty_region(kind):
     with pytest.raises(ValueError, match="both sides must be at least 4 px"):
-        build("tracking.trackers", kind).start(next(frames()), Region(0.0, 20.0), FIRST)
+        build(trackers.KINDS, kind).start(next(frames()), Region(0.0, 20.0), FIRST)
 
 
 @pytest.mark.parametrize("kind", ESTIMATORS)
 def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
-    estimator, rng = begun(build("servo.estimators", kind)), np.random.default_rng(1)
+    estimator, rng = begun(build(estimators.KINDS, kind)), np.random.default_rng(1)
     rest, speed = own(np.zeros(4)), np.array([0.1, -0.1, 0.05, 0.2])
     first = estimator.update(np.zeros(4), rest, 0.1)
     assert first.motion.tolist() == [0.0] * 4
@@ -137,7 +139,7 @@ def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
 
 @pytest.mark.parametrize("kind", ESTIMATORS)
 def test_estimators_that_have_seen_nothing_foretell_nothing(kind):
-    predicted = begun(build("servo.estimators", kind)).skip(own(np.full(4, 0.3)), 0.1)
+    predicted = begun(build(estimators.KINDS, kind)).skip(own(np.full(4, 0.3)), 0.1)
     assert predicted.motion.tolist() == [0.0] * 4
     assert predicted.error.tolist() == [0.0] * 4
     assert np.all(np.isnan(predicted.innovation))
@@ -146,7 +148,7 @@ def test_estimators_that_have_seen_nothing_foretell_nothing(kind):
 
 def test_an_unknown_kind_lists_what_there_is():
     with pytest.raises(kinds.UnknownKind) as refused:
-        kinds.config_of("servo.estimators", "magic")
+        estimators.KINDS.config_of("magic")
     assert str(refused.value) == (
         "there is no kind 'magic'; there is difference, error_kalman, imm, jump, "
         "kalman_ca, kalman_cv, none, true"

@@ -70,17 +70,17 @@ def trap(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_name_that_is_no_file_of_the_folder_is_refused_and_nothing_imported(folder, trap):
-    kinds.names(folder)  # imports the folder itself
+    folder.names()  # imports the folder itself
     before = set(sys.modules)
     for name in NO_KINDS:
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.config_of(folder, name)
+            folder.config_of(name)
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.preset(folder, name, "paper")
+            folder.preset(name, "paper")
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.summary(folder, name)
+            folder.summary(name)
         with pytest.raises(kinds.UnknownKind, match="there is no kind"):
-            kinds.presets(folder, name)
+            folder.presets(name)
     assert set(sys.modules) == before
 
 

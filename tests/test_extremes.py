@@ -21,7 +21,6 @@ from servo.scenario import load as s
 from servo.scenario import toml
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.toml import put
-from sim import kinds
 from sim.ranges import LONGEST
 
 SHORT = """
@@ -126,7 +125,7 @@ def base(place, kind):
     """A short scenario with a kind in its place, in which its settings matter."""
     table = toml.decode(SHORT, "short")
     if place in LISTS:
-        names = {f.name for f in dataclasses.fields(kinds.config_of(LISTS[place], kind))}
+        names = {f.name for f in dataclasses.fields(LISTS[place].config_of(kind))}
         table[place] = [{"kind": kind} | {k: v for k, v in EARLY.items() if k in names}]
     elif place in PLUGINS:
         table[place] = {"kind": kind} | (EVERYTHING if kind in ("ibvs", "qp") else {})
@@ -135,9 +134,9 @@ def base(place, kind):
 
 KINDS = [(place, None, config) for place, config in s.SECTIONS.items()]
 KINDS += [
-    (place, kind, kinds.config_of(folder, kind))
+    (place, kind, folder.config_of(kind))
     for place, folder in [*((p, f) for p, (f, _) in PLUGINS.items()), *LISTS.items()]
-    for kind in kinds.names(folder)
+    for kind in folder.names()
 ]
 
 

@@ -3,24 +3,22 @@
 import numpy as np
 import pytest
 
-from sim import kinds
 from tracking.drawing.contact_sheet import FOUND, TILE, TRUE, sheet
+from tracking.sequences.painted import KINDS as FOLDER
 from tracking.sequences.painted.clutter import LEVELS, RADIUS
 from tracking.sequences.sources import Painted
 from tracking.types import State
 
-FOLDER = "tracking.sequences.painted"
-
 
 def build(kind, seed=0, **settings):
-    return kinds.config_of(FOLDER, kind)(**settings).build(np.random.default_rng(seed))
+    return FOLDER.config_of(kind)(**settings).build(np.random.default_rng(seed))
 
 
 def picture(sequence, index):
     return sequence.source.paint(index)
 
 
-@pytest.mark.parametrize("kind", kinds.names(FOLDER))
+@pytest.mark.parametrize("kind", FOLDER.names())
 def test_the_same_seed_paints_the_same_pictures(kind):
     once, again, other = build(kind, 3), build(kind, 3), build(kind, 4)
     np.testing.assert_array_equal(once.truth, again.truth)
@@ -28,7 +26,7 @@ def test_the_same_seed_paints_the_same_pictures(kind):
     assert not np.array_equal(picture(once, 7), picture(other, 7))
 
 
-@pytest.mark.parametrize("kind", kinds.names(FOLDER))
+@pytest.mark.parametrize("kind", FOLDER.names())
 def test_the_truth_is_where_the_target_is_painted(kind):
     """The pixels that differ between two pictures lie in the targets' two places."""
     still = {"noise": 0.0} if kind != "clutter" else {}

@@ -13,11 +13,10 @@ from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS
-from sim import kinds
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 CONFIGS = [*s.SECTIONS.values()]
-CONFIGS += [kinds.config_of(folder, kind) for folder in FOLDERS for kind in kinds.names(folder)]
+CONFIGS += [folder.config_of(kind) for folder in FOLDERS for kind in folder.names()]
 
 
 def numbers(config):

@@ -12,7 +12,6 @@ from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS, SECTIONS, parse
-from sim import kinds
 from tracking.sequences import painted as generators
 
 ROOT = Path(__file__).parents[1]
@@ -131,17 +130,16 @@ def test_the_manuals_name_every_scenario_study_measure_and_kind():
     asked = [(scenes, [*shipped(), *studies(), *MEANINGS])]
     listed = scenes.partition("### Kinds")[2].partition("\n## ")[0]
     asked += [
-        (listed, kinds.names(folders[part]))
-        for part in ("robot", "target", "motion", "disturbances")
+        (listed, folders[part].names()) for part in ("robot", "target", "motion", "disturbances")
     ]
     asked += [
-        (tracking, kinds.names(folders["tracker"])),
-        (tracking, kinds.names(generators.__name__)),
+        (tracking, folders["tracker"].names()),
+        (tracking, generators.KINDS.names()),
     ]
-    asked += [(servo, kinds.names(folders[part])) for part in ("features", "estimator")]
+    asked += [(servo, folders[part].names()) for part in ("features", "estimator")]
     missing = [word for text, words in asked for word in words if f"`{word}`" not in text]
     assert not missing
-    assert {"ibvs", "qp", "hold"} == {*kinds.names(folders["controller"])}
+    assert {"ibvs", "qp", "hold"} == {*folders["controller"].names()}
 
 
 def test_every_test_that_keeps_a_promise_exists():

@@ -15,7 +15,6 @@ from seen_targets import (
     stl_text,
 )
 
-from sim.models import mesh_file
 from sim.targets import mesh
 
 
@@ -84,4 +83,4 @@ def test_binary_and_written_stl_files_are_read(model_folder, data):
 
 def test_equal_vertices_become_one(model_folder):
     (model_folder / "part.stl").write_bytes(stl_of(FACES))
-    assert mesh_file.read_mesh(model_folder / "part.stl").vertices.shape == (4, 3)
+    assert mesh.read_mesh(model_folder / "part.stl").vertices.shape == (4, 3)

@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
 
-from sim import kinds
 from sim.geometry import log_se3
+from sim.motions import KINDS as MOTIONS
 from sim.motions import circle, line, reversal, sine, six, spin, stop_and_go, wander
 
-KINDS = kinds.names("sim.motions")
+KINDS = MOTIONS.names()
 
 RNG = np.random.default_rng(0)
 
 
 def build(kind, seed=0):
-    return kinds.config_of("sim.motions", kind)().build(np.random.default_rng(seed))
+    return MOTIONS.config_of(kind)().build(np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("kind", [k for k in KINDS if k != "six"])

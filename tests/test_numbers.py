@@ -10,25 +10,29 @@ import numpy as np
 import pytest
 from servoing import begun
 
+from servo import estimators
+from servo.estimators import KINDS as ESTIMATORS
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.load import load
 from servo.types import OwnMotion
-from sim import kinds
+from sim import disturbances, motions
+from sim.disturbances import KINDS as DISTURBANCES
+from sim.motions import KINDS as MOTIONS
 from sim.types import Frame
 from tracking.external import OF_THE_USER
+from tracking.sequences.painted import KINDS as GENERATORS
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
-GENERATORS = "tracking.sequences.painted"
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
-TRACKERS = "tracking.trackers"
-KINDS = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]
-PRESETS = [(kind, name) for kind in KINDS for name in ("", *kinds.presets(TRACKERS, kind))]
+KINDS = [kind for kind in TRACKERS.names() if kind not in OF_THE_USER]
+PRESETS = [(kind, name) for kind in KINDS for name in ("", *TRACKERS.presets(kind))]
 ROUNDING = 1e-4
 """Other processors round otherwise: a track may differ by this share."""
 
 
 def build(folder, kind, seed=0, **settings):
-    return kinds.config_of(folder, kind)(**settings).build(np.random.default_rng(seed))
+    return folder.config_of(kind)(**settings).build(np.random.default_rng(seed))
 
 
 def test_every_shipped_scenario_means_this(approved):
@@ -40,27 +44,27 @@ def test_every_shipped_scenario_means_this(approved):
 
 def test_every_motion_goes_this_way(approved):
     found = {}
-    for kind in kinds.names("sim.motions"):
-        poses = [build("sim.motions", kind).at(t) for t in (0.0, 0.7, 1.9, 3.3, 6.1, 11.0)]
+    for kind in MOTIONS.names():
+        poses = [build(motions.KINDS, kind).at(t) for t in (0.0, 0.7, 1.9, 3.3, 6.1, 11.0)]
         found[kind] = [[*p.translation[:2], *p.rotation[:2, 0]] for p in poses]
     approved("motions", found)
 
 
 def test_every_disturbance_has_these_effects(approved):
     times = (0.3, 1.2, 2.1, 2.9, 3.1, 3.4, 4.6, 5.2, 6.3, 9.0)
-    every = kinds.names("sim.disturbances")
+    every = DISTURBANCES.names()
     approved(
         "disturbances",
-        {kind: [build("sim.disturbances", kind).at(t) for t in times] for kind in every},
+        {kind: [build(disturbances.KINDS, kind).at(t) for t in times] for kind in every},
     )
 
 
 def test_every_estimator_gives_these_estimates(approved):
     """A target that drives, brakes and is hidden for four frames, with noise; at two rates."""
     found = {}
-    for kind in kinds.names("servo.estimators"):
+    for kind in ESTIMATORS.names():
         for rate in (30, 5):
-            estimator, rng = begun(build("servo.estimators", kind)), np.random.default_rng(2)
+            estimator, rng = begun(build(estimators.KINDS, kind)), np.random.default_rng(2)
             error, rows = np.zeros(4), []
             for k in range(30):
                 own = OwnMotion(rng.normal(0, 0.05, 4), rng.normal(0, 0.05, (k % 3, 4)))
@@ -79,7 +83,7 @@ def test_every_estimator_gives_these_estimates(approved):
 
 def test_every_generator_paints_these_sequences(approved):
     found = {}
-    for kind in kinds.names(GENERATORS):
+    for kind in GENERATORS.names():
         sequence = build(GENERATORS, kind, 2)
         pictures = [sequence.source.paint(k) for k in (0, 17, 80)]
         found[kind] = {
@@ -138,14 +142,14 @@ def track(kind, settings):
 
 @pytest.mark.parametrize(("kind", "preset"), PRESETS, ids=["-".join(p).strip("-") for p in PRESETS])
 def test_every_tracker_goes_this_way(approved, kind, preset):
-    settings = kinds.presets(TRACKERS, kind)[preset] if preset else {}
+    settings = TRACKERS.presets(kind)[preset] if preset else {}
     approved(f"tracks/{kind}{'-' * bool(preset)}{preset}", track(kind, settings), ROUNDING)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_choice_of_a_tracker_goes_this_way(approved, kind):
     """Each word that a setting may have, and each switch the other way round."""
-    config, others = kinds.config_of(TRACKERS, kind), {}
+    config, others = TRACKERS.config_of(kind), {}
     for name, hint in get_type_hints(config).items():
         before = getattr(config(), name)
         if get_origin(hint) is Literal:

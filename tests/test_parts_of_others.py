@@ -9,8 +9,10 @@ from servo.output.versions import versions
 from servo.scenario.load import load, parse
 from servo.study.perform import perform
 from servo.study.plan import Base, Run
-from sim import installed, kinds
+from sim import kinds
+from sim.installed import forget_packages
 from tracking import create
+from tracking.trackers import KINDS as TRACKERS
 
 MODULE = '''"""A module of somebody."""
 
@@ -59,7 +61,7 @@ VALUE = 3
 def package(tmp_path, monkeypatch):
     """Makes an installed package with a module and kinds of trackers."""
     monkeypatch.syspath_prepend(tmp_path)
-    installed.installed.cache_clear()
+    forget_packages()
 
     def make(name, **kinds_of):
         module = name.replace("-", "_")
@@ -72,18 +74,15 @@ def package(tmp_path, monkeypatch):
         return module
 
     yield make
-    installed.installed.cache_clear()
-
-
-TRACKERS = "tracking.trackers"
+    forget_packages()
 
 
 def test_a_kind_of_an_installed_package_stands_beside_ours(package):
     package("pkg-a", calm="Config")
-    assert "calm" in kinds.names(TRACKERS)
-    assert kinds.package_of(TRACKERS, "calm") == "pkg-a 1.5"
-    assert kinds.package_of(TRACKERS, "kams") == ""
-    assert kinds.summary(TRACKERS, "calm") == "Stands still."
+    assert "calm" in TRACKERS.names()
+    assert TRACKERS.package_of("calm") == "pkg-a 1.5"
+    assert TRACKERS.package_of("kams") == ""
+    assert TRACKERS.summary("calm") == "Stands still."
     scenario = load("still", ["tracker.kind=calm", "tracker.least=4"])
     assert scenario.settings()["tracker"] == {"kind": "calm", "least": 4}
     assert parse({"tracker": {"kind": "calm"}}, "a", "a.toml").tracker.least == 3
@@ -94,7 +93,7 @@ def test_a_kind_of_an_installed_package_stands_beside_ours(package):
 def test_names_that_two_packages_use_are_written_with_the_package(package):
     package("pkg-a", calm="Config", kams="Other")
     package("pkg-b", calm="Config")
-    names = kinds.names(TRACKERS)
+    names = TRACKERS.names()
     assert [n for n in names if "calm" in n or "kams" in n] == [
         "kams",
         "pkg-a:calm",
@@ -146,7 +145,7 @@ def test_a_path_is_taken_from_the_command_line_and_from_python_but_not_from_a_fi
 
 def test_a_setting_may_be_kept_out_of_files(package):
     module = package("pkg-a", calm="Config")
-    config = kinds.config_of(TRACKERS, "calm")
+    config = TRACKERS.config_of("calm")
     config.not_from_file = ("least",)
     assert load("still", ["tracker.kind=calm"]).tracker.least == 3
     with pytest.raises(Mistake, match=r"a.toml: tracker.least: a file may not name a command to "):
@@ -156,7 +155,7 @@ def test_a_setting_may_be_kept_out_of_files(package):
 
 def test_a_class_or_an_instance_from_python(package):
     package("pkg-a", calm="Config")
-    config = kinds.config_of(TRACKERS, "calm")
+    config = TRACKERS.config_of("calm")
     assert load("still", tracker=config).tracker == config()
     assert load("still", tracker=config(least=8)).tracker.least == 8
     with pytest.raises(Mistake, match=r"^there is no setting 'tracer'; did you mean 'tracker'\?$"):

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from sim import kinds
 from sim.types import Frame
 from tracking.evaluation.track_measures import turned_overlaps
 from tracking.lock import LockConfig
+from tracking.trackers import KINDS as TRACKERS
 from tracking.trackers.frozen import Config as FrozenConfig
 from tracking.trackers.pf_ssd import Config
 from tracking.types import Region, State, Status
@@ -41,7 +41,7 @@ def path(k):
 
 
 def config_of(kind):
-    return kinds.config_of("tracking.trackers", kind)
+    return TRACKERS.config_of(kind)
 
 
 def track(config, frames, seed=0):

@@ -1,22 +1,20 @@
-"""Pictures of all formats, odd ones, and sizes that are refused before anything is decoded."""
+"""Pictures of all formats and depths, and files that are no pictures."""
 
 import os
-import struct
 import subprocess
 import sys
-import zlib
 
 import cv2
 import numpy as np
 import pytest
 
 from sim.files import picture_file
-from sim.files.picture_file import SUFFIXES, read_image, size_of
+from sim.files.picture_file import SUFFIXES, read_image
 from sim.quiet import silent_libraries
 from tracking.sequences.folder import Folder
 
+WHY = "known formats are JPEG, PNG, BMP, TIFF, WebP, PPM"
 PICTURE = np.random.default_rng(0).integers(0, 256, (23, 37, 3), np.uint8)
-SIDE = 30_000
 
 
 def encoded(suffix, image=PICTURE):
@@ -25,52 +23,13 @@ def encoded(suffix, image=PICTURE):
     return data.tobytes()
 
 
-def png(width, height):
-    def chunk(kind, data):
-        whole = kind + data
-        return struct.pack(">I", len(data)) + whole + struct.pack(">I", zlib.crc32(whole))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    pixels = zlib.compress(b"\0" * 1000)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels)
-
-
-def tiff(order, *, big):
-    mark = b"II" if order == "<" else b"MM"
-    if big:
-        head = mark + struct.pack(f"{order}HHHQ", 43, 8, 0, 16) + struct.pack(f"{order}Q", 2)
-        return head + b"".join(struct.pack(f"{order}HHQQ", t, 16, 1, SIDE) for t in (256, 257))
-    head = mark + struct.pack(f"{order}HIH", 42, 8, 2)
-    return head + b"".join(struct.pack(f"{order}HHII", t, 4, 1, SIDE) for t in (256, 257))
-
-
-def jpeg():
-    start = encoded(".jpg").index(b"\xff\xc0") + 5
-    small = encoded(".jpg")
-    return small[:start] + struct.pack(">HH", SIDE, SIDE) + small[start + 4 :]
-
-
-BOMBS = {
-    "png": png(SIDE, SIDE),
-    "jpeg": jpeg(),
-    "bmp": b"BM" + b"\0" * 12 + struct.pack("<Iii", 40, SIDE, -SIDE) + b"\0" * 40,
-    "old bmp": b"BM" + b"\0" * 12 + struct.pack("<IHHHH", 12, SIDE, SIDE, 1, 24),
-    "ppm": b"P6 # made by hand\n30000\n# rows\n30000 255\n" + b"\0" * 99,
-    "pgm": b"P5\n30000 30000\n255\n",
-    "webp": b"RIFF\0\0\0\0WEBPVP8X\x0a\0\0\0\0\0\0\0" + (SIDE - 1).to_bytes(3, "little") * 2,
-    **{f"tiff{o}{b}": tiff(o, big=b) for o in "<>" for b in (False, True)},
-}
-
-
 @pytest.mark.parametrize("suffix", sorted(SUFFIXES))
-def test_every_format_is_read_and_its_header_tells_its_size(tmp_path, suffix):
+def test_every_format_is_read(tmp_path, suffix):
     image = PICTURE[..., 0] if suffix == ".pgm" else PICTURE
     data = encoded(suffix, image)
     (tmp_path / f"a{suffix}").write_bytes(data)
     found = read_image(tmp_path / f"a{suffix}")
     assert found.shape == (23, 37, 3)
-    if suffix != ".webp":  # of a usual one only what is larger than the limit would be read
-        assert size_of(data) == (37, 23)
     if suffix not in (".jpg", ".jpeg", ".webp", ".pgm"):
         np.testing.assert_array_equal(found, PICTURE[..., ::-1])
 
@@ -86,15 +45,12 @@ def test_every_depth_and_number_of_channels_is_rgb(tmp_path, suffix, depth, chan
     np.testing.assert_allclose(found, 127, atol=1)
 
 
-@pytest.mark.parametrize("name", BOMBS)
-def test_an_absurd_size_is_refused_before_it_is_decoded(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(cv2, "imdecode", None)  # a call of it would be another error
-    path = tmp_path / "bomb.png"
-    path.write_bytes(BOMBS[name])
+def test_a_picture_with_too_long_a_side_is_refused(tmp_path):
+    (tmp_path / "a.png").write_bytes(encoded(".png", np.zeros((1, 16_385, 3), np.uint8)))
     with pytest.raises(ValueError) as refused:
-        read_image(path)
+        read_image(tmp_path / "a.png")
     assert str(refused.value) == (
-        f"{path}: the picture has 30000 x 30000 px; the limit is 16384 px a side"
+        f"{tmp_path / 'a.png'}: the picture has 16385 x 1 px; the limit is 16384 px a side"
     )
 
 
@@ -112,9 +68,8 @@ def test_what_is_in_a_folder_but_no_picture_gives_its_reason(tmp_path, capfd):
     os.mkfifo(tmp_path / "4.png")
     (tmp_path / "5.png").write_bytes(b"")
     (tmp_path / "6.png").write_bytes(encoded(".png")[:20])
-    (tmp_path / "7.png").write_bytes(b"GIF89a" + b"\0" * 99)
-    (tmp_path / "8.png").write_bytes(encoded(".png")[:40])
-    (tmp_path / "9.png").write_bytes(b"\xff\xd8\xff\xe0\x00")
+    (tmp_path / "7.png").write_bytes(encoded(".png")[:40])
+    (tmp_path / "8.png").write_bytes(b"\xff\xd8\xff\xe0\x00")
     first, *others = Folder.of(tmp_path)
     assert first.image is not None
     unread = "cannot read this picture: "
@@ -123,13 +78,9 @@ def test_what_is_in_a_folder_but_no_picture_gives_its_reason(tmp_path, capfd):
         f"{unread}No such file or directory",
         f"{unread}Too many levels of symbolic links",
         f"{unread}it is a named pipe, not a file",
-        "this picture is an empty file",
-        "this picture is cut off or damaged",
-        "this is not a picture; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM",
-        "this picture cannot be decoded",
-        "this picture is cut off or damaged",
+        *[f"this picture cannot be decoded; {WHY}"] * 4,
     ]
-    assert [picture.image for picture in others] == [None] * 9
+    assert [picture.image for picture in others] == [None] * 8
     assert capfd.readouterr() == ("", "")
 
 

@@ -26,6 +26,7 @@ from servo.output.recording import archetypes, track_log
 from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
+from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
@@ -33,8 +34,6 @@ from tracking.sequences.sources import End, Painted, Picture
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 from tracking.types import Estimate, Region, State, Status
-
-LOOP = SimpleNamespace(render=2.5, step=6.0)
 
 
 @pytest.fixture
@@ -55,32 +54,12 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
     monkeypatch.setattr(doctor_command.gl, "describe", lambda: "a renderer")
 
-    class Folder:
-        def __init__(self, folder, _, *, rerun):
-            assert rerun
-            self.path = folder / "run.rrd"
-
-        def add(self, step):
-            pass
-
-        def close(self):
-            self.path.write_bytes(bytes(73_000))
-
-    opened = nullcontext(SimpleNamespace(frames=10))
-    monkeypatch.setattr(doctor_command, "Episode", lambda _: opened)
-    monkeypatch.setattr(doctor_command, "RunFolder", Folder)
-    times = SimpleNamespace(render=2.0, step=9.0)
-    monkeypatch.setattr(doctor_command.speed, "times_of", lambda episode, output=None: times)
-    monkeypatch.setattr(doctor_command.speed, "loop_times", lambda: LOOP)
-    monkeypatch.setattr(doctor_command.speed, "law_ms", lambda: 0.1234)
-    monkeypatch.setattr(doctor_command.speed, "film", lambda length: length)
-    monkeypatch.setattr(
-        doctor_command.speed, "tracker_ms", lambda kind, film: len(kind) * film / 100
-    )
-    assert doctor_command.examine(bench=True) == 0
+    step = SimpleNamespace(seconds=SimpleNamespace(render=0.002))
+    monkeypatch.setattr(doctor_command, "Episode", lambda _: nullcontext([step]))
+    assert doctor_command.examine() == 0
     approved("prints/doctor", lines(console))
     monkeypatch.setattr(doctor_command, "clash", lambda: "uninstall one")
-    assert doctor_command.examine(bench=False) == 1
+    assert doctor_command.examine() == 1
     assert capsys.readouterr().err == "servobench: uninstall one\n"
     assert doctor_command.FINE not in lines(console)
 
@@ -146,7 +125,7 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
 def test_the_list_is_laid_out_so(console, monkeypatch, approved):
     monkeypatch.setattr(list_command, "shipped", lambda: ["still"])
     monkeypatch.setattr(list_command, "studies", lambda: ["noise"])
-    monkeypatch.setattr(list_command, "FOLDERS", {"robot": "sim.robots"})
+    monkeypatch.setattr(list_command, "FOLDERS", {"robot": robots.KINDS})
     list_command.show_all()
     approved("prints/list", lines(console))
 

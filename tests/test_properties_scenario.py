@@ -16,11 +16,10 @@ from servo.mistake import LONGEST, Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.toml import DEEPEST, LARGEST
-from sim import kinds
 
 BASE = tomllib.loads((resources.files("scenes") / "occlusion.toml").read_text(encoding="utf-8"))
-KINDS = {key: kinds.names(folder) for key, (folder, _) in PLUGINS.items()}
-KINDS |= {key: kinds.names(folder) for key, folder in LISTS.items()}
+KINDS = {key: folder.names() for key, (folder, _) in PLUGINS.items()}
+KINDS |= {key: folder.names() for key, folder in LISTS.items()}
 SCALARS = st.one_of(
     st.booleans(),
     st.integers(),
@@ -53,7 +52,7 @@ def settings_of(key):
     if key in s.SECTIONS:
         return [f.name for f in dataclasses.fields(s.SECTIONS[key])]
     folder = {**LISTS, **{k: f for k, (f, _) in PLUGINS.items()}}.get(key)
-    configs = [kinds.config_of(folder, kind) for kind in KINDS[key]] if folder else []
+    configs = [folder.config_of(kind) for kind in KINDS[key]] if folder else []
     return sorted({f.name for c in configs for f in dataclasses.fields(c)} | {"kind", "preset"})
 
 

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim import kinds
 from sim.types import Frame
 from tracking import create
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
 
-KINDS = [kind for kind in kinds.names("tracking.trackers") if kind not in ("tag", "trax")]
+KINDS = [kind for kind in TRACKERS.names() if kind not in ("tag", "trax")]
 EXAMPLES = 20
 UHD = (3840, 2160)
 ANY = st.floats(allow_nan=True, allow_infinity=True)

@@ -17,13 +17,13 @@ from servo.mistake import Mistake, unknown
 from servo.report import bench_section, study_data, words
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import perform, work
-from sim import kinds
 from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.external import OF_THE_USER
 from tracking.sequences.sequence import source_of
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
 
@@ -183,7 +183,7 @@ def test_too_many_runs_of_one_command_are_refused():
         ("listed", None, ["nothing"]),
         ("listed", "kams,sok", ["kams", "sok"]),
         ("plain", "sok", ["sok"]),
-        ("plain", None, [k for k in kinds.names("tracking.trackers") if k not in OF_THE_USER]),
+        ("plain", None, [k for k in TRACKERS.names() if k not in OF_THE_USER]),
     ],
 )
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(

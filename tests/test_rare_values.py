@@ -9,7 +9,6 @@ import pytest
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
 from servo.study.perform import _cell, _type
-from sim import kinds
 from sim.camera import gl
 from sim.files import picture_file
 from sim.geometry import inverse_if_strong
@@ -17,6 +16,7 @@ from tracking import adapters
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.sequences import truth, video_file
+from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.painted._painting import blotches
 
 
@@ -81,6 +81,9 @@ def test_tables_of_truth_that_are_none(tmp_path, text, said):
     assert said in str(refused.value)
 
 
+NO_PICTURE = "this picture cannot be decoded; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM"
+
+
 def test_a_picture_that_opencv_refuses_cannot_be_decoded(tmp_path, monkeypatch):
     def refuse(*_):
         raise picture_file.cv2.error("too large")
@@ -90,7 +93,7 @@ def test_a_picture_that_opencv_refuses_cannot_be_decoded(tmp_path, monkeypatch):
     monkeypatch.setattr(picture_file.cv2, "imdecode", refuse)
     with pytest.raises(ValueError) as refused:
         picture_file.read_image(tmp_path / "a.ppm")
-    assert str(refused.value) == f"{tmp_path}/a.ppm: this picture cannot be decoded"
+    assert str(refused.value) == f"{tmp_path}/a.ppm: {NO_PICTURE}"
 
 
 class Frame:
@@ -171,7 +174,7 @@ def test_a_texture_of_wild_contrast_reaches_black_and_white_and_goes_no_further(
 
 @pytest.mark.parametrize("kind", ["similarity", "texture"])
 def test_noise_on_painted_pictures_reaches_black_and_white_and_goes_no_further(kind):
-    config = kinds.config_of("tracking.sequences.painted", kind)(noise=100.0)
+    config = GENERATORS.config_of(kind)(noise=100.0)
     found = config.build(np.random.default_rng(0)).source.paint(3)
     assert (found.min(), found.max()) == (0, 255)
     assert 0.01 < np.mean(found == 0) < 0.5

@@ -1,4 +1,4 @@
-"""`track --select`: the window, the page, and a real mouse in Chromium on it."""
+"""`track --select`: the page, and a real mouse in Chromium on it."""
 
 import http.client
 import json
@@ -7,14 +7,10 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
-from matplotlib.backend_bases import KeyEvent, MouseEvent
-from tracked import FRAMES, call, image, pictures, rows_of
+from tracked import FRAMES, call, pictures, rows_of
 
-from servo.cli import region_choice, region_page, region_window
+from servo.cli import region_choice, region_page
 from servo.output import display
-
-PICTURE = image(0)[..., ::-1].copy()
 
 
 @pytest.fixture
@@ -109,58 +105,6 @@ def test_a_page_that_nobody_answers_is_a_sentence(monkeypatch, capfd, folder):
     )
 
 
-@pytest.fixture
-def window():
-    figure = plt.figure(figsize=(6, 4), dpi=100)
-    made = region_window.RegionWindow(figure, PICTURE)
-    figure.canvas.draw()
-    yield made
-    plt.close("all")
-
-
-def dragged(window, *points):
-    """Press the mouse at the first point of the picture, move through the others, and release."""
-    (axes,) = window.selector.artists[0].figure.axes
-    canvas = axes.figure.canvas
-    at = [axes.transData.transform(point) for point in points]
-    kinds = ["button_press_event", *["motion_notify_event"] * len(at), "button_release_event"]
-    for kind, (x, y) in zip(kinds, [at[0], *at, at[-1]], strict=True):
-        button = {"button": 1} if "button" in kind else {"buttons": {1}}
-        MouseEvent(kind, canvas, x, y, **button)._process()
-
-
-def pressed(window, key):
-    canvas = window.selector.artists[0].figure.canvas
-    for kind in ("key_press_event", "key_release_event"):
-        KeyEvent(kind, canvas, key)._process()
-
-
-def test_the_window_gives_what_the_mouse_drew(window):
-    dragged(window, (40, 30), (60, 45), (70, 50))
-    pressed(window, "enter")
-    assert window.box == pytest.approx((40, 30, 30, 20, 0), abs=0.5)
-    assert window.box[4] == 0.0
-
-
-def test_a_turned_rectangle_in_the_window_gives_its_angle(window):
-    dragged(window, (40, 30), (70, 50))
-    window.selector.rotation = 20.0
-    corners = np.array(window.selector.corners)
-    left, top, width, height, degrees = window._region()
-    assert (width, height) == (pytest.approx(30, abs=0.5), pytest.approx(20, abs=0.5))
-    region, state = region_choice.region_of(f"{left},{top},{width},{height},{degrees}")
-    np.testing.assert_allclose(region.corners(state), corners.T, atol=0.1)
-    assert abs(degrees) == pytest.approx(20, abs=0.1)
-
-
-@pytest.mark.parametrize("key", ["escape", "enter"])
-def test_escape_or_no_rectangle_in_the_window_gives_nothing(window, key):
-    if key == "escape":
-        dragged(window, (40, 30), (70, 50))
-    pressed(window, key)
-    assert window.box is None
-
-
 def drag(browser, *points):
     """A drag of the real mouse between points of the picture [px]."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
@@ -251,3 +195,13 @@ def test_a_page_may_be_loaded_again_but_not_left(monkeypatch, capfd, folder, bro
     code, _, err = call(monkeypatch, capfd, "in", "--select", "--out", "out")
     assert finished()[0] == pytest.approx((38, 28, 30, 20, 0), abs=0.4)
     assert (code, err) == (2, CLOSED)
+
+
+def test_where_there_is_a_desktop_the_browser_is_opened(monkeypatch, capfd, folder):
+    opened = []
+    monkeypatch.setenv(display.DISPLAYS[0], ":0")
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    during(monkeypatch, lambda address: sent(address, '"cancelled"'))
+    code, _, err = call(monkeypatch, capfd, "in", "--select", "--out", "out")
+    assert (code, err) == (2, CLOSED)
+    assert opened[0].startswith("http://127.0.0.1:")

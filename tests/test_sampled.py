@@ -6,6 +6,7 @@ from tracking.appearance.bins import ColourBins, Labelled, Window
 from tracking.appearance.layout import disc, grid, histograms, ring
 from tracking.appearance.model import model_of
 from tracking.appearance.reference import Learning
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
 REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)
@@ -214,7 +215,7 @@ def test_what_the_inset_leaves_out_changes_nothing(kind):
     bright[:] = 255
     for picture in (dark, bright):
         picture[52:68, 63:97] = np.random.default_rng(0).integers(30, 220, (16, 34, 3))
-    config = config_of("tracking.trackers", kind)
+    config = config_of(TRACKERS, kind)
     for inset in (0.0, 0.4):
         seen = config(inset=inset, discriminate=False).model(dark, REGION, state)
         before, after = (

@@ -6,7 +6,7 @@ from servo.scenario import catalogue
 from servo.scenario import load as s
 from servo.study.parse import load as load_study
 from servo.study.perform import perform
-from sim import kinds
+from tracking import trackers
 from tracking.trackers import pf_ssd
 
 
@@ -22,7 +22,7 @@ def written(tmp_path, text):
     return str(path)
 
 
-TRACKERS = ", ".join(kinds.names("tracking.trackers"))
+TRACKERS = ", ".join(trackers.KINDS.names())
 
 BAD = {
     "unknown table": ("[camra]\n", "mine.toml: there is no key 'camra'; did you mean 'camera'?"),

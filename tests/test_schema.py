@@ -11,7 +11,6 @@ from servo.cli import schema_command
 from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
 from servo.scenario.load import SECTIONS, parse
-from sim import kinds
 
 DIRECTIVE = "#:schema scenario.schema.json"
 
@@ -39,10 +38,10 @@ def tables():
     """Each section, and each kind of a part: its place in a scenario, as a function of settings."""
     found = {name: lambda s, name=name: {name: s} for name in SECTIONS}
     for part, (folder, _) in PLUGINS.items():
-        for kind in kinds.names(folder):
+        for kind in folder.names():
             found[f"{part}.{kind}"] = lambda s, part=part, kind=kind: {part: {"kind": kind} | s}
     for part, folder in LISTS.items():
-        for kind in kinds.names(folder):
+        for kind in folder.names():
             found[f"{part}.{kind}"] = lambda s, part=part, kind=kind: {part: [{"kind": kind} | s]}
     return found
 

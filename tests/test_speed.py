@@ -1,8 +1,8 @@
-"""What is timed is what it says: films with a car of the asked size, a table of all rows."""
+"""What is timed is what it says: films with a car of the asked size."""
 
 import pytest
+import speed
 
-from servo.cli import doctor_command, speed
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 
@@ -23,23 +23,6 @@ def test_the_step_is_more_than_its_rendering_and_everything_was_recorded():
         times = speed.times_of(episode, added.append)
     assert len(added) == 15
     assert times.step > times.render > 0.0
-
-
-def test_the_doctors_table_has_loop_law_recording_and_trackers(monkeypatch, capfd):
-    monkeypatch.setattr(doctor_command, "TIMED", ("camshift", "mean_shift"))
-    assert doctor_command.examine(bench=True) == 0
-    out = capfd.readouterr().out
-    for row in (
-        "OpenGL back end",
-        "render ",
-        "step of the loop",
-        "step with a recording",
-        "features, control law",
-        "camshift, car of 60 x 30 px",
-        "kB a frame",
-    ):
-        assert row in out
-    assert [line.split()[-1] for line in out.splitlines() if line.startswith("camshift")] == ["1.0"]
 
 
 def test_a_light_step_keeps_its_numbers_and_the_size_of_its_image():

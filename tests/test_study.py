@@ -17,8 +17,8 @@ from servo.study import results, store
 from servo.study.parse import load
 from servo.study.perform import TIMED, perform
 from servo.study.plan import StudyFile
-from sim import kinds
 from tracking.external import OF_THE_USER
+from tracking.trackers import KINDS as TRACKERS
 
 SMALL = """# mine
 # Two trackers on a car that stands.
@@ -96,7 +96,7 @@ def test_the_command_of_a_run_makes_its_very_scenario(small):
 
 def test_every_shipped_study_parses_and_the_one_of_trackers_has_all_that_follow_the_car():
     everything = load("trackers")
-    every = {*kinds.names("tracking.trackers")} - {*OF_THE_USER, "tag", "homography"}
+    every = {*TRACKERS.names()} - {*OF_THE_USER, "tag", "homography"}
     of_car = {n for n in shipped() if "*" in scenarios.load(n).bounds.others}
     found = {(r.settings["tracker.kind"], r.scenario) for r in everything.runs()}
     assert found == {*itertools.product(every, of_car)}

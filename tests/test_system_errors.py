@@ -1,12 +1,9 @@
 """What the operating system refuses in the middle of work becomes the sentence it should be."""
 
 import errno
-import shutil
 from types import SimpleNamespace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from servo.batch import local_cluster, remote_cluster
@@ -14,7 +11,7 @@ from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
 from servo.output.sinks import Sinks
-from servo.report import study_data, study_time
+from servo.report import study_time
 from sim import quiet
 from sim.camera import gl
 from sim.files import reading
@@ -200,14 +197,3 @@ def test_series_without_values_have_no_curve():
     assert study_time.survival(series) is None
     assert study_time._survival({"all": series}, "") is None
     assert study_time._errors({"all": [unknown]}, "x", "t", "") is None
-
-
-def test_a_table_without_a_column_is_named(finished_study, tmp_path):
-    folder = tmp_path / "out"
-    shutil.copytree(finished_study, folder)
-    pq.write_table(pa.table({"run": [0], "outcome": ["CONVERGED"]}), folder / "results.parquet")
-    with pytest.raises(Mistake) as told:
-        study_data.load(folder)
-    assert str(told.value) == (
-        f"{folder}/results.parquet: there is no column 'success' in this table"
-    )

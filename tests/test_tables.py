@@ -23,7 +23,6 @@ from servo.scenario.load import SECTIONS
 from servo.study import work
 from servo.study.parse import KEYS, load
 from servo.study.plan import StudyFile
-from sim import kinds
 from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
 from tracking.files.json_text import as_json
@@ -178,7 +177,7 @@ def test_the_list_has_every_scenario_study_and_kind(printed):
     every = [
         (section, kind)
         for section, folder in list_command.FOLDERS.items()
-        for kind in kinds.names(folder)
+        for kind in folder.names()
     ]
     assert (
         listed == [("scenario", n) for n in shipped()] + [("study", n) for n in studies()] + every
@@ -190,7 +189,7 @@ def test_a_part_is_listed_with_all_its_kinds(part, printed):
     list_command.show(part)
     rows = [line.split(maxsplit=2) for line in lines(printed) if not line.startswith(" ")]
     own = {"scenario": shipped, "study": studies}.get(part)
-    names = own() if own else kinds.names(list_command.FOLDERS[part])
+    names = own() if own else list_command.FOLDERS[part].names()
     assert [row[:2] for row in rows] == [[part, name] for name in names]
     assert all(len(row) == 3 for row in rows)  # each with a sentence
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from seen_targets import PLACED, RNG, SHEET, build, rectangle_of
 
-from sim import kinds
 from sim.disturbances import second_target
+from sim.targets import KINDS as TARGETS
 from sim.targets import box, mesh, mjcf, plate, tag
 
-KINDS = kinds.names("sim.targets")
-CONFIGS = [kinds.config_of("sim.targets", kind)() for kind in KINDS]
+KINDS = TARGETS.names()
+CONFIGS = [TARGETS.config_of(kind)() for kind in KINDS]
 CLOSED = [c for k, c in zip(KINDS, CONFIGS, strict=True) if k in ("box", "mesh", "mjcf")]
 
 

@@ -136,7 +136,7 @@ BAD = {
     ),
     "a first picture that is none": (
         ["broken", "--region", REGION],
-        "0.png: the first picture cannot be read: this is not a picture; known formats are JPEG, "
+        "0.png: the first picture cannot be read: this picture cannot be decoded; known formats are JPEG, "
         "PNG, BMP, TIFF, WebP, PPM",
     ),
     "a truth that is too short": (

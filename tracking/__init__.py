@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sim import kinds
 from sim.installed import Trusted
+from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
     from tracking.external.wrapped import wrap
     from tracking.types import Tracker
 
 __all__ = ["create", "wrap"]
-
-FOLDER = "tracking.trackers"
 
 
 def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any) -> Tracker:
@@ -35,9 +33,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
-    kind = Trusted(kind)
-    begin = {} if preset is None else kinds.preset(FOLDER, kind, preset)
-    config = kinds.config_of(FOLDER, kind)(**begin | settings)
+    config = KINDS.config(Trusted(kind), preset, **settings)
     return config.build(np.random.default_rng(seed))
 
 

@@ -11,14 +11,13 @@ from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
-from sim import kinds
 from tracking.external import OF_THE_USER
+from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import is_folder, read_all
 from tracking.sequences.sources import RATE
 from tracking.sequences.truth import Format
+from tracking.trackers import KINDS as TRACKERS
 
-GENERATORS = "tracking.sequences.painted"
-TRACKERS = "tracking.trackers"
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
 HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]
 SUITES: dict[str, list[dict[str, Any]]] = {
@@ -58,9 +57,9 @@ def contenders(text: str | None) -> list[Contender]:
     Raises:
         Mistake: There is no such tracker or preset.
     """
-    every = [kind for kind in kinds.names(TRACKERS) if kind not in OF_THE_USER]
+    every = [kind for kind in TRACKERS.names() if kind not in OF_THE_USER]
     words = every if text is None else [w.strip() for w in text.split(",")]
-    chosen = [kinds.named(TRACKERS, word) for word in words]
+    chosen = [TRACKERS.named(word) for word in words]
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
 
 

@@ -17,7 +17,8 @@ from servo.output.result_folder import result_folder
 from servo.report import bench_section
 from sim.camera import gl
 from tracking.drawing import curves
-from tracking.drawing.contact_sheet import encoded, sheet
+from tracking.drawing.contact_sheet import sheet
+from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
 

@@ -18,11 +18,12 @@ from servo.mistake import Mistake, unknown
 from servo.report import words
 from servo.scenario.catalogue import LISTS, PLUGINS, sentence, shipped, studies
 from sim import kinds
+from tracking.sequences import painted
 
 FOLDERS = {
     **{name: folder for name, (folder, _) in PLUGINS.items()},
     **LISTS,
-    "sequences": "tracking.sequences.painted",
+    "sequences": painted.KINDS,
 }
 PARTS = ("scenario", "study", *FOLDERS)
 
@@ -54,7 +55,7 @@ def show(name: str) -> None:
 def _show_names(found: Iterable[tuple[str, str]]) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     for part, name in found:
-        package = kinds.package_of(FOLDERS[part], name) if part in FOLDERS else ""
+        package = FOLDERS[part].package_of(name) if part in FOLDERS else ""
         about = f"({package}) " * bool(package) + _sentence(part, name)
         table.add_row(part, f"[bold]{escape(name)}[/]", escape(about))
     Console().print(table)
@@ -62,23 +63,23 @@ def _show_names(found: Iterable[tuple[str, str]]) -> None:
 
 def _names(part: str) -> list[str]:
     if part in FOLDERS:
-        return kinds.names(FOLDERS[part])
+        return FOLDERS[part].names()
     return studies() if part == "study" else shipped()
 
 
 def _sentence(part: str, name: str) -> str:
     """The sentence that describes a scenario, a study or a kind."""
     if part in FOLDERS:
-        return kinds.summary(FOLDERS[part], name)
+        return FOLDERS[part].summary(name)
     file = f"studies/{name}.toml" if part == "study" else f"{name}.toml"
     return sentence((resources.files("scenes") / file).read_text(encoding="utf-8"))
 
 
 def _show_kind(part: str, kind: str) -> None:
     folder = FOLDERS[part]
-    settings = _rows(part, kinds.config_of(folder, kind)())
-    _show_settings(f'{part}.kind = "{kind}"', kinds.summary(folder, kind), settings)
-    for name, changed in kinds.presets(folder, kind).items():
+    settings = _rows(part, folder.config_of(kind)())
+    _show_settings(f'{part}.kind = "{kind}"', folder.summary(kind), settings)
+    for name, changed in folder.presets(kind).items():
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
         Console().print(f'[bold]preset = "{name}"[/]  {escape(changes)}', highlight=False)
 

@@ -222,12 +222,11 @@ def new(name: str, out: Path | None) -> None:
 
 
 @app.command()
-@click.option("--bench", is_flag=True, help="Also time rendering, loop, recording and trackers.")
-def doctor(bench: bool) -> None:
+def doctor() -> None:
     """Report renderer, versions and speed of this machine."""
     from servo.cli.doctor_command import examine
 
-    sys.exit(examine(bench=bench))
+    sys.exit(examine())
 
 
 @app.command()

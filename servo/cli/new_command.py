@@ -12,8 +12,8 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from servo.mistake import Mistake, unwritable
-from sim import kinds
 from tracking.files import atomic
+from tracking.trackers import KINDS as TRACKERS
 
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 FILES = {
@@ -24,7 +24,7 @@ FILES = {
 }
 """Templates, and the files that are made of them."""
 TAKEN = {
-    "servobench's package '{}'": {*kinds.OWN, "scenes"},
+    "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
     "Python's module '{}'": sys.stdlib_module_names,
 }
 
@@ -67,7 +67,7 @@ def _check_name(kind: str) -> None:
             f"new tracker {kind}: a name has small letters, digits and single underscores, such as "
             "my_tracker"
         )
-    if kind in kinds.names("tracking.trackers"):
+    if kind in TRACKERS.names():
         raise Mistake(f"new tracker {kind}: there is a tracker '{kind}' already")
     owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
     if owner or find_spec(kind) is not None:

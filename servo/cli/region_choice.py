@@ -10,19 +10,15 @@ from rich.console import Console
 
 from servo.cli.terminal import plain
 from servo.mistake import Mistake
-from servo.output.display import has_display
-from sim.types import Image
 from tracking.sequences.sources import Picture
 from tracking.types import Region, State
 
 DIGITS = 6
 """Digits of a region's numbers."""
-Box = tuple[float, float, float, float, float]
-"""Left, top, width, height [px], and rotation about the centre [deg]."""
 
 
 def region_of(text: str) -> tuple[Region, State]:
-    """The region "X,Y,W,H" or "X,Y,W,H,DEG": top left corner, size, rotation about its centre.
+    """Return the region "X,Y,W,H[,DEG]": top left corner, size, rotation about its centre.
 
     Raises:
         Mistake: The text has another form.
@@ -40,7 +36,10 @@ def region_of(text: str) -> tuple[Region, State]:
 def select(
     source: str, pictures: Iterator[Picture], region: str | None
 ) -> tuple[str, Iterator[Picture]]:
-    """The region that a person draws in the first picture, as for `region_of`; and all pictures.
+    """Let a person draw the region in the first picture.
+
+    Returns:
+        The region as a text for `region_of`, and all pictures.
 
     Raises:
         Mistake: There is a region already, the first picture cannot be read, or none was drawn.
@@ -53,19 +52,14 @@ def select(
         raise Mistake(f"{source}: there are no pictures in it")
     if first.image is None:
         raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
-    return _chosen(first.image, source), itertools.chain([first], pictures)
+    from servo.cli import region_page  # jinja2 takes a while to import
 
-
-def _chosen(image: Image, name: str) -> str:
-    from servo.cli import region_page, region_window  # jinja2 and matplotlib
-
-    window = region_window.opened(image, name) if has_display() else None
-    box = window() if window is not None else region_page.ask(image, name, _say)
+    box = region_page.ask(first.image, source, _say)
     if box is None:
         raise Mistake("--select was closed without a region; give --region X,Y,W,H[,DEG]")
     text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
     _say(f"--region {text} repeats this choice")
-    return text
+    return text, itertools.chain([first], pictures)
 
 
 def _say(text: str) -> None:

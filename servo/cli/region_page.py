@@ -12,21 +12,22 @@ import math
 import secrets
 import threading
 import time
+import webbrowser
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from queue import Empty, Queue
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
 from servo.mistake import Mistake
+from servo.output.display import has_display
 from sim.types import Image
-from tracking.drawing.contact_sheet import encoded
+from tracking.drawing.picture_bytes import encoded
 
-if TYPE_CHECKING:
-    from servo.cli.region_choice import Box
-
+Box = tuple[float, float, float, float, float]
+"""Left, top, width, height [px], and rotation about the centre [deg]."""
 HOST = "127.0.0.1"
 PATIENCE = 600.0
 """Time to wait for an answer [s]."""
@@ -51,37 +52,30 @@ CANCELLED = "cancelled"
 
 
 def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
-    """Serve the page until it is answered; None if the person cancelled or closed it.
+    """Serve the page until it is answered, and open it in a browser where there is a desktop.
 
     Args:
         image: The picture, RGB (H, W, 3).
         name: The source's name, for the title.
         say: Prints the address.
 
+    Returns:
+        The region; None if the person cancelled or closed the page.
+
     Raises:
         Mistake: There was no answer in time.
     """
-    answers: Queue[Any] = Queue()
-    path = f"/{secrets.token_urlsafe(16)}"
-    handler = type(
-        "Handler",
-        (_Handler,),
-        {
-            "path_of_page": path,
-            "answers": answers,
-            "page": _page(image, name),
-        },
-    )
-    with ThreadingHTTPServer((HOST, 0), handler) as server:
-        port = server.server_address[1]
+    with _Server(_page(image, name)) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        address = f"http://{HOST}:{port}{path}"
+        address = f"http://{HOST}:{server.port}{server.path}"
         say(
             f"draw the region on this page: {address}\n"
-            f"  (of another machine: first ssh -L {port}:{HOST}:{port} THIS-MACHINE)"
+            f"  (of another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
         )
+        if has_display():
+            webbrowser.open(address)
         try:
-            return _answer(answers, address)
+            return _answer(server.answers, address)
         finally:
             server.shutdown()
 
@@ -117,18 +111,27 @@ def _page(image: Image, name: str) -> bytes:
     )
 
 
-class _Handler(BaseHTTPRequestHandler):
-    """One page, and its answer."""
+class _Server(ThreadingHTTPServer):
+    """Serves one page at an address that nobody can guess."""
 
-    path_of_page: str
-    answers: Queue[Any]
-    page: bytes
+    def __init__(self, page: bytes) -> None:
+        super().__init__((HOST, 0), _Handler)
+        self.page = page
+        self.path = f"/{secrets.token_urlsafe(16)}"
+        self.port = self.server_address[1]
+        self.answers: Queue[Any] = Queue()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Sends the page, and takes its answer."""
+
+    server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
     timeout = 10.0  # of a browser that sends nothing
 
     def do_GET(self) -> None:
         if self._is_ours():
-            self.answers.put(OPENED)
-            self._send(200, self.page)
+            self.server.answers.put(OPENED)
+            self._send(200, self.server.page)
 
     def do_POST(self) -> None:
         if not self._is_ours():
@@ -144,13 +147,12 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(400, b"this is not a region")
             return
         self._send(200, b"")
-        self.answers.put(found)
+        self.server.answers.put(found)
 
     def _is_ours(self) -> bool:
-        """Whether the address is right; otherwise, answer that nothing is there."""
-        port = self.connection.getsockname()[1]
-        hosts = {f"{HOST}:{port}", f"localhost:{port}"}
-        right = secrets.compare_digest(self.path.encode(), self.path_of_page.encode())
+        """Return whether the address is right; otherwise, answer that nothing is there."""
+        hosts = {f"{HOST}:{self.server.port}", f"localhost:{self.server.port}"}
+        right = secrets.compare_digest(self.path.encode(), self.server.path.encode())
         if not right or self.headers.get("Host") not in hosts:
             self._send(404, b"there is nothing here")
             return False

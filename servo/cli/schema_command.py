@@ -21,6 +21,7 @@ from servo.scenario.load import SECTIONS
 from servo.study import parse
 from servo.study.axes import COUNTS, ENDS, MOST_VALUES
 from sim import kinds
+from sim.kinds import Kinds
 
 
 def text() -> str:
@@ -141,33 +142,33 @@ def table(properties: Schema, description: str = "") -> Schema:
     return about | {"type": "object", "properties": properties, "additionalProperties": False}
 
 
-def _plugin(folder: str, default: str | None) -> Schema:
+def _plugin(folder: Kinds[Any], default: str | None) -> Schema:
     """A table with a kind: a branch for each kind; the key may be left out for the default one."""
-    names = [name for name in kinds.names(folder) if _is_whole(folder, name)]
+    names = [name for name in folder.names() if _is_whole(folder, name)]
     kind = {"enum": names} if default is None else {"enum": names, "default": default}
     branches = [_branch(folder, name, is_default=name == default) for name in names]
     return {"type": "object", "properties": {"kind": kind}, "oneOf": branches}
 
 
-def _is_whole(folder: str, kind: str) -> bool:
+def _is_whole(folder: Kinds[Any], kind: str) -> bool:
     """Whether a kind can be imported; those of a broken package are left out."""
     try:
-        kinds.config_of(folder, kind)
+        folder.config_of(kind)
     except kinds.UnknownKind:
         return False
     return True
 
 
-def _branch(folder: str, kind: str, *, is_default: bool) -> Schema:
-    presets = list(kinds.presets(folder, kind))
+def _branch(folder: Kinds[Any], kind: str, *, is_default: bool) -> Schema:
+    presets = list(folder.presets(kind))
     choices: Schema = {"kind": {"const": kind}}
     if presets:
         choices["preset"] = {"description": "Values of settings not given.", "enum": presets}
-    config = kinds.config_of(folder, kind)
+    config = folder.config_of(kind)
     settings = _settings(config())["properties"]
     for key in getattr(config, "not_from_file", ()):
         del settings[key]
-    found = table(choices | settings, kinds.summary(folder, kind))
+    found = table(choices | settings, folder.summary(kind))
     return found if is_default else found | {"required": ["kind"]}
 
 

@@ -26,7 +26,6 @@ from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
 from servo.scenario.fill import fill_plugin
 from servo.scenario.toml import override
-from sim import kinds
 from sim.types import Array
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
@@ -36,9 +35,8 @@ from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
 from tracking.sequences.sources import End, Picture, Source
 from tracking.sequences.stream import shown
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
-
-TRACKERS = "tracking.trackers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +157,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     Raises:
         Mistake: There is no such kind or setting.
     """
-    table: dict[str, Any] = {"tracker": kinds.named(TRACKERS, kind)}
+    table: dict[str, Any] = {"tracker": TRACKERS.named(kind)}
     for item in changes:
         override(table, item)
         if len(table) > 1:

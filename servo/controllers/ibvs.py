@@ -31,7 +31,7 @@ from sim.types import Array, Posture
 
 FORESEEN = 3.0
 """Frames for which the matrix is taken to go on changing as it did."""
-PRESETS = {"paper": {"gain": 1.0, "dof": list(DOF), "feed_forward": ["xn", "yn", "an", "theta"]}}
+PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an", "theta")}}
 """The law as Teuliere, Marchand and Eck print it."""
 
 
@@ -49,7 +49,7 @@ def _fed_forward(config: Config, features: FeatureSet) -> Array:
     names = features.names
     chosen = config.feed_forward
     for name in chosen or ():
-        if name not in names and list(chosen or ()) == PRESETS["paper"]["feed_forward"]:
+        if name not in names and chosen == PRESETS["paper"]["feed_forward"]:
             fed = ", ".join(chosen or ())
             raise ValueError(
                 f'controller.feed_forward: {fed} (as in preset = "paper") are '

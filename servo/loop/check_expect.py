@@ -10,7 +10,6 @@ from servo.scenario.catalogue import PLUGINS
 from servo.scenario.expected import ANY
 from servo.scenario.load import Scenario
 from servo.scenario.toml import is_number
-from sim import kinds
 
 
 def check_expect(scenario: Scenario) -> None:
@@ -21,7 +20,7 @@ def check_expect(scenario: Scenario) -> None:
     """
     place = f"{scenario.name}: expect"
     bounds = scenario.bounds
-    known = kinds.names(PLUGINS["tracker"][0])
+    known = PLUGINS["tracker"][0].names()
     for kind, expect in bounds.others.items():
         if kind not in (*known, ANY) and ":" not in kind:
             raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")

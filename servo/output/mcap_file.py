@@ -28,7 +28,8 @@ from servo.output.steps_table import quantities
 from sim.quaternion import quaternion_of
 from sim.types import Array, Camera, Image, Pose
 from tracking.drawing.annotated_video import COLOURS
-from tracking.drawing.contact_sheet import TRUE, encoded
+from tracking.drawing.contact_sheet import TRUE
+from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
 from tracking.files.json_text import as_json
 from tracking.types import Region, Status

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from servo.batch.jobs import Job
+from servo.estimators import KINDS as ESTIMATORS
 from servo.papers.claim import COLOURS, Claim, Effort, Rule, Verdict, panels
 from servo.papers.groups import Result, column, group
 from servo.papers.loop_series import LoopSeries
-from sim import kinds
 from tracking.drawing import figures
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
@@ -66,7 +66,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     return [
         LoopSeries(case.scenario, estimator, seed, case.changes, case.rate.replace(" ", ""))
         for case in CASES
-        for estimator in kinds.names("servo.estimators")
+        for estimator in ESTIMATORS.names()
         for seed in effort.seeds(SEEDS)
     ]
 
@@ -93,7 +93,7 @@ def _judge(results: list[Result], folder: Path) -> Verdict:
             )
             for c in CASES
         ]
-        for estimator in kinds.names("servo.estimators")
+        for estimator in ESTIMATORS.names()
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)

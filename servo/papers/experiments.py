@@ -11,7 +11,6 @@ from typing import Any
 from servo.bench.sequence_jobs import Contender, Entry, Generated, SequenceJob
 from servo.bench.suites import GENERATORS, TRACKERS
 from servo.papers.groups import Result
-from sim import kinds
 from tracking.sequences.sequence import Sequence as Painting
 from tracking.sequences.sources import Painted
 
@@ -42,8 +41,7 @@ def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: Any
 ) -> Contender:
     """A tracker for an experiment; by default its label contains the preset."""
-    begin = {} if preset is None else kinds.preset(TRACKERS, kind, preset)
-    config = kinds.config_of(TRACKERS, kind)(**begin | settings)
+    config = TRACKERS.config(kind, preset, **settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 
@@ -65,7 +63,7 @@ def _kept(kind: str, config: Any, seed: int) -> Painting:
 
 def generated(kind: str, **settings: Any) -> Generated:
     """A painted sequence for an experiment."""
-    return Kept(kind, kinds.config_of(GENERATORS, kind)(**settings))
+    return Kept(kind, GENERATORS.config(kind, **settings))
 
 
 def sequence_jobs(

@@ -17,9 +17,9 @@ from servo.output.formats import Document
 from servo.papers.claim import Claim, Effort, Rule, Verdict
 from servo.papers.experiments import contender, generated, sequence_jobs
 from servo.papers.groups import Result, column, group
-from sim import kinds
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
+from tracking.trackers import KINDS as TRACKERS
 
 Settings = dict[str, Any]
 NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
@@ -56,7 +56,7 @@ class Tuned:
 
 
 def _scaled(kind: str) -> tuple[Settings, ...]:
-    own = kinds.config_of("tracking.trackers", kind)()
+    own = TRACKERS.config(kind)
     return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
 
 

@@ -4,34 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
 from servo.report.drawing import INK, canvas, colour, css, svg
 from servo.report.page import Figure, Key
 from servo.report.words import shown
 from sim.types import Array
+from tracking.drawing.figures import plain_logarithm
 from tracking.statistics.comparisons import Interval
 
-ERRORS = 50.0
-SETTINGS = 10.0
+# Chosen by hand, looking at pages of the shipped studies on a phone and on a screen.
+ERROR_RANGE = 50.0
+SETTING_RANGE = 10.0
 """Errors and settings that differ by more than this factor are drawn on a logarithmic axis."""
 DEEPEST = 1e3
 """Largest ratio of the ends of a logarithmic axis."""
-ROOM = 1.15
-ROW = 0.24
-FRAME = 0.7
+MARGIN = 1.15
+"""Factor by which a logarithmic axis reaches beyond the values."""
+ROW_HEIGHT = 0.24
+FRAME_HEIGHT = 0.7
 """Height of a row of names, and of the figure without rows [inch]."""
-MOST_IN_CELLS = 10
+MOST_NUMBERED_COLUMNS = 10
 """Most columns of a heat map with numbers in its cells."""
-MAP = "viridis"
+WIDEST_NAMES = 45
+"""Most characters in the names of all columns; longer names are turned."""
+COLOUR_MAP = "viridis"
 DARK_BELOW = 0.6
-BAND = 0.18
+"""Share of the colour map below which numbers are white."""
+BAND_OPACITY = 0.18
 
 Shade = tuple[Array, NDArray[np.bool_]]
 """Times (n,), and flags (n,): where they are true, a figure is shaded."""
@@ -72,15 +77,21 @@ def curves(
     shaded: Shade | None = None,
     note: str = "",
 ) -> Figure:
-    """A figure of lines over a common axis, shaded where the flags are true."""
+    """Return a figure of lines over a common axis, shaded where the flags are true."""
     with canvas() as (figure, axes):
         for curve in drawn:
             _draw(axes, curve)
         if shaded is not None:
-            across = axes.get_xaxis_transform()
-            where = shaded[1].tolist()
+            time, flags = shaded
             axes.fill_between(
-                shaded[0], 0, 1, where=where, transform=across, color=INK, alpha=0.1, lw=0
+                time,
+                0,
+                1,
+                where=flags.tolist(),
+                transform=axes.get_xaxis_transform(),
+                color=INK,
+                alpha=0.1,
+                lw=0,
             )
         axes.set(xlabel=x.title, ylabel=y.title)
         _scale(axes, x, [c.x for c in drawn], "x")
@@ -99,8 +110,11 @@ def by_name(
     *,
     note: str = "",
 ) -> Figure:
-    """A figure of values with intervals: a row for each name, a colour for each group."""
-    with canvas(FRAME + ROW * max(2, len(names)) * max(1, 0.6 * len(groups))) as (figure, axes):
+    """Return a figure of values with intervals: a row a name, a colour a group."""
+    with canvas(FRAME_HEIGHT + ROW_HEIGHT * max(2, len(names)) * max(1, 0.6 * len(groups))) as (
+        figure,
+        axes,
+    ):
         step = 0.6 / max(1, len(groups))
         for i, (label, values) in enumerate(groups.items()):
             for row, value in enumerate(values):
@@ -123,7 +137,7 @@ def by_name(
         axes.margins(x=0.05, y=0.5 / max(1, len(names)))
         axes.set_xlabel(across)
         found = [np.array([v.value, v.low]) for vs in groups.values() for v in vs if v is not None]
-        _scale(axes, Scale(across, low=0, log_from=ERRORS), found, "x")
+        _scale(axes, Scale(across, low=0, log_from=ERROR_RANGE), found, "x")
         keys = [Key(label, css(colour(i))) for i, label in enumerate(groups) if len(groups) > 1]
         return Figure(title, svg(figure, title), keys, note)
 
@@ -140,66 +154,64 @@ def heat(
     log_from: float = np.inf,
     note: str = "",
 ) -> Figure:
-    """A figure of values (rows, columns) as colours; a cell that is nan stays empty."""
+    """Return a figure of values (rows, columns) as colours; a cell that is nan stays empty."""
     finite = values[np.isfinite(values)]
-    scaled: Array = np.log(values) if finite.min() > 0 and _range(finite) > log_from else values
-    known = scaled[np.isfinite(scaled)]
-    low, high = limits or (float(known.min()), float(known.max()))
-    shares = (scaled - low) / max(high - low, 1e-12)
-    with canvas(FRAME + max(0.3, min(0.5, 3.0 / len(rows))) * max(3, len(rows))) as (figure, axes):
+    low, high = limits or (float(finite.min()), float(finite.max()))
+    logarithmic = finite.min() > 0 and _range(finite) > log_from
+    norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
+    row_height = max(0.3, min(0.5, 3.0 / len(rows)))
+    with canvas(FRAME_HEIGHT + row_height * max(3, len(rows))) as (figure, axes):
         axes.grid(visible=False)
-        for (row, column), value in np.ndenumerate(values):
-            if np.isfinite(value):
-                said = shown(float(value)) if len(columns) <= MOST_IN_CELLS else ""
-                _tile(axes, row, column, said, float(shares[row, column]))
-        turned = sum(map(len, columns)) > 45
-        axes.set_xticks(range(len(columns)), columns, rotation=60 if turned else 0)
-        axes.set_yticks(range(len(rows)), rows)
+        axes.pcolormesh(values, norm=norm, cmap=COLOUR_MAP)
+        if len(columns) <= MOST_NUMBERED_COLUMNS:
+            for (row, column), value in np.ndenumerate(values):
+                if np.isfinite(value):
+                    ink = "white" if norm(value) < DARK_BELOW else "black"
+                    axes.text(
+                        column + 0.5,
+                        row + 0.5,
+                        shown(float(value)),
+                        ha="center",
+                        va="center",
+                        fontsize=8,
+                        color=ink,
+                    )
+        angle = 60 if sum(map(len, columns)) > WIDEST_NAMES else 0
+        axes.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=angle)
+        axes.set_yticks(np.arange(len(rows)) + 0.5, rows)
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
-        axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
         axes.set(xlabel=x, ylabel=y)
         return Figure(title, svg(figure, title), note=note)
 
 
 def _draw(axes: Axes, curve: Curve) -> None:
-    if curve.points and curve.low is not None and curve.high is not None:
-        bars = np.maximum([curve.y - curve.low, curve.high - curve.y], 0)
+    ends = None if curve.low is None or curve.high is None else (curve.low, curve.high)
+    if curve.points and ends is not None:
+        bars = np.maximum([curve.y - ends[0], ends[1] - curve.y], 0)
         axes.errorbar(
             curve.x, curve.y, yerr=bars, fmt="o-", ms=3.5, lw=1.4, capsize=2, color=curve.colour
         )
         return
-    if curve.low is not None and curve.high is not None:
-        axes.fill_between(curve.x, curve.low, curve.high, color=curve.colour, alpha=BAND, lw=0)
+    if ends is not None:
+        axes.fill_between(curve.x, *ends, color=curve.colour, alpha=BAND_OPACITY, lw=0)
     dashes, width = ("--", 1.0) if curve.dashed else ("-", 1.5)
     axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width)
 
 
-def _scale(axes: Axes, axis: Scale, values: Sequence[Array], which: str) -> None:
+def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
     """Set the limits of an axis, and a logarithmic scale where the values need it."""
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]
-    limits = axes.set_xlim if which == "x" else axes.set_ylim
-    if axis.log_from is not None and len(above) and _range(above) > axis.log_from:
-        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
-        limits(max(above.min(), above.max() / DEEPEST) / ROOM, above.max() * ROOM)
-        shaft = axes.xaxis if which == "x" else axes.yaxis
-        if above.max() / above.min() < DEEPEST / ROOM:
-            shaft.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        shaft.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        shaft.set_minor_formatter(NullFormatter())
-    elif axis.low is not None or axis.high is not None:
-        limits(axis.low, axis.high)
+    if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
+        low = max(above.min(), above.max() / DEEPEST)
+        limits = (low / MARGIN, above.max() * MARGIN)
+        axes.set(**{f"{which}scale": "log", f"{which}lim": limits})
+        plain_logarithm(axes.xaxis if which == "x" else axes.yaxis)
+    elif scale.low is not None or scale.high is not None:
+        axes.set(**{f"{which}lim": (scale.low, scale.high)})
 
 
 def _range(values: Array) -> float:
-    """Largest value over the lower quartile, so that a few values near zero do not count."""
+    """Return the largest value over the lower quartile: a few values near zero do not count."""
     return float(values.max() / np.percentile(values, 25))
-
-
-def _tile(axes: Axes, row: int, column: int, said: str, share: float) -> None:
-    share = min(max(share, 0.0), 1.0)
-    face = colormaps[MAP](share)
-    axes.add_patch(Rectangle((column - 0.48, row - 0.47), 0.96, 0.94, facecolor=face, lw=0))
-    ink = "white" if share < DARK_BELOW else "black"
-    axes.text(column, row, said, ha="center", va="center", fontsize=8, color=ink)

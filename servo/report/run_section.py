@@ -12,17 +12,20 @@ from servo.mistake import Mistake
 from servo.output.run_folder import RECORDING, RunReport
 from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
-from servo.report.charts import ERRORS, Curve, Scale, Shade, curves
+from servo.report.charts import ERROR_RANGE, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
 from servo.scenario.sections import DOES_NOT_REPEAT
 from sim.types import Array
-from tracking.drawing.contact_sheet import encoded, page, tile
+from tracking.drawing.contact_sheet import page, tile
+from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture as Shown
 
 TILES = 12
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
+TIME = Scale("time [s]")
+MOTIONS = ("measured", "estimated", "true")
 SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropped."
 MIDDLE = (1, 99)
 """Percentiles of the measured motion that its plot shows; outliers may be outside."""
@@ -39,9 +42,9 @@ def section(folder: Path) -> Section:
         raise Mistake(f"{folder}: this run was not finished: there is {STREAM}, but no {path.name}")
     run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)
-    kept = len(run.expect) - len(run.missed)
-    tone = Tone.PLAIN if not run.expect else Tone.BAD if run.missed else Tone.GOOD
-    facts = [Fact("bounds kept", Badge(f"{kept} of {len(run.expect)}", tone))]
+    kept = f"{len(run.expect) - len(run.missed)} of {len(run.expect)}"
+    badge = Badge.of(not run.missed, kept) if run.expect else Badge(kept, Tone.PLAIN)
+    facts = [Fact("bounds kept", badge)]
     facts += [
         Fact(MEANINGS[name][1], f"{shown(run.measures[name])} {MEANINGS[name][0]}", name)
         for name in KEY_MEASURES
@@ -60,7 +63,7 @@ def section(folder: Path) -> Section:
             _bounds(run),
             Block("Over time", figures=_figures(folder, run)),
             _pictures(folder),
-            _scenario(path, run),
+            _scenario(run),
             again(run),
         ],
         str(folder),
@@ -92,62 +95,45 @@ def _bounds(run: RunReport) -> Block:
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
-    errors = {name: _column("error", name, ending(unit)) for name, unit in run.features.items()}
-    moving = [name for name in run.feed_forward or run.features if name in run.features]
-    motions = {
-        name: [
-            _column(f"motion_{which}", name, ending_of_rate(run.features[name]))
-            for which in ("measured", "estimated", "true")
-        ]
-        for name in moving
-    }
-    wanted = [
-        "time_s",
-        "servo_error_px",
-        "tracking_error_px",
-        "fresh",
-        "status",
-        *errors.values(),
-        *(column for columns in motions.values() for column in columns),
-    ]
-    table = files.table(folder / TABLE, wanted, FORMAT)
-    column = {name: np.asarray(table[name].to_numpy()) for name in wanted}
-    time = column["time_s"]
-    across = Scale("time [s]")
-    unseen = (time, ~(column["fresh"].astype(bool) & (column["status"] == "LOCKED")))
-    note = SHADED if unseen[1].any() else ""
+    table = files.table(folder / TABLE, FORMAT)
+
+    def column(*words: str) -> Array:
+        return np.asarray(table["_".join(filter(None, words))].to_numpy())
+
+    time = column("time_s")
+    unsure = ~(column("fresh").astype(bool) & (column("status") == "LOCKED"))
+    shaded = (time, unsure)
     distances = [
-        Curve("true centre to goal", time, column["servo_error_px"], colour=colour(0)),
-        Curve("estimate to true centre", time, column["tracking_error_px"], colour=colour(1)),
+        Curve("true centre to goal", time, column("servo_error_px"), colour=colour(0)),
+        Curve("estimate to true centre", time, column("tracking_error_px"), colour=colour(1)),
     ]
-    parts = [
-        Curve(f"{name} [{run.features[name]}]", time, column[error], colour=colour(i))
-        for i, (name, error) in enumerate(errors.items())
+    errors = [
+        Curve(f"{name} [{unit}]", time, column("error", name, ending(unit)), colour=colour(i))
+        for i, (name, unit) in enumerate(run.features.items())
     ]
-    return [
+    figures = [
         curves(
             "Distance from goal, and of the estimate",
-            across,
-            Scale("distance [px]", low=0, log_from=ERRORS),
+            TIME,
+            Scale("distance [px]", low=0, log_from=ERROR_RANGE),
             distances,
-            shaded=unseen,
-            note=note,
+            shaded=shaded,
+            note=SHADED if unsure.any() else "",
         ),
-        curves("Feature errors", across, Scale("s - s*"), parts, shaded=unseen, note=note),
-        *(
-            _motion(name, run.features[name], time, [column[c] for c in columns], unseen)
-            for name, columns in motions.items()
-        ),
+        curves("Feature errors", TIME, Scale("s - s*"), errors, shaded=shaded),
     ]
+    for name in run.feed_forward or run.features:
+        if name in run.features:
+            unit = run.features[name]
+            rate = ending_of_rate(unit)
+            motions = [column(f"motion_{which}", name, rate) for which in MOTIONS]
+            figures.append(_motion(name, unit, time, motions, shaded))
+    return figures
 
 
-def _column(prefix: str, name: str, ending: str) -> str:
-    return "_".join(filter(None, (prefix, name, ending)))
-
-
-def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade) -> Figure:
-    """The figure of the target's own motion in the image: measured, estimated, true."""
-    measured, estimated, true = found
+def _motion(name: str, unit: str, time: Array, motions: list[Array], shaded: Shade) -> Figure:
+    """Return the figure of the target's own motion in the image: measured, estimated, true."""
+    measured, estimated, true = motions
     true = true.copy()
     true[:1] = np.nan  # before the first frame there is no motion
     finite = measured[np.isfinite(measured)]
@@ -155,14 +141,14 @@ def _motion(name: str, unit: str, time: Array, found: list[Array], unseen: Shade
     every = np.concatenate([middle, estimated, true])
     low = float(np.nanmin(every, initial=0))
     high = float(np.nanmax(every, initial=0))
-    room = 0.1 * max(high - low, 0.02)
+    margin = 0.1 * max(high - low, 0.02)
     drawn = [
         Curve("measured", time, measured, colour=colour(3)),
         Curve("estimated", time, estimated, colour=colour(2)),
         Curve("true", time, true, colour=INK, dashed=True),
     ]
-    axis = Scale(f"d{name}/dt [{unit}/s]", low - room, high + room)
-    return curves(f"The target's own motion: {name}", Scale("time [s]"), axis, drawn, shaded=unseen)
+    rate = Scale(f"d{name}/dt [{unit}/s]", low - margin, high + margin)
+    return curves(f"The target's own motion: {name}", TIME, rate, drawn, shaded=shaded)
 
 
 def _pictures(folder: Path) -> Block:
@@ -180,9 +166,6 @@ def _pictures(folder: Path) -> Block:
     return Block(title, ["Truth white, estimate green."], pictures=[sheet])
 
 
-def _scenario(path: Path, run: RunReport) -> Block:
-    try:
-        lines = tomli_w.dumps(run.table)
-    except (TypeError, ValueError) as error:
-        raise Mistake(f"{path}: table: {error}") from None
-    return Block("Scenario", ["As it ran, with all changes."], code=[lines.strip()], folded=True)
+def _scenario(run: RunReport) -> Block:
+    text = tomli_w.dumps(run.table).strip()
+    return Block("Scenario", ["As it ran, with all changes."], code=[text], folded=True)

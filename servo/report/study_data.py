@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from servo.mistake import Mistake
 from servo.report import files
 from servo.study.perform import CAMERA, CORNERS
 from servo.study.plan import FailureFile, StudyFile
@@ -119,11 +118,7 @@ def load(folder: Path) -> StudyResults:
         if kept[1] is not None:
             series[number] = kept[1]
     if (folder / RESULTS).exists():
-        whole = files.table(folder / RESULTS)
-        for name in NEEDED:
-            if name not in whole.column_names:
-                raise Mistake(f"{folder / RESULTS}: there is no column '{name}' in this table")
-        rows = whole.to_pylist()
+        rows = files.table(folder / RESULTS).to_pylist()
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
     return StudyResults(folder, plan, rows, series, failed, broken)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from servo.loop.run_measures import MEANINGS
 from servo.report import charts
-from servo.report.charts import ERRORS, SETTINGS, Curve, Scale, curves
+from servo.report.charts import ERROR_RANGE, SETTING_RANGE, Curve, Scale, curves
 from servo.report.drawing import LIGHT, colour
 from servo.report.page import Figure
 from servo.report.study_data import SUCCESS, Row, Series, StudyResults, median, same
@@ -80,7 +80,7 @@ def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -
             drawn.append(Curve(label, times, middle, low, high, colour(i)))
     if not drawn:
         return None
-    distance = Scale("distance [px]", low=0, log_from=ERRORS)
+    distance = Scale("distance [px]", low=0, log_from=ERROR_RANGE)
     note = f"Median and 10 to 90 % of the runs. {note}"
     return curves(title, Scale("time [s]"), distance, drawn, note=note)
 
@@ -174,13 +174,13 @@ def _curve(
 
 
 def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
-    across = Scale(key, log_from=SETTINGS)
+    across = Scale(key, log_from=SETTING_RANGE)
     if name == SUCCESS:
         return charts.curves(
             f"Success against {key}", across, Scale("success rate", -0.02, 1.02), drawn, note=note
         )
     unit, meaning = MEANINGS[name]
-    along = Scale(f"error [{unit}]", low=0, log_from=ERRORS)
+    along = Scale(f"error [{unit}]", low=0, log_from=ERROR_RANGE)
     return charts.curves(f"Error against {key}: {meaning}", across, along, drawn, note=note)
 
 

@@ -76,8 +76,6 @@ def spread(interval: Interval | None, units: int = 0) -> str:
 
 def basis(interval: Interval, unit: str) -> str:
     """What an interval is over, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
-    if not interval.units:  # a file of before
-        return f"95 %: {shown(interval.low)} to {shown(interval.high)}"
     over = f"mean of {counted(interval, unit)}"
     if not interval.known:
         return f"{over}: no interval"

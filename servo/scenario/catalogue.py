@@ -7,17 +7,22 @@ from __future__ import annotations
 from importlib import resources
 from importlib.resources.abc import Traversable
 
+from servo import controllers, estimators, features
+from sim import disturbances, motions, robots, targets
+from tracking import trackers
+
 PLUGINS = {
-    "robot": ("sim.robots", "gantry"),
-    "target": ("sim.targets", "car"),
-    "motion": ("sim.motions", "still"),
-    "tracker": ("tracking.trackers", "pf_ssd"),
-    "features": ("servo.features", "moments"),
-    "estimator": ("servo.estimators", "kalman_cv"),
-    "controller": ("servo.controllers", "ibvs"),
+    "robot": (robots.KINDS, "gantry"),
+    "target": (targets.KINDS, "car"),
+    "motion": (motions.KINDS, "still"),
+    "tracker": (trackers.KINDS, "pf_ssd"),
+    "features": (features.KINDS, "moments"),
+    "estimator": (estimators.KINDS, "kalman_cv"),
+    "controller": (controllers.KINDS, "ibvs"),
 }
-"""Tables with a `kind`: the folder it is looked up in, and the kind where none is given."""
-LISTS = {"disturbances": "sim.disturbances"}
+"""Tables with a `kind`: the kinds that there are, and the one where none is given."""
+LISTS = {"disturbances": disturbances.KINDS}
+"""Lists of such tables."""
 
 
 def shipped() -> list[str]:

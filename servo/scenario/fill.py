@@ -1,138 +1,181 @@
-"""TOML tables into frozen dataclasses, strictly: a wrong key, type or range is one sentence."""
+"""Tables as frozen dataclasses of settings: a wrong key, type or range is one sentence."""
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
-import json
-from typing import Any
+from dataclasses import fields, is_dataclass, replace
+from datetime import date, time
+from enum import Enum
+from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
-from pydantic import ConfigDict, ValidationError, create_model
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, create_model
+from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
-from sim import kinds
 from sim.installed import Trusted
+from sim.kinds import Kinds, UnknownKind, field_docs
 
+Config = TypeVar("Config")
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 FORMS = ("bool", "float", "int", "str")
 MESSAGES = {
-    "unexpected_keyword_argument": "there is no such key",
+    "extra_forbidden": "there is no such key",
     "missing": "a value is missing",
     "tuple_type": "this should be a list",
-    "dataclass_type": "this should be a table of settings",
+    "model_type": "this should be a table of settings",
 }
 """Our words where pydantic's speak of Python."""
 
 
-def fill(config: type[Any], table: Any, place: str) -> Any:
-    """An instance of a dataclass from a table.
+class WrongSetting(Mistake):
+    """A mistake in a table of settings; the sentence names it, but not its file."""
+
+    def __init__(self, sentence: str, *keys: str) -> None:
+        super().__init__(sentence)
+        self.keys = keys
+        """The keys that lead to it inside the table."""
+
+
+@functools.cache  # building one takes longer than a hundred uses
+def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
+    """Return the pydantic model that checks tables of a dataclass of settings.
+
+    Args:
+        config: The dataclass; its instance without arguments has the defaults.
+        described: Describe each setting by the docstring under it, for the JSON Schema; finding
+            the docstrings takes longer than loading a scenario.
+    """
+    return _form_of(config(), described)
+
+
+def _form_of(settings: Any, described: bool) -> type[BaseModel]:
+    config = type(settings)
+    hints = get_type_hints(config, include_extras=True)
+    docs = field_docs(config) if described else {}
+    members: dict[str, Any] = {}
+    for field in fields(config):
+        default = getattr(settings, field.name)
+        hint = hints[field.name]
+        if is_dataclass(default):
+            hint = _form_of(default, described)
+            default = hint()
+        elif isinstance(hint, type) and issubclass(hint, Enum):
+            hint = Annotated[hint, Strict(False)]  # a table has the value of its member
+        members[field.name] = (hint, Field(default, description=docs.get(field.name)))
+    return create_model(config.__qualname__, __config__=STRICT, __doc__=config.__doc__, **members)
+
+
+def fill(config: type[Config], table: object, place: str, begin: Config | None = None) -> Config:
+    """Return an instance of a dataclass with the settings of a table.
+
+    Args:
+        config: The dataclass.
+        table: As TOML has it.
+        place: The table's place, with which messages begin.
+        begin: The settings that the table leaves open; None: the defaults.
 
     Raises:
-        Mistake: A key is unknown, or a value has the wrong type or is out of range.
+        WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
     """
     if not isinstance(table, dict):
-        raise Mistake(f"{place} should be a table of settings, not {table!r}")
-    fields = list(config.__dataclass_fields__)
-    for key in table:
-        if key not in fields:
-            raise Mistake(f"{place}: {unknown(key, fields)}")
+        raise WrongSetting(f"{place} should be a table of settings, not {table!r}")
+    checked = form(config)
+    for key in cast(dict[str, Any], table):
+        if key not in checked.model_fields:
+            raise WrongSetting(f"{place}: {unknown(key, checked.model_fields)}", key)
     try:
-        # By way of JSON, in which lists may become tuples and strings enums though types are
-        # strict.
-        text = json.dumps({"it": _completed(config, table)}, default=str)
-        return _section(config).model_validate_json(text).it
+        given = checked.model_validate(_values(cast(Any, table)))
     except ValidationError as error:
-        raise Mistake(_sentence(_nearest(error.errors()), place)) from None
+        raise _wrong(_nearest(error.errors()), place) from None
+    return _changed(config() if begin is None else begin, given, place)
 
 
-def _completed(config: type[Any], table: dict[str, Any]) -> dict[str, Any]:
-    """A table whose inner tables have the values that this dataclass begins with, where they leave
-    some out: those may differ from the defaults of the inner dataclass itself.
-    """
-    complete = dict(table)
-    for field in dataclasses.fields(config):
-        given = table.get(field.name)
-        if isinstance(given, dict) and field.default_factory is not dataclasses.MISSING:
-            begin = field.default_factory()
-            if dataclasses.is_dataclass(begin) and not isinstance(begin, type):
-                complete[field.name] = dataclasses.asdict(begin) | given
-    return complete
+def _values(value: Any) -> Any:
+    """Return a value of TOML in the types that settings have: tuples for lists, plain texts."""
+    match value:
+        case dict():
+            return {key: _values(item) for key, item in value.items()}
+        case list():
+            return tuple(map(_values, value))
+        case str() | date() | time():  # no setting has dates
+            return str(value)
+        case _:
+            return value
 
 
-def _nearest(errors: list[Any]) -> Any:
-    """The first error; of a value that may have several forms, the one that went furthest."""
+def _shown(value: Any) -> Any:
+    """Return a value as it stands in a table, for messages."""
+    return [_shown(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _changed(begin: Any, given: BaseModel, place: str) -> Any:
+    """Return settings with those that a table has given, also in the tables inside it."""
+    changes: dict[str, Any] = {}
+    for name in given.model_fields_set:
+        value = getattr(given, name)
+        is_table = isinstance(value, BaseModel)
+        inner = f"{place}.{name}"
+        changes[name] = _changed(getattr(begin, name), value, inner) if is_table else value
+    try:
+        return replace(begin, **changes)
+    except ValueError as error:  # a `Config` refused several values together
+        raise WrongSetting(f"{place}: {error}") from None
+
+
+def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
+    """Return the first error; of a value with several forms, the one that went furthest."""
     first = errors[0]["loc"]
     begin = tuple(itertools.takewhile(_is_place, first))
     rivals = errors if begin != first else errors[:1]
     return max((e for e in rivals if e["loc"][: len(begin)] == begin), key=lambda e: len(e["loc"]))
 
 
-def _is_place(part: Any) -> bool:
-    """Whether part of an error's place is a key or an index, not the name of one of several forms
-    such as "str" or "tuple[int,int]".
+def _is_place(part: int | str) -> bool:
+    """Return whether part of an error's place is a key or an index, not the name of one of several
+    forms such as "str" or "tuple[int, int]".
     """
     return isinstance(part, int) or (part.isidentifier() and part not in FORMS)
 
 
-def _sentence(error: Any, place: str) -> str:
-    """What pydantic found, with the place of the value."""
-    where = "".join(f".{part}" for part in error["loc"][1:] if _is_place(part))
-    if error["type"] == "value_error":  # a `Config` refused several values together
-        return f"{place}{where}: {error['ctx']['error']}"
-    said = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
-    found = "" if error["type"] == "missing" else f" = {error['input']!r}"
-    return f"{place}{where}{found}: {said}"
+def _wrong(error: ErrorDetails, place: str) -> WrongSetting:
+    """Return what pydantic found as a sentence, with the place of the value."""
+    keys = [str(part) for part in error["loc"] if _is_place(part)]
+    where = "".join(f".{key}" for key in keys)
+    sentence = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
+    found = "" if error["type"] == "missing" else f" = {_shown(error['input'])!r}"
+    return WrongSetting(f"{place}{where}{found}: {sentence}", *keys)
 
 
-@functools.cache  # building one takes longer than a hundred uses
-def _section(config: type[Any]) -> Any:
-    return create_model("Section", __config__=STRICT, it=(config, ...))
-
-
-def fill_plugin(folder: str, table: Any, place: str, default: str | None = None) -> Any:
-    """The `Config` of the kind that a table names, filled from the rest of the table.
+def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = "") -> Config:
+    """Return the `Config` of the kind that a table names, with the other settings of the table.
 
     A `preset` gives the settings that the table leaves open.
 
     Raises:
-        Mistake: As for `fill`, or the kind or preset is unknown.
+        WrongSetting: As for `fill`, or the kind or preset is unknown.
     """
     if not isinstance(table, dict):
-        raise Mistake(f"{place} should be a table with a kind, not {table!r}")
-    kind = table.get("kind", default)
-    if kind is None:
-        raise Mistake(f"{place} needs a kind: one of {', '.join(kinds.names(folder))}")
+        raise WrongSetting(f"{place} should be a table with a kind, not {table!r}")
+    given = dict(cast(dict[str, Any], table))
+    kind = given.pop("kind", default)
+    preset = given.pop("preset", None)
+    if kind == "" and "kind" not in table:
+        raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}")
     kind = kind if isinstance(kind, str) else str(kind)
     try:
-        config = kinds.config_of(folder, kind)
-    except kinds.UnknownKind as error:
-        raise Mistake(f"{place}.kind: {error}") from error
+        config = kinds.config_of(kind)
+    except UnknownKind as error:
+        raise WrongSetting(f"{place}.kind: {error}", "kind") from error
     try:
-        name = table.get("preset")
-        begin = {} if name is None else kinds.preset(folder, kind, str(name))
-    except kinds.UnknownKind as error:
-        raise Mistake(f"{place}.preset: {error}") from None
-    given = {k: v for k, v in table.items() if k not in ("kind", "preset")}
+        begin = kinds.config(kind, preset if preset is None else str(preset))
+    except UnknownKind as error:
+        raise WrongSetting(f"{place}.preset: {error}", "preset") from None
     for key in getattr(config, "not_from_file", ()):
         if key in given and not isinstance(given[key], Trusted):
-            raise Mistake(
+            raise WrongSetting(
                 f"{place}.{key}: a file may not name a command to start: give it with --set, or "
-                "from Python"
+                "from Python",
+                key,
             )
-    tables = {
-        k: dataclasses.asdict(v) if dataclasses.is_dataclass(v) and not isinstance(v, type) else v
-        for k, v in begin.items()
-    }
-    return fill(config, tables | given, place)
-
-
-def fill_plugins(folder: str, tables: Any, place: str) -> tuple[Any, ...]:
-    """One `Config` for each table of a list.
-
-    Raises:
-        Mistake: As for `fill_plugin`.
-    """
-    if not isinstance(tables, list):
-        raise Mistake(f"{place} should be a list of tables, not {tables!r}")
-    return tuple(fill_plugin(folder, t, f"{place}[{i}]") for i, t in enumerate(tables))
+    return fill(config, given, place, begin)

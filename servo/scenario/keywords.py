@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.draws import flat
+from servo.scenario.draws import spelled
 from servo.scenario.given import texts
 from servo.scenario.toml import assignment, trusted
 from sim import kinds
@@ -24,6 +24,26 @@ class Change(NamedTuple):
     """Where it was given, for messages."""
 
 
+def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
+    """Return the place that gave settings their values.
+
+    Args:
+        changes: In their order.
+        file: The place of all that no change has set.
+        *settings: Such as "run.duration".
+
+    Returns:
+        The place of the last change of one of them, of a table around it or of a value in it.
+    """
+    for change in reversed(changes):
+        changed = f"{spelled(change.key, change.place)}."
+        for setting in settings:
+            path = f"{setting}."
+            if path.startswith(changed) or changed.startswith(path):
+                return change.place
+    return file
+
+
 def of_texts(items: Sequence[str]) -> list[Change]:
     """The changes of --set.
 
@@ -33,23 +53,20 @@ def of_texts(items: Sequence[str]) -> list[Change]:
     return [Change(*assignment(item), f"--set {item}") for item in texts(items)]
 
 
-def of_keywords(given: Mapping[str, Any], settings: Mapping[str, Any]) -> list[Change]:
-    """The changes of keywords: a table (camera={"noise": 3}), a kind (tracker="kams"), a setting by
-    its whole name (**{"start.x": 5}), or by its own where no other has that (gain=1.5).
+def of_keywords(
+    given: Mapping[str, Any], tables: Sequence[str], known: Sequence[str] = ()
+) -> Iterator[Change]:
+    """Return the changes of keywords: a table (camera={"noise": 3}), a kind (tracker="kams"), a
+    setting by its whole name (**{"start.x": 5}), or by its own where no other has that (gain=1.5).
 
     Args:
         given: The keywords.
-        settings: All settings of the scenario, by table.
+        tables: The tables of a scenario.
+        known: All settings of the scenario, such as "start.x".
 
     Raises:
         Mistake: There is no such setting, or there are several.
     """
-    return list(_changes(given, [*flat(settings, "settings")], (*settings, "vary", "expect")))
-
-
-def _changes(
-    given: Mapping[str, Any], known: Sequence[str], tables: Sequence[str]
-) -> Iterator[Change]:
     for name, raw in given.items():
         value = plain(raw)
         place = f"{name}={value!r}"
@@ -99,6 +116,6 @@ def own_part(key: str, value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return value
     try:
-        return kinds.as_config(PLUGINS[key][0], value, name)()
+        return PLUGINS[key][0].as_config(value, name)()
     except kinds.UnknownKind as error:
         raise Mistake(f"{key}: {error}") from None

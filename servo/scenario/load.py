@@ -15,9 +15,9 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import given, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
-from servo.scenario.draws import AS_WRITTEN, draws_of
+from servo.scenario.draws import AS_WRITTEN, Draw, draws_of, flat
 from servo.scenario.expected import Expected, tracker_of
-from servo.scenario.fill import fill, fill_plugin, fill_plugins
+from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.sections import (
     GoalConfig,
@@ -48,9 +48,12 @@ SECTIONS: dict[str, type[Any]] = {
     "believed": BelievedConfig,
     "measure": MeasureConfig,
 }
-MOVED = {("sight", "depth_factor"): "believed.depth_factor"}
-"""Keys of earlier files, and where they are now."""
-KEYS = (*SECTIONS, *PLUGINS, *LISTS, "vary", "expect", "sweep")
+TABLES = (*SECTIONS, *PLUGINS, *LISTS)
+"""The tables of settings."""
+SETTABLE = (*TABLES, "vary", "expect")
+"""The tables that a keyword may set."""
+KEYS = (*SETTABLE, "sweep")
+"""All keys of a scenario's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,17 +136,21 @@ def load(
         Mistake: The user's mistake, in one sentence.
     """
     name = given.name(name, "scenario")
-    all_changes = keywords.of_texts(overrides)
+    changes = keywords.of_texts(overrides)
     if seed is not None:
-        all_changes.append(Change("run.seed", keywords.plain(seed), f"--seed {seed}"))
-    plain = {k: v for k, v in settings.items() if k not in PLUGINS or isinstance(v, str | dict)}
-    own = {k: keywords.own_part(k, v) for k, v in settings.items() if k not in plain}
-    kind = {k: v for k, v in plain.items() if k in PLUGINS}
-    scenario = _loaded(name, all_changes)
-    for some in (kind, {k: v for k, v in plain.items() if k not in kind}):
-        if some:
-            all_changes += keywords.of_keywords(some, scenario.settings())
-            scenario = _loaded(name, all_changes)
+        changes.append(Change("run.seed", keywords.plain(seed), f"--seed {seed}"))
+    own = {
+        key: keywords.own_part(key, value)
+        for key, value in settings.items()
+        if key in PLUGINS and not isinstance(value, str | dict)
+    }
+    parts = {key: settings[key] for key in settings if key in PLUGINS and key not in own}
+    others = {key: value for key, value in settings.items() if key not in PLUGINS}
+    changes += keywords.of_keywords(parts, SETTABLE)
+    if others:  # the kinds are known now, and so is every setting's name
+        known = [*flat(_loaded(name, changes).settings(), "settings")]
+        changes += keywords.of_keywords(others, SETTABLE, known)
+    scenario = _loaded(name, changes)
     if "tracker" in own:
         own["expect"] = scenario.bounds.of(kinds.kind_of(own["tracker"]))
     return dataclasses.replace(scenario, **own) if own else scenario
@@ -153,99 +160,107 @@ def _loaded(name: str, changes: Sequence[Change]) -> Scenario:
     table, place = read(name)
     written = copy.deepcopy(table)
     for change in changes:
+        toml.check({change.key: change.value}, change.place)
         put(table, *change)
-    try:
-        return parse(table, Path(name).stem, place, written)
-    except Mistake:
-        culprit = _culprit(name, changes)
-        if culprit is None:
-            raise
-        place = culprit
-    return parse(table, Path(name).stem, place, written)
+    return parse(table, Path(name).stem, place, written, changes)
 
 
-def _culprit(name: str, changes: Sequence[Change]) -> str | None:
-    """The place of the change from which on a scenario is wrong; None where its file is."""
-    table, place = read(name)
-    culprit = None
-    right = _is_right(table, place)
-    for change in changes:
-        put(table, *change)
-        before = right
-        right = _is_right(table, place)
-        if before and not right:
-            culprit = change.place
-    return None if right else culprit
-
-
-def _is_right(table: Table, place: str) -> bool:
-    try:
-        parse(table, place, place)
-    except Mistake:
-        return False
-    return True
-
-
-def parse(table: Table, name: str, place: str, written: Table | None = None) -> Scenario:
-    """The scenario of a TOML table; place names it in messages.
+def parse(
+    table: Table,
+    name: str,
+    place: str,
+    written: Table | None = None,
+    changes: Sequence[Change] = (),
+) -> Scenario:
+    """Return the scenario of a TOML table.
 
     Args:
         table: With all changes.
         name: Of the scenario.
-        place: Its file.
+        place: Its file, for messages.
         written: The table as it stands in its file, whose tracker the bounds are made for.
+        changes: The changes, in their order: messages name the one that set a wrong value.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
     toml.check(table, place)
+
+    def where(*settings: str) -> str:
+        return keywords.place_of(changes, place, *settings)
+
     for key in table:
         if key not in KEYS:
-            raise Mistake(f"{place}: {unknown(key, KEYS)}")
-    for (section, key), now in MOVED.items():
-        if isinstance(table.get(section), dict) and key in table[section]:
-            raise Mistake(f"{place}: {section}.{key} is {now} now")
-    if "camera" in table:
-        table = table | {"camera": calibrated(table["camera"], f"{place}: camera")}
-    base = table
-    table, drawn = _drawn(table, name, place)
-    values: Table = {key: _filled(key, table, place) for key in (*SECTIONS, *PLUGINS, *LISTS)}
-    bounds = Expected.read(table, table if written is None else written, place)
+            raise Mistake(f"{where(key)}: {unknown(key, KEYS)}")
     if not isinstance(table.get("sweep", {}), dict):
-        raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
-    check_frames(values["run"], values["camera"].rate, place)
+        raise Mistake(f"{where('sweep')}: sweep should be a table, not {table['sweep']!r}")
+    if "camera" in table:
+        table = table | {"camera": calibrated(table["camera"], f"{where('camera')}: camera")}
+    draws = draws_of(table.get("vary", {}), f"{where('vary')}: vary")
+    fixed = {key: value for key, value in table.items() if key != "vary"}
+    try:
+        values = {key: _filled(key, fixed) for key in TABLES}
+        drawn = _drawn(draws, fixed, values["run"].seed)
+        if drawn:
+            fixed = with_settings(fixed, drawn, place)
+            values |= {key: _filled(key, fixed) for key in {section_of(key) for key in drawn}}
+    except WrongSetting as error:
+        # What a calibration gives is wrong where the calibration is named.
+        named = ("camera.calibration",) if error.keys[0] == "camera" else ()
+        sentence = f"{where('.'.join(error.keys), *named)}: {error}"
+        raise Mistake(sentence) from error.__cause__
+    bounds = Expected.read(table, table if written is None else written, where("expect"))
+    check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
     expect = bounds.of(tracker_of(table))
     if tracker_of(table) != bounds.own:
-        base = base | {"expect": expect}
-    found = {"expect": expect, "bounds": bounds, "drawn": drawn}
-    return Scenario(name=name, table=base, **found, **values)
+        table = table | {"expect": expect}
+    return Scenario(name=name, table=table, expect=expect, bounds=bounds, drawn=drawn, **values)
 
 
-def _filled(key: str, table: Table, place: str) -> Any:
-    """The value of one of a scenario's tables."""
-    at = f"{place}: {key}"
-    if key in SECTIONS:
-        return fill(SECTIONS[key], table.get(key, {}), at)
-    if key in LISTS:
-        return fill_plugins(LISTS[key], table.get(key, []), at)
-    return fill_plugin(PLUGINS[key][0], table.get(key, {}), at, PLUGINS[key][1])
+def _filled(key: str, table: Table) -> Any:
+    """Return the value of one of a scenario's tables.
+
+    Raises:
+        WrongSetting: Its keys begin with this one.
+    """
+    try:
+        if key in SECTIONS:
+            return fill(SECTIONS[key], table.get(key, {}), key)
+        if key in PLUGINS:
+            return fill_plugin(PLUGINS[key][0], table.get(key, {}), key, PLUGINS[key][1])
+    except WrongSetting as error:
+        raise WrongSetting(str(error), key, *error.keys) from error.__cause__
+    items = table.get(key, [])
+    if not isinstance(items, list):
+        raise WrongSetting(f"{key} should be a list of tables, not {items!r}", key)
+    found: list[Any] = []
+    for i, item in enumerate(items):
+        try:
+            found.append(fill_plugin(LISTS[key], item, f"{key}[{i}]"))
+        except WrongSetting as error:
+            raise WrongSetting(str(error), key, str(i), *error.keys) from error.__cause__
+    return tuple(found)
 
 
-def _drawn(table: Table, name: str, place: str) -> tuple[Table, Table]:
-    """A table with what its seed draws, and the draws alone; each end of a law must be valid."""
-    if "vary" not in table:
-        return table, {}
-    draws = draws_of(table["vary"], f"{place}: vary")
-    fixed = {**table}
-    del fixed["vary"]
-    parse(fixed, name, place)  # what is wrong without any draw is not the draws' mistake
+def _drawn(draws: Sequence[Draw], table: Table, seed: int) -> Table:
+    """Return the settings that a seed draws; each end of a law must be valid.
+
+    Raises:
+        WrongSetting: One is not.
+    """
     for draw in draws:
-        at = f"{place}: vary.{draw.key}"
-        key = draw.key.partition(".")[0]
-        if key not in (*SECTIONS, *PLUGINS, *LISTS):
-            raise Mistake(f"{at}: {unknown(key, KEYS)}")
+        at = f"vary.{draw.key}"
+        section = section_of(draw.key)
+        if section not in TABLES:
+            raise WrongSetting(f"{at}: {unknown(section, KEYS)}", at)
         for end in draw.ends:
-            _filled(key, with_settings(fixed, {draw.key: end}, place), at)
-    seed = _filled("run", fixed, place).seed
-    drawn = {} if seed == AS_WRITTEN else {d.key: d.value(seed) for d in draws}
-    return with_settings(fixed, drawn, place), drawn
+            try:
+                _filled(section, with_settings(table, {draw.key: end}, at))
+            except WrongSetting as error:
+                raise WrongSetting(f"{at}: {error}", at) from error.__cause__
+    return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
+
+
+def section_of(setting: str) -> str:
+    """Return the table of a setting such as "start.x"."""
+    return setting.partition(".")[0]

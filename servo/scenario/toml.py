@@ -121,7 +121,7 @@ def assignment(item: str) -> tuple[str, Any]:
     if not equals or not all(keys):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
     value = _value(text.strip())
-    if keys == ["estimator", "kind"] and value is True:  # the kind "true"
+    if keys[-1] == "kind" and not isinstance(value, str):  # "true" is a word there
         value = Trusted(text.strip())
     return ".".join(keys), value
 

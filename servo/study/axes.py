@@ -12,7 +12,6 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.load import SECTIONS
-from sim import kinds
 from tracking.external import OF_THE_USER
 
 SCENARIO = "scenario"
@@ -63,7 +62,7 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
                 continue
             given = _span(law, numbers, at)
         elif given == ALL and key.removesuffix(".kind") in PLUGINS and key.endswith(".kind"):
-            every = kinds.names(PLUGINS[key.removesuffix(".kind")][0])
+            every = PLUGINS[key.removesuffix(".kind")][0].names()
             given = [kind for kind in every if kind not in OF_THE_USER]
         if not isinstance(given, list) or not given:
             raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")

@@ -24,7 +24,8 @@ from servo.scenario.named_files import digest_of
 from servo.study.plan import Run, Study
 from sim.files import reading
 from sim.kinds import UnknownKind
-from tracking.drawing.contact_sheet import encoded, page, tile
+from tracking.drawing.contact_sheet import page, tile
+from tracking.drawing.picture_bytes import encoded
 from tracking.files.json_text import number
 from tracking.sequences.sources import Picture
 

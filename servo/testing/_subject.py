@@ -10,20 +10,12 @@ from typing import Any
 import numpy as np
 
 from servo.contracts import BrokenContract, check_built, guarded
-from sim import kinds
+from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.installed import Trusted
+from sim.kinds import UnknownKind
 
-FOLDERS = {
-    "tracker": "tracking.trackers",
-    "features": "servo.features",
-    "estimator": "servo.estimators",
-    "controller": "servo.controllers",
-    "motion": "sim.motions",
-    "disturbances": "sim.disturbances",
-    "robot": "sim.robots",
-    "target": "sim.targets",
-}
-"""The folder of kinds of each part, by its place in a scenario."""
+REGISTRIES = {place: registry for place, (registry, _) in PLUGINS.items()} | LISTS
+"""The kinds of each part, by its place in a scenario."""
 
 
 def contract(check: Callable[..., None]) -> Callable[..., None]:
@@ -53,12 +45,12 @@ def config_of(place: str, part: Any) -> Any:
     """
     if dataclasses.is_dataclass(part) and not isinstance(part, type):
         return part
-    folder = FOLDERS[place]
+    registry = REGISTRIES[place]
     try:
         if isinstance(part, str):
-            return kinds.config_of(folder, Trusted(part))()
-        return kinds.as_config(folder, part, getattr(part, "__qualname__", repr(part)))()
-    except kinds.UnknownKind as error:
+            return registry.config_of(Trusted(part))()
+        return registry.as_config(part, getattr(part, "__qualname__", repr(part)))()
+    except UnknownKind as error:
         raise BrokenContract(str(error)) from error
 
 

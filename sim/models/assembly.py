@@ -6,6 +6,7 @@ from importlib import resources
 import mujoco
 
 from sim.camera.camera import FOVY, CameraConfig
+from sim.models.model_files import compiled
 from sim.models.target import Target
 from sim.quaternion import quaternion_of
 from sim.robot.robot import CAMERA, Design
@@ -50,7 +51,7 @@ def build_model(
         if SPOT in wanted:
             room.visual.quality.numquads = FINE_QUADS
         room.option.timestep = 1.0 / physics_rate
-        return room.compile()
+        return compiled(room)
 
 
 def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:

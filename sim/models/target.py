@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from sim.models.model_files import compiled
 from sim.types import Array
 
 OUTLINE = "outline"
@@ -59,7 +60,7 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
     """
     if spec.site(OUTLINE) is None:
         return None
-    model = spec.copy().compile()
+    model = compiled(spec.copy())
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     site = data.site(OUTLINE)
@@ -75,7 +76,7 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     Raises:
         ValueError: Nothing of it is seen above the table, z = 0.
     """
-    model = spec.copy().compile()
+    model = compiled(spec.copy())
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     bounds = _bounds(model, data)

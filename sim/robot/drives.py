@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.models.model_files import compiled
 from sim.types import Array
 
 TIME_CONSTANT = 0.015
@@ -117,7 +118,7 @@ def random_joints(
 
 def _inertia(spec: mujoco.MjSpec) -> Array:
     """The largest inertia (n,) that each joint sees, the others held [kg m^2 or kg]."""
-    model = spec.compile()
+    model = compiled(spec)
     data = mujoco.MjData(model)
     whole = np.empty((model.nv, model.nv))
     largest = np.zeros(model.nv)

@@ -9,6 +9,7 @@ from math import cos, radians, sin
 import mujoco
 import numpy as np
 
+from sim.models.model_files import SIMULATION, compiled, leave_out
 from sim.quaternion import quaternion_of
 from sim.robot.chain import Chain, chain_to, name_all
 from sim.robot.drives import (
@@ -32,7 +33,7 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
         ValueError: There is no such thing, or it is not carried by hinges and slides.
     """
     name_all(spec)
-    model = spec.copy().compile()
+    model = compiled(spec.copy())
     _check_free(model)
     if not camera:
         return model, chain_to(model, flange)
@@ -149,12 +150,11 @@ def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
 
 def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:
     """Leave out what a room has, and all joints but these: grippers do not move."""
-    drives = [a for a in spec.actuators if not keep_drives or a.target not in joints]
-    loose = chain(drives, spec.equalities, spec.tendons, spec.keys, spec.lights)
-    skies = (t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    leave_out(spec, SIMULATION)
+    drives = (a for a in spec.actuators if not keep_drives or a.target not in joints)
     floors = (g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE)
     others = (j for j in spec.joints if j.name not in joints)
-    for item in list(chain(loose, skies, floors, others)):
+    for item in list(chain(drives, floors, others)):
         spec.delete(item)
 
 

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from sim.models.model_files import read_tree, spec_of
-from sim.models.urdf import speeds
+from sim.models.model_files import read_spec
+from sim.models.urdf import joint_speeds
 from sim.ranges import Degrees, Place
 from sim.robot.chain import FEWEST
 from sim.robot.model import camera_chain, drive, make_robot, mount_pose
@@ -60,10 +60,9 @@ class Config(Drives):
             ValueError: The model is wrong, or a setting does not fit it.
         """
         path = model_path(self.model)
-        tree = read_tree(path, WHAT)
-        spec = spec_of(tree, path, WHAT)
+        spec = read_spec(path, WHAT)
         try:
-            self._prepare(spec, speeds(tree))
+            self._prepare(spec, joint_speeds(path))
         except ValueError as error:
             raise ValueError(f"{path.name}: {error}") from None
         x, y, z, yaw = self.base

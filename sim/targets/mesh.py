@@ -1,13 +1,16 @@
 """A mesh of an OBJ or STL file, scaled to a size, in one colour or with a picture."""
 
+import importlib
 from dataclasses import dataclass
 from math import cos, radians, sin
+from pathlib import Path
 from typing import Any, Literal
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from sim.models.mesh_file import Triangles, read_mesh
+from sim.files import reading
 from sim.models.model_files import said_by_mujoco
 from sim.models.target import Target
 from sim.ranges import Degrees, Length
@@ -15,6 +18,8 @@ from sim.targets import _paint
 from sim.targets._settings import Colour, Outlined, file_of, rgba
 from sim.types import Array, Image
 
+Indices = NDArray[np.int64]
+SUFFIXES = (".obj", ".stl")
 UPRIGHT = {
     "z": np.eye(3),
     "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -24,6 +29,19 @@ UPRIGHT = {
 ACROSS = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 FLAT = 0.001
 """What is thinner lies this far over the table, which would show through it [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """A surface of triangles. No two vertices are the same; no triangle has two equal corners."""
+
+    vertices: Array
+    """Points (n, 3), in the file's unit."""
+    faces: Indices
+    """Three vertices of each triangle (m, 3), counter-clockwise as seen from outside."""
+    places: Array | None = None
+    """Places of the triangles' corners in a picture (m, 3, 2): 0..1 from its left and from its
+    bottom; None where the file does not say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +116,35 @@ class Config(Outlined):
         high = points.max(axis=0)
         points -= [*(low + high)[:2] / 2, low[2]]
         return points + (0, 0, max(0.0, FLAT - float(points[:, 2].max())))
+
+
+def read_mesh(path: Path) -> Triangles:
+    """Return the surface in an OBJ or STL file.
+
+    Raises:
+        ValueError: It cannot be read, or has no triangle.
+    """
+    trimesh: Any = importlib.import_module("trimesh")  # only now: it takes half a second
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
+    with reading.opened(path, "mesh") as file:
+        try:
+            found = trimesh.load_mesh(
+                file, suffix[1:], process=False, maintain_order=True, skip_materials=True
+            )
+            vertices, same = np.unique(found.vertices, axis=0, return_inverse=True)
+            faces = same.reshape(-1)[found.faces]
+        except Exception:  # trimesh's readers raise what they meet in a broken file
+            raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
+    places: Array | None = getattr(found.visual, "uv", None)
+    if places is not None:
+        places = np.asarray(places)[found.faces]
+    # Corners that fell together leave triangles without an area, which MuJoCo refuses.
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    if not whole.any():
+        raise ValueError(f"{path}: there is no triangle in this mesh")
+    return Triangles(vertices, faces[whole], None if places is None else places[whole])
 
 
 def _seen_from_outside(mesh: Triangles) -> Triangles:

@@ -1,28 +1,16 @@
 """A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
 
 from dataclasses import dataclass
-from itertools import chain
 
 import mujoco
 import numpy as np
 
-from sim.models.model_files import read_spec, said_by_mujoco
+from sim.models.model_files import SIMULATION, leave_out, read_spec, said_by_mujoco
 from sim.models.target import Target
 from sim.targets._settings import Outlined, file_of
 
-MOVING = (
-    "keys",
-    "sensors",
-    "actuators",
-    "tendons",
-    "equalities",
-    "excludes",
-    "pairs",
-    "joints",
-    "cameras",
-    "lights",
-)
-"""What a target does not have, in an order in which nothing refers to what is gone."""
+MOVING = (*SIMULATION, "actuators", "joints", "cameras")
+"""Parts of a model that a target does not have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +29,7 @@ class Config(Outlined):
         """
         path = file_of(self.model, ".xml", "model")
         spec = read_spec(path, "target")
-        skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]
-        for element in [*chain.from_iterable(getattr(spec, part) for part in MOVING), *skies]:
-            spec.delete(element)
+        leave_out(spec, MOVING)
         for body in spec.bodies:
             body.mocap = False
         for geom in spec.geoms:

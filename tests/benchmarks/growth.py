@@ -10,10 +10,10 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+import speed
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from servo.cli import speed
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 

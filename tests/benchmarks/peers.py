@@ -20,7 +20,7 @@ WARM = 5
 
 
 def shoot(path):
-    from servo.cli import speed
+    import speed
 
     film = speed.film(60.0)
     x, y = np.array([film.state.x, film.state.y]) - [film.region.width / 2, film.region.height / 2]

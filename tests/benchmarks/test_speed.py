@@ -1,6 +1,6 @@
 """How long trackers, law and loop take: `uv run --extra dev pytest tests/benchmarks -n 0`.
 
-Nothing is asserted: machines differ. `servobench doctor --bench` prints the short table.
+Nothing is asserted: machines differ. `speed.py` prints the short table.
 """
 
 from functools import lru_cache
@@ -9,11 +9,12 @@ from itertools import cycle
 import cv2
 import numpy as np
 import pytest
+import speed
 
-from servo.cli import speed
+from servo.estimators import KINDS as ESTIMATORS
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from sim import kinds
+from tracking.trackers import KINDS as TRACKERS
 
 film = lru_cache(speed.film)
 FIXED = ["camshift", "cv_mean_shift", "cv_mil", "mean_shift", "mk_ssd", "sok"]
@@ -42,7 +43,7 @@ def _one_thread():
 
 def update(benchmark, kind, length, width, **settings):
     shown = film(length, width)
-    config = kinds.config_of("tracking.trackers", kind)(**settings)
+    config = TRACKERS.config_of(kind)(**settings)
     tracker = config.build(np.random.default_rng(0))
     tracker.start(shown.frames[0], shown.region, shown.state)
     there_and_back = cycle([*shown.frames[1:], *shown.frames[-2:0:-1]])
@@ -65,7 +66,7 @@ def test_particle_filter(benchmark, kind, particles, length, width):
     update(benchmark, kind, length, width, particles=particles)
 
 
-@pytest.mark.parametrize("estimator", kinds.names("servo.estimators"))
+@pytest.mark.parametrize("estimator", ESTIMATORS.names())
 def test_features_law_and_estimator(benchmark, estimator):
     with Episode(load("line", ["run.duration=1.0", f"estimator.kind={estimator}"])) as episode:
         step = list(episode)[-1]

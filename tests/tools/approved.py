@@ -80,6 +80,8 @@ def drawn():
     shade = functools.partial(to_hex, keep_alpha=True)
 
     def of_axes(ax):
+        for area in ax.collections:
+            area.update_scalarmappable()  # else a map of colours has none before it is drawn
         legend = ax.get_legend()
         ticks = (*ax.get_xticklabels(), *ax.get_yticklabels())
         return {
@@ -115,7 +117,8 @@ def drawn():
             "fills": [
                 f"{shade(colour)} {width:g}"
                 for area in ax.collections
-                for colour, width in zip(area.get_facecolor(), area.get_linewidth(), strict=False)
+                for i, colour in enumerate(area.get_facecolor())
+                for width in [area.get_linewidth()[i % len(area.get_linewidth())]]
             ],
             "bars": [
                 [

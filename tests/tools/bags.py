@@ -1,9 +1,8 @@
 """Bags with image topics: MCAP, ROS 1, ROS 2; written by rosbags and mcap, as recorders do."""
 
-import struct
-
 import cv2
 import numpy as np
+from foxglove import messages
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -91,22 +90,21 @@ def write_mcap(path, encoding, schemas, topics, profile="ros2"):
     return path
 
 
-def protobuf(*fields):
-    """A Protobuf message of (number, value): bytes, ("fixed", int) or int."""
-    found = b""
-    for number, value in fields:
-        if isinstance(value, bytes):
-            found += varint(number << 3 | 2) + varint(len(value)) + value
-        elif isinstance(value, tuple):
-            found += varint(number << 3 | 5) + struct.pack("<I", value[1])
-        else:
-            found += varint(number << 3) + varint(value)
-    return found
-
-
-def varint(value):
-    found = b""
-    while value > 0x7F:
-        found += bytes([value & 0x7F | 0x80])
-        value >>= 7
-    return found + bytes([value])
+def foxglove(path, topics):
+    """An MCAP file of foxglove-sdk's; topics: name to messages, or to bytes of CompressedImage."""
+    rows = {}
+    for name, found in topics.items():
+        kind = type(found[0]) if not isinstance(found[0], bytes) else messages.CompressedImage
+        data = [m if isinstance(m, bytes) else m.encode() for m in found]
+        rows[name] = (kind.get_schema(), [(START + k, d) for k, d in enumerate(data)])
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="", library="test")
+        for name, (schema, items) in rows.items():
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            channel = writer.register_channel(name, "protobuf", number)
+            for recorded, data in items:
+                ns = round(recorded * NS)
+                writer.add_message(channel, log_time=ns, publish_time=ns, data=data)
+        writer.finish()
+    return path

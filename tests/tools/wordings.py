@@ -9,9 +9,8 @@ from hostile import LONG
 from servo.cli.list_command import PARTS
 from servo.loop.run_measures import MEANINGS
 from servo.papers.claims import CLAIMS
-from servo.scenario.catalogue import PLUGINS, shipped, studies
+from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS
-from sim import kinds
 
 
 def _listed() -> dict[str, str]:
@@ -24,8 +23,8 @@ def _listed() -> dict[str, str]:
         "SECTIONS": KEYS,
     }
     folders = {name: folder for name, (folder, _) in PLUGINS.items()}
-    folders["disturbance"] = "sim.disturbances"
-    lists |= {f"{name.upper()}_KINDS": kinds.names(folder) for name, folder in folders.items()}
+    folders["disturbance"] = LISTS["disturbances"]
+    lists |= {f"{name.upper()}_KINDS": folder.names() for name, folder in folders.items()}
     return {f"<{name}>": ", ".join(names) for name, names in lists.items()} | {"<LONG>": LONG}
 
 

@@ -47,14 +47,6 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
     )
 
 
-def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
-    """An RGB image as a file: a JPEG of a quality, 0 to 100, or else a PNG."""
-    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    if jpeg_quality is None:
-        return cv2.imencode(".png", bgr)[1].tobytes()
-    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
-
-
 def page(tiles: Sequence[Image]) -> Image:
     """A picture made of tiles in rows of four."""
     height = max(t.shape[0] for t in tiles)

@@ -1,27 +1,34 @@
-"""The pictures of one topic of a bag: MCAP, ROS 1 (.bag), ROS 2 (a folder, or one .db3 file)."""
+"""The pictures of one topic of a bag: MCAP, ROS 1 (.bag), ROS 2 (a folder, or one .db3 file).
+
+`mcap` and `rosbags` read the files and decode the messages.
+"""
 
 from __future__ import annotations
 
-import importlib
-from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from sim.files import reading
-from tracking.sequences.image_message import KINDS, NANO, picture_of, plain_kind
+from tracking.sequences.image_message import KINDS, NANO, decoder_of, picture_of, plain_kind
 from tracking.sequences.sources import RATE, End, Picture, Times
 
-MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3"
+if TYPE_CHECKING:
+    from mcap.records import Channel, Message, Schema
+
+MCAP = b"\x89MCAP0\r\n"
+ROS1 = b"#ROSBAG V"
+SQLITE = b"SQLite format 3"
 """First bytes of the files."""
 INDEX = "metadata.yaml"
-INDEXED = b"rosbag2_bagfile_information"
-"""The file that makes a folder a ROS 2 bag, and what it has near its beginning."""
+INDEX_KEY = b"rosbag2_bagfile_information"
+"""The file that makes a folder a ROS 2 bag, and its key near the beginning."""
 HEAD = 1000
-LARGEST = 1_000_000_000
-"""Length of the beginning that is looked at, and of the largest record of an MCAP file [bytes]."""
+"""Length of the beginning in which the key is searched for [bytes]."""
+LARGEST_RECORD = 1_000_000_000
+"""Largest record of an MCAP file that is read into memory [bytes]."""
 MOST_NAMED = 8
 """Most topics in a message."""
 
@@ -34,6 +41,8 @@ class Topic:
     kind: str
     serialization: str
     count: int
+    schema: Schema | None = None
+    """The definition that an MCAP file holds; Protobuf cannot be decoded without."""
 
     @property
     def has_pictures(self) -> bool:
@@ -50,22 +59,22 @@ class Topic:
 class Contents:
     """An open bag."""
 
-    topics: Iterable[Topic]
+    topics: list[Topic]
     span: float
     """Time from the first message to the last [s]."""
     messages: Callable[[str], Iterator[tuple[float, bytes]]]
-    """The messages of a topic: when each was recorded [s], and its bytes."""
+    """Gives the messages of a topic: when each was recorded [s], and its bytes."""
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag by its content; false for what cannot be read."""
+    """Return whether a path is a bag by its content; false for what cannot be read."""
     try:
         folder = path.is_dir()
         with reading.opened(path / INDEX if folder else path, "bag") as file:
             head = file.read(HEAD)
     except (OSError, ValueError):
         return False
-    return INDEXED in head if folder else head.startswith((MCAP, ROS1, SQLITE))
+    return INDEX_KEY in head if folder else head.startswith((MCAP, ROS1, SQLITE))
 
 
 class Bag:
@@ -81,7 +90,7 @@ class Bag:
         """
         self.path = path
         with _opened(path) as bag:
-            topics = list(bag.topics)
+            topics = bag.topics
             span = bag.span
         self._topic = _chosen(path, topics, topic)
         self.count = self._topic.count
@@ -94,10 +103,11 @@ class Bag:
         self.end = None
         try:
             with _opened(self.path) as bag:
+                decode = decoder_of(topic.kind, topic.serialization, topic.schema)
                 for recorded, data in bag.messages(topic.name):
                     name = f"message {index}"
                     try:
-                        stamp, image = picture_of(topic.kind, topic.serialization, data)
+                        stamp, image = picture_of(decode, data)
                         time = times.since_first(recorded if stamp is None else stamp)
                         picture = Picture(name, time, image)
                     except ValueError as error:
@@ -113,20 +123,20 @@ class Bag:
 
 def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     images = [topic for topic in topics if topic.has_pictures]
-    found = [topic for topic in images if name in (None, topic.name)]
-    if len(found) == 1 and found[0].count:
-        return found[0]
-    if found and not found[0].count and len(found) == 1:
-        raise ValueError(f"{path}: there are no messages in {found[0].name}")
     if not images:
-        there = [f"{topic.name} ({topic.shown_kind})" for topic in topics]
-        raise ValueError(f"{path}: no topic has pictures; there is {_listed(there)}")
+        there = _listed([f"{topic.name} ({topic.shown_kind})" for topic in topics])
+        raise ValueError(f"{path}: no topic has pictures; there is {there}")
+    found = [topic for topic in images if name in (None, topic.name)]
     there = _listed([f"{topic.name} ({topic.count})" for topic in images])
-    if name is None:
+    if not found:
+        raise ValueError(f"{path}: there is no topic '{name}' with pictures; there is {there}")
+    if len(found) > 1:
         raise ValueError(
             f"{path}: there are several topics with pictures; choose one with --topic: {there}"
         )
-    raise ValueError(f"{path}: there is no topic '{name}' with pictures; there is {there}")
+    if not found[0].count:
+        raise ValueError(f"{path}: there are no messages in {found[0].name}")
+    return found[0]
 
 
 def _listed(names: list[str]) -> str:
@@ -136,11 +146,10 @@ def _listed(names: list[str]) -> str:
 
 @contextmanager
 def _opened(path: Path) -> Generator[Contents]:
-    """A bag of any kind.
+    """Open a bag of any kind.
 
     Raises:
-        ValueError: It cannot be read; also later, where it is damaged. The libraries raise all
-            kinds of exceptions for a damaged file.
+        ValueError: It cannot be read; also later, where it is damaged.
     """
     head = b""
     try:
@@ -149,112 +158,97 @@ def _opened(path: Path) -> Generator[Contents]:
                 head = file.read(HEAD)
         with _mcap(path) if head.startswith(MCAP) else _ros(path, head) as found:
             yield found
-    except (MemoryError, GeneratorExit):
-        raise
     except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
         raise ValueError(
-            f"{path}: bags are read by the package '{error.name}', which is not "
+            f"{path}: bags are read by the package '{package}', which is not "
             "installed: install servobench[ros]"
         ) from None
     except Exception as error:
+        # The libraries raise all kinds of them for a damaged file, MemoryError for one length.
         mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
-        known = type(error).__name__ in ("ReaderError", "EndOfFile") and not mend
-        reason = f" ({str(error).rstrip('.')})" if known and str(error) else ""
+        known = type(error).__name__ == "ReaderError" and not mend
+        reason = f" ({str(error).rstrip('.')})" if known else ""
         raise ValueError(f"{path}: this bag is damaged or incomplete{reason}{mend}") from None
 
 
 @contextmanager
 def _ros(path: Path, head: bytes) -> Generator[Contents]:
-    if head.startswith(ROS1):
-        reader: Any = importlib.import_module("rosbags.rosbag1").Reader(path)
-    else:
-        plugins = importlib.import_module("rosbags.rosbag2.reader").Reader.STORAGE_PLUGINS
-        reader = plugins["dir" if path.is_dir() else ".db3"](path)
-    reader.open()
-    try:
+    from rosbags import rosbag1, rosbag2
+
+    with rosbag1.Reader(path) if head.startswith(ROS1) else rosbag2.Reader(path) as reader:
         topics: dict[str, Topic] = {}
         for c in reader.connections:
-            before = topics[c.topic].count if c.topic in topics else 0
             written = getattr(c.ext, "serialization_format", "ros1")
-            topics[c.topic] = Topic(c.topic, plain_kind(c.msgtype), written, before + c.msgcount)
+            before = topics[c.topic].count if c.topic in topics else 0
+            count = before + c.msgcount
+            topics[c.topic] = Topic(c.topic, plain_kind(c.msgtype), written, count)
 
         def messages(name: str) -> Iterator[tuple[float, bytes]]:
-            asked = [c for c in reader.connections if c.topic == name]
-            for _, recorded, data in reader.messages(asked, None, None):
+            of_topic = [c for c in reader.connections if c.topic == name]
+            for _, recorded, data in reader.messages(of_topic):
                 yield NANO * recorded, bytes(data)
 
-        times = reader if head.startswith(ROS1) else reader.metadata
-        yield Contents(topics.values(), NANO * times.duration, messages)
-    finally:
-        reader.close()
+        yield Contents(list(topics.values()), NANO * reader.duration, messages)
 
 
 @contextmanager
 def _mcap(path: Path) -> Generator[Contents]:
     with reading.opened(path, "bag") as file:
-        log = _Log(file)
 
         def messages(name: str) -> Iterator[tuple[float, bytes]]:
-            for record in log.records():
-                if not isinstance(record, log.kinds.Message):
-                    continue
-                if log.channels[record.channel_id].topic == name:
-                    yield NANO * record.log_time, record.data
+            for _, _, message in _records(file, name):
+                yield NANO * message.log_time, message.data
 
-        yield Contents(log.topics(), NANO * log.span, messages)
+        topics, span = _summary(file) or _scan(file)
+        yield Contents(topics, NANO * span, messages)
 
 
-class _Log:
-    """An open MCAP file: what its summary states, or else what a look at all records finds."""
+def _records(
+    file: BinaryIO, topic: str | None = None
+) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    """Read a log from its beginning to its end, or to the place where it was cut off."""
+    from mcap.reader import NonSeekingReader
 
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._reader = importlib.import_module("mcap.reader")
-        self.kinds: Any = importlib.import_module("mcap.records")
-        self.channels: dict[int, Any] = {}
-        self._schemas: dict[int, Any] = {}
-        self.counts: Counter[int] = Counter()
-        self.span = 0
-        summary = None
-        with suppress(Exception):  # the file of a killed writer has none
-            summary = self._reader.SeekingReader(file, record_size_limit=LARGEST).get_summary()
-        if summary is None or summary.statistics is None:
-            self._scan()
-            return
-        self.channels = dict(summary.channels)
-        self._schemas = dict(summary.schemas)
-        self.counts.update(summary.statistics.channel_message_counts)
-        self.span = summary.statistics.message_end_time - summary.statistics.message_start_time
+    file.seek(0)
+    reader = NonSeekingReader(file, record_size_limit=LARGEST_RECORD)
+    return reader.iter_messages(topic, log_time_order=False)
 
-    def records(self) -> Iterator[Any]:
-        """All records from the first on; channels are remembered."""
-        self._file.seek(0)
-        for record in self._reader.StreamReader(self._file, record_size_limit=LARGEST).records:
-            if isinstance(record, self.kinds.Channel):
-                self.channels[record.id] = record
-            elif isinstance(record, self.kinds.Schema):
-                self._schemas[record.id] = record
-            yield record
 
-    def _scan(self) -> None:
-        times: list[int] = []
-        try:
-            for record in self.records():
-                if isinstance(record, self.kinds.Message):
-                    self.counts[record.channel_id] += 1
-                    times.append(record.log_time)
-        except Exception:
-            if not times:
-                raise
-        self.span = max(times) - min(times) if times else 0
+def _summary(file: BinaryIO) -> tuple[list[Topic], int] | None:
+    """Return the topics and the span [ns] that a log states; None if it was cut off."""
+    from mcap.reader import SeekingReader
 
-    def topics(self) -> list[Topic]:
-        found: dict[str, Topic] = {}
-        for number, channel in self.channels.items():
-            schema = self._schemas.get(channel.schema_id)
-            kind = plain_kind(schema.name) if schema else "no type"
-            before = found[channel.topic].count if channel.topic in found else 0
-            found[channel.topic] = Topic(
-                channel.topic, kind, channel.message_encoding, before + self.counts[number]
-            )
-        return list(found.values())
+    summary = None
+    with suppress(Exception):  # mcap fails in many ways where the end is missing
+        summary = SeekingReader(file, record_size_limit=LARGEST_RECORD).get_summary()
+    if summary is None or summary.statistics is None:
+        return None
+    numbers = summary.statistics
+    topics: dict[str, Topic] = {}
+    for number, channel in summary.channels.items():
+        count = numbers.channel_message_counts.get(number, 0)
+        _count(topics, summary.schemas.get(channel.schema_id), channel, count)
+    return list(topics.values()), numbers.message_end_time - numbers.message_start_time
+
+
+def _scan(file: BinaryIO) -> tuple[list[Topic], int]:
+    """Return the topics and the span [ns] of a log without a summary."""
+    topics: dict[str, Topic] = {}
+    times: list[int] = []
+    try:
+        for schema, channel, message in _records(file):
+            _count(topics, schema, channel, 1)
+            times.append(message.log_time)
+    except Exception:  # the place where it was cut off
+        if not times:
+            raise
+    return list(topics.values()), max(times, default=0) - min(times, default=0)
+
+
+def _count(topics: dict[str, Topic], schema: Schema | None, channel: Channel, more: int) -> None:
+    """Add messages of a channel to the topic it belongs to."""
+    kind = plain_kind(schema.name) if schema else "no type"
+    new = Topic(channel.topic, kind, channel.message_encoding, 0, schema)
+    known = topics.get(channel.topic, new)
+    topics[channel.topic] = replace(known, count=known.count + more)

@@ -1,13 +1,12 @@
-"""Video files: a check of their format, and their pictures with their stamps, by FFmpeg (PyAV).
+"""Video files: their pictures with their stamps, by FFmpeg (PyAV).
 
-A file is accepted by its first bytes and by the format that FFmpeg detects, not by its name:
-playlists and other texts could make FFmpeg open more files, and logs of robots are not videos.
-FFmpeg gets an open file without its name, so that it reads no addresses and no numbered series.
+FFmpeg accepts a file by its content, and only as one of these formats: playlists and other texts
+could make it open more files. It gets an open file without a name, so that it reads no addresses
+and no numbered series.
 """
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Iterator
 from contextlib import suppress
@@ -35,34 +34,10 @@ GIVEN_UP = 100
 FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 """FFmpeg's names of the accepted formats."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
-BEGINNINGS = (
-    *((4, box) for box in (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot")),
-    (0, b"\x1aE\xdf\xa3"),
-    (8, b"AVI "),
-    (0, b"\0\0\1\xba"),
-    (0, b"FLV\1"),
-    (0, b"OggS"),
-    (0, b"0&\xb2u\x8ef\xcf\x11"),
-    (0, b"GIF8"),
-    (0, b"YUV4MPEG2 "),
-    (0, b"G"),
-    (4, b"G"),
-)
-"""First bytes of the accepted formats, with their offset; FFmpeg checks MPEG-TS (G) further."""
-OTHERS = {
-    b"RRF2": "this is a Rerun recording, not a video: convert the pictures of one camera to a "
-    "video or a folder of pictures",
-    b"\xff\xd8\xff": "this is one picture, not a video: put the pictures in a folder and give that",
-    b"\x89PNG": "this is one picture, not a video: put the pictures in a folder and give that",
-    b"\0\0\0\1": "this is a bare stream without times, not a video: put it in an MP4 or Matroska",
-    b"\0\0\1": "this is a bare stream without times, not a video: put it in an MP4 or Matroska",
-}
 COVER = Disposition.attached_pic
 LENGTH = re.compile(r"(\d+):(\d+):(\d+\.?\d*)")
 LAST_SHOWN = 1.0
 """Longest time that the last frame of a whole video is shown [s]."""
-HEAD = 64
-"""Length of the beginning that is checked [bytes]."""
 Stamped = tuple[float | None, Image | None]
 """The time that a file states for a frame [s], if any; and the frame, if it can be decoded."""
 
@@ -78,95 +53,61 @@ class Video:
 
     @staticmethod
     def of(path: Path) -> Video:
-        """A video file that can be read.
+        """Open a video file for its rate and number of frames.
 
         Raises:
-            ValueError: It is not a video of a known format.
+            ValueError: It cannot be read, or is not one video.
         """
-        return Video(path, *describe(path))
+        with reading.opened(path, "video") as file:
+            try:
+                with _container(file) as container:
+                    return _described(path, container)
+            except FFmpegError:
+                reason = f"this is not a video that can be read; known formats are {KNOWN}"
+            except OSError as error:
+                reason = f"cannot read this video: {error.strerror}"
+            except ValueError as error:
+                reason = str(error)
+        raise ValueError(f"{path}: {reason}")
 
     def __iter__(self) -> Iterator[Picture]:
+        """Give all frames; those that are missing at the end of a truncated file have no image."""
         times = Times(self.rate)
-        for index, (stamp, image) in enumerate(images(self.path, self.count)):
-            yield Picture(f"frame {index}", times.since_first(stamp), image)
+        index = failures = 0
+        with (
+            reading.opened(self.path, "video") as file,
+            _container(file) as container,
+            suppress(FFmpegError, OSError),
+        ):
+            for stamp, image in decoded(container, only_video(container)):
+                failures = failures + 1 if image is None else 0
+                if failures > GIVEN_UP:
+                    return
+                yield Picture(f"frame {index}", times.since_first(stamp), image)
+                index += 1
+        for missing in range(index, min(self.count, index + GIVEN_UP - failures)):
+            yield Picture(f"frame {missing}", times.since_first(None), None)
 
 
-def check_beginning(head: bytes) -> None:
-    """Refuse a file whose first bytes are not those of a video.
-
-    Raises:
-        ValueError: The file is empty, or its first bytes are not those of a video.
-    """
-    if not head:
-        raise ValueError("this is an empty file")
-    if any(head.startswith(begin, at) for at, begin in BEGINNINGS):
-        return
-    for begin, sentence in OTHERS.items():
-        if head.startswith(begin):
-            raise ValueError(sentence)
-    if all(byte >= 32 or byte in b"\t\r\n" for byte in head):
-        raise ValueError("this is a text, such as a playlist, not a video: give the video itself")
-    raise ValueError(f"this is not a video; known formats are {KNOWN}")
-
-
-def describe(path: Path) -> tuple[float, int, End | None]:
-    """Frames a second, how many frames there are, and whether the file breaks off.
-
-    Raises:
-        ValueError: The file cannot be read, or is not one video.
-    """
-    with reading.opened(path, "video") as file:
-        try:
-            check_beginning(file.read(HEAD))
-            with _container(file) as container:
-                stream = only_video(container)
-                rate = float(stream.average_rate or stream.guessed_rate or 0)
-                if not SLOWEST <= rate <= FASTEST:
-                    raise ValueError(
-                        f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
-                        f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
-                    )
-                if stream.frames:
-                    return rate, stream.frames, None
-                count, last = _counted(container, stream)
-                end = f"{path}: {count} pictures, then this video breaks off"
-                return rate, count, End(end, lost=True) if last < _stated(stream) else None
-        except FFmpegError:
-            raise ValueError(f"{path}: this video is damaged, or not of a known format") from None
-        except OSError as error:
-            reason = f"cannot read this video: {error.strerror}"
-            raise ValueError(f"{path}: {reason}") from None
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
-
-
-def images(path: Path, count: int) -> Iterator[Stamped]:
-    """The frames as RGB (H, W, 3), read-only, with their stamps.
-
-    Args:
-        path: A video that `describe` accepts.
-        count: Its number of frames; the missing frames of a truncated video are None.
-
-    Raises:
-        ValueError: The file cannot be read.
-    """
-    given = failures = 0
-    with (
-        reading.opened(path, "video") as file,
-        _container(file) as container,
-        suppress(FFmpegError, OSError),
-    ):
-        for stamp, found in decoded(container, only_video(container)):
-            failures = failures + 1 if found is None else 0
-            if failures > GIVEN_UP:
-                return
-            given += 1
-            yield stamp, found
-    yield from itertools.repeat((None, None), min(max(count - given, 0), GIVEN_UP - failures))
+def _described(path: Path, container: InputContainer) -> Video:
+    stream = only_video(container)
+    rate = float(stream.average_rate or stream.guessed_rate or 0)
+    if not SLOWEST <= rate <= FASTEST:
+        raise ValueError(
+            f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
+            f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
+        )
+    if stream.frames:
+        return Video(path, rate, stream.frames)
+    count, last = _counted(container, stream)
+    if last >= _stated(stream):
+        return Video(path, rate, count)
+    end = End(f"{path}: {count} pictures, then this video breaks off", lost=True)
+    return Video(path, rate, count, end)
 
 
 def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Stamped]:
-    """Stamps and frames of an open file or stream.
+    """Decode the stamps and frames of an open file or stream.
 
     Raises:
         FFmpegError, OSError: It breaks off.
@@ -181,7 +122,7 @@ def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Stamped]
 
 
 def _rgb(frame: av.VideoFrame) -> Image | None:
-    """A frame with the rotation that its file states; None if it cannot be decoded."""
+    """Return a frame with the rotation that its file states; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
         image = np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90))
@@ -202,13 +143,12 @@ class _Nameless:
 
 
 def _container(file: BinaryIO) -> InputContainer:
-    file.seek(0)
     options = {"format_whitelist": FORMATS, "protocol_whitelist": "pipe"}
     return av.open(_Nameless(file), mode="r", options=options)
 
 
 def only_video(container: InputContainer) -> VideoStream:
-    """The only video stream, without album covers.
+    """Return the only video stream, without album covers.
 
     Raises:
         ValueError: There is none or are several, or its pictures have no size or a huge one.
@@ -225,7 +165,7 @@ def only_video(container: InputContainer) -> VideoStream:
 
 
 def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, float]:
-    """Number of frames and the last one's stamp [s], of a file that does not state the number."""
+    """Return the number of frames and the last one's stamp [s] of a file that states no number."""
     count = 0
     last = 0.0
     with suppress(FFmpegError, OSError):
@@ -237,7 +177,7 @@ def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, float
 
 
 def _stated(stream: VideoStream) -> float:
-    """The time after which a frame must come in a whole file [s], by its stream's length.
+    """Return the time after which a frame must come in a whole file [s], by its stream's length.
 
     Matroska and WebM may state it; 0 where it is not known.
     """

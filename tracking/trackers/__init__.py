@@ -2,8 +2,10 @@
 
 from typing import Any
 
+from sim.kinds import Kinds
 
-def adapted(found: Any) -> type[Any] | None:
+
+def _adapted(found: Any) -> type[Any] | None:
     """A `Config` class for a class or object with `init` and `update`, or a function that makes
     one; None for anything else.
     """
@@ -12,3 +14,6 @@ def adapted(found: Any) -> type[Any] | None:
     is_function = callable(found) and not isinstance(found, type)
     follows = all(callable(getattr(found, method, None)) for method in ("init", "update"))
     return wrap(found) if follows or is_function else None
+
+
+KINDS = Kinds[Any](__name__, "servobench.trackers", _adapted)

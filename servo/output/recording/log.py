@@ -40,7 +40,7 @@ from servo.output.shapes import shapes_of
 from servo.types import DOF
 from sim.robot.robot import Robot
 from sim.types import Array
-from tracking.drawing.contact_sheet import encoded
+from tracking.drawing.picture_bytes import encoded
 
 JPEG_QUALITY = 80
 GREEN = (60, 220, 90)

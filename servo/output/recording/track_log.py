@@ -9,7 +9,7 @@ from servo.output.recording.archetypes import Recording, outline
 from servo.output.recording.log import JPEG_QUALITY
 from sim.types import Array
 from tracking.drawing.annotated_video import COLOURS
-from tracking.drawing.contact_sheet import encoded
+from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
 from tracking.types import Region
 

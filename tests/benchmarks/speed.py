@@ -1,28 +1,56 @@
-"""Times of trackers, control law and loop on this machine: medians over rendered frames."""
+"""Times of trackers, control law and loop: `uv run python tests/benchmarks/speed.py` prints a table.
+
+They are medians over rendered frames, on one thread.
+"""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan, degrees
+from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Any
 
+import cv2
 import numpy as np
+from rich.console import Console
 
+from servo.cli.terminal import plain, print_table
 from servo.loop.episode import Episode
 from servo.loop.step import Seconds, Step
+from servo.output.run_folder import RECORDING, RunFolder
+from servo.report.words import Table
 from servo.scenario.load import load
 from servo.sight.estimate_to_sight import EstimateToSight
-from sim import kinds
 from sim.types import Frame
+from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
 CAR_LENGTH = 0.2
 """Length of the target's reference rectangle [m]."""
 WARM = 5
 """Number of first frames that do not count, because caches are still empty."""
+
+
+LENGTH = 60.0
+"""The car's length in the films that trackers are timed on [px]."""
+TIMED = (
+    "camshift",
+    "cv_mean_shift",
+    "mean_shift",
+    "mk_ssd",
+    "pf_ssd",
+    "condensation",
+    "annealed",
+    "mk_pf",
+    "kams",
+    "cv_mil",
+)
+UNIT = "camshift"
+"""Tracker times are given as multiples of OpenCV's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +82,7 @@ def film(length: float, width: int = 320, frames: int = 40) -> Film:
 
 def tracker_ms(kind: str, film: Film, **settings: Any) -> float:
     """Median time of a tracker's update on a film [ms]."""
-    config = kinds.config_of("tracking.trackers", kind)(**settings)
+    config = TRACKERS.config(kind, **settings)
     tracker = config.build(np.random.default_rng(0))
     tracker.start(film.frames[0], film.region, film.state)
     return _median_ms([lambda f=f: tracker.update(f) for f in film.frames[1:]])
@@ -121,3 +149,43 @@ def _median_ms(calls: list[Callable[[], Any]]) -> float:
         call()
         times.append(perf_counter() - began)
     return 1e3 * median(times[WARM:])
+
+
+def recorded() -> tuple[LoopTimes, float]:
+    """Times of a loop that writes everything, and the size of its recording a frame [bytes]."""
+    with tempfile.TemporaryDirectory() as folder:
+        with Episode(load("line")) as episode:
+            output = RunFolder(Path(folder), episode, rerun=True)
+            times = times_of(episode, output.add)
+            output.close()
+        return times, (Path(folder) / RECORDING).stat().st_size / episode.frames
+
+
+def main() -> None:
+    """Print the table of this machine, after half a minute."""
+    console = Console()
+    loop = loop_times()
+    with_recording, size = recorded()
+    law = law_ms()
+    cv2.setNumThreads(1)
+    shown = film(LENGTH)
+    times = {kind: tracker_ms(kind, shown) for kind in TIMED}
+    ratio = loop.step / loop.render
+    more = with_recording.step / loop.step
+    rows = [
+        ["render", f"{loop.render:.2f}"],
+        ["step of the loop (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{ratio:.2f}"],
+        ["step with a recording", f"{with_recording.step:.2f}", "without", f"{more:.2f}"],
+        ["features, control law, Kalman filter", f"{law:.3f}"],
+        *(
+            [f"{kind}, car of 60 x 30 px", f"{ms:.2f}", UNIT, f"{ms / times[UNIT]:.1f}"]
+            for kind, ms in times.items()
+        ),
+    ]
+    plain(console, "Medians in ms, 320 x 240")
+    print_table(console, Table(("what", "ms", "against", "times"), rows, words=(0, 2)))
+    plain(console, f"a recording has {size / 1e3:.1f} kB a frame")
+
+
+if __name__ == "__main__":
+    main()
