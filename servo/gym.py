@@ -154,7 +154,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return seen, self._info(step) | {"seed": drawn, "drawn": scenario.drawn}
 
     def _scenario(self, seed: int, options: Any) -> Scenario:
-        """The scenario with a seed's draws."""
+        """Return the scenario with a seed's draws."""
         name, overrides, settings = self._given
         if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
             raise Mistake(f"options: expected settings by name, got {options!r}")
@@ -220,8 +220,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         }
 
     def _observed(self, step: Step) -> Any:
-        """Features: k errors and k parts of the target's own motion as the estimator has it, over
-        `FeatureSet.scales`; the camera's measured twist (6); the last action; whether it is seen.
+        """Return the observation. Its features: k errors and k parts of the target's own motion as
+        the estimator has it, over `FeatureSet.scales`; the camera's measured twist (6); the last
+        action; whether it is seen.
         """
         picture = step.frame.image
         if self._observation == "picture":
@@ -234,11 +235,17 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._action,
             [step.seen],
         )
-        own = np.nan_to_num(np.concatenate(parts)).clip(-LARGEST_FEATURE, LARGEST_FEATURE).astype(np.float32)
+        own = (
+            np.nan_to_num(np.concatenate(parts))
+            .clip(-LARGEST_FEATURE, LARGEST_FEATURE)
+            .astype(np.float32)
+        )
         return own if self._observation == "features" else {"features": own, "picture": picture}
 
     def render(self) -> Any:
-        """The picture of now with truth (white), goal (red) and estimate, in mode "rgb_array"."""
+        """Return the picture of now with truth (white), goal (red) and estimate, in mode
+        "rgb_array".
+        """
         if not hasattr(self, "_now"):
             raise Mistake("render: there is no run; call reset first")
         return annotated(self._now) if self.render_mode == "rgb_array" else None

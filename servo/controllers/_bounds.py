@@ -43,12 +43,16 @@ class Bounds:
         )
 
     def excess(self, v: Array) -> Array:
-        """How far a twist (6,) is outside (m,): below a lower bound negative, inside zero."""
+        """Return by how much a twist (6,) is outside (m,): below a lower bound negative, inside
+        zero.
+        """
         at = self.A @ v
         return at - at.clip(self.lower, self.upper)
 
     def names_at(self, sides: Array) -> tuple[str, ...]:
-        """Names of the upper bounds where sides (m,) are positive, of the lower where negative."""
+        """Return the names of the upper bounds where sides (m,) are positive, of the lower where
+        negative.
+        """
         found = (self.names[i][int(sides[i] > 0)] for i in np.flatnonzero(sides))
         return tuple(dict.fromkeys(found))
 
@@ -88,7 +92,7 @@ def joint_bounds(posture: Posture, way: Array, margin: float, gain: float) -> Bo
 
 
 def _inverse_of(J: Array) -> Array:
-    """J# (n, 6), without what is singular."""
+    """Return J# (n, 6), without its singular part."""
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
 
@@ -114,7 +118,9 @@ def view_bounds(
 
 
 def _pixel_rows(seen: Sight, camera: Camera) -> Array:
-    """Interaction matrix (8, 6) of the corners in the picture [px]: four rows of u, four of v."""
+    """Return the interaction matrix (8, 6) of the corners in the picture [px]: four rows of u, four
+    of v.
+    """
     rows = corner_rows(seen)
     if camera.distortion is None:
         return np.concatenate([camera.fx * rows[0], camera.fy * rows[1]])

@@ -18,7 +18,7 @@ class PendingCommands:
     """The last commands: the one that acted until the last picture, and those that come."""
 
     def __init__(self, latency: int) -> None:
-        """None so far; each acts this many frames after it was asked for."""
+        """Begin with none; each acts this many frames after it was asked for."""
         self._twists = deque([np.zeros(6)] * (latency + 1), maxlen=latency + 1)
 
     def add(self, twist: Array) -> None:

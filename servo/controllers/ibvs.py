@@ -104,8 +104,8 @@ class Ibvs:
         self._goal_matrix = self._features.matrix(goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """The twist for what is seen now; where it is not seen, the estimated motion, then
-        none, or a search.
+        """Return the twist for what is seen now; where it is not seen, that of the estimated
+        motion, then none, or that of a search.
         """
         self._see(seen)
         error = self._features.error(self._seen, self._goal)
@@ -152,8 +152,9 @@ class Ibvs:
             self._change = self._matrix_seen - before
 
     def _own(self, posture: Posture, dt: float) -> OwnMotion:
-        """What the camera does to the features, over their scales; the matrix is taken in the
-        middle of each interval, where its change is known: going on as it did for those to come.
+        """Return what the camera does to the features, over their scales. The matrix is taken in
+        the middle of each interval, where its change is known: going on as it did for those to
+        come.
         """
         L = self._matrix_seen / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
@@ -170,7 +171,7 @@ class Ibvs:
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
     ) -> LimitedTwist:
-        """The twist that the law asks for, before limits of speed; a guard has approved it."""
+        """Return the twist of the law before limits of speed; a guard has limited it."""
         if mode is Mode.HOLDING:
             return LimitedTwist(np.zeros(6))
         if mode is Mode.SEARCHING:
@@ -196,8 +197,9 @@ class Ibvs:
         return self._guard.limited(DesiredTwist(twist, target, L, moves, way, seen, posture, dt))
 
     def _inverse(self) -> Inverse:
-        """Over the known features and the degrees of freedom that may move: while the depth or the
-        angle is not known, the part of the twist that it alone controls is zero.
+        """Return the inverse over the known features and the degrees of freedom that may move:
+        while the depth or the angle is not known, the part of the twist that it alone controls is
+        zero.
         """
         six = self._tilt_seen and len(self._known) >= len(DOF)
         moves = self._config.moves(six=six)

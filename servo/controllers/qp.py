@@ -98,7 +98,7 @@ class Programme:
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """The twist that changes the features most nearly as wanted, inside the limits."""
+        """Return the twist that changes the features most nearly as desired, inside the limits."""
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast
         limits = ("speed",) * (fast > 1.0)
@@ -119,7 +119,7 @@ class Programme:
         return LimitedTwist(law + change, tuple(names), violated)
 
     def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds | None]:
-        """Hard bounds, and those of the view where the target is seen with its corners."""
+        """Return the hard bounds, and those of the view where the target's corners are seen."""
         seen = desired.seen
         rate = 1 / desired.dt
         view = None
@@ -134,7 +134,8 @@ class Programme:
 def _change(
     desired: DesiredTwist, bounds: Bounds, law: Array, sense: NDArray[np.intc]
 ) -> tuple[Array, Array]:
-    """The least change (6,) of a twist with which it keeps its bounds, and their multipliers (m,).
+    """Return the least change (6,) of a twist with which it keeps its bounds, and their multipliers
+    (m,).
 
     Where DAQP finds none, the camera stands; it then keeps all hard bounds.
     """

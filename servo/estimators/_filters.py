@@ -54,7 +54,7 @@ class Filters:
     """States x (k, n) and covariances (k, n, n) of k features, as the blocks of one filter."""
 
     def __init__(self, model: Model, count: int) -> None:
-        """States of zero."""
+        """Begin with states of zero."""
         self._all = np.arange(count)
         self._each = np.eye(count)
         self._filter = f = KalmanFilter(dim_x=count * len(model.H), dim_z=count, dim_u=count)
@@ -126,13 +126,13 @@ class Filters:
         return True
 
     def _blocks(self) -> Array:
-        """The filter's covariance (k, n, k, n); writing to it changes the filter's."""
+        """Return the filter's covariance (k, n, k, n); writing to it changes the filter's."""
         shape = self.x.shape
         return self._filter.P.reshape(*shape, *shape)
 
 
 def blocks(each: Array, of_one: Array) -> Array:
-    """The Kronecker product: a block for each feature."""
+    """Return the Kronecker product: a block for each feature."""
     return np.kron(each, of_one).astype(np.float64)
 
 
@@ -146,14 +146,14 @@ class Level:
     """
 
     def __init__(self, given: Array) -> None:
-        """Begin with these variances (k,)."""
+        """Begin with states of zero."""
         self.value = given.copy()
         self._least = SMALLEST_LEVEL * given
         self._frames = np.full(len(given), float(FIRST))
 
     def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:
-        """NIS (k,) of innovations whose squares over the filter's variance S are given; nan where
-        nothing was measured. The level changes afterwards, except for those in `but`.
+        """Return the NIS (k,) of innovations whose squares over the filter's variance S are given;
+        nan where nothing was measured. The level changes afterwards, except for those in `but`.
         """
         nis = np.where(measured, ratio / self.value, np.nan)
         learns = measured if but is None else measured & ~but

@@ -23,13 +23,15 @@ Noise = Literal["position", "difference"]
 
 
 def between(at_30_hz: float, at_5_hz: float, dt: float) -> float:
-    """A constant for a frame interval [s]: a power of it through what was tuned at two rates."""
+    """Return a constant for a frame interval [s]: a power of it through what was tuned at two
+    rates.
+    """
     return float(at_30_hz * (30 * dt) ** (np.log(at_5_hz / at_30_hz) / np.log(30 / 5)))
 
 
 def difference_variance(variance: float, dt: float) -> float:
-    """Variance of the difference of two measurements of this variance, an interval [s] apart, over
-    that interval [1/s^2].
+    """Return the variance of the difference of two measurements of this variance, an interval [s]
+    apart, over that interval [1/s^2].
     """
     return float(2 * variance / dt**2)
 
@@ -41,7 +43,7 @@ class DifferenceFilters:
     """
 
     def __init__(self, model_at: Callable[[float, float], Model]) -> None:
-        """Filters that begin with the first difference.
+        """Build filters that begin with the first difference.
 
         Args:
             model_at: The model at an interval between pictures [s], for a feature that is measured
@@ -60,7 +62,9 @@ class DifferenceFilters:
         self._filters: Filters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first measurement starts the filter of a feature and is its own estimate."""
+        """Predict and correct; the first measurement starts the filter of a feature and is its own
+        estimate.
+        """
         if self._filters is None:
             self._filters = Filters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -79,7 +83,7 @@ class DifferenceFilters:
         return Prediction(shown, f.x[:, 0].copy(), y, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction; the next measurement needs two frames in a row."""
+        """Return the prediction; the next measurement needs two frames in a row."""
         self._difference.forget()
         zero = np.zeros(len(self._begun))
         if self._filters is None:

@@ -60,7 +60,7 @@ class Imm:
         self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first error starts the filters of a feature."""
+        """Mix, predict and correct; the first error starts the filters of a feature."""
         if not self._filters:
             self._filters = tuple(Filters(at(dt), len(error)) for at in self._model_at)
         seen = np.isfinite(error)
@@ -90,7 +90,7 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction, less certain with each frame."""
+        """Return the prediction, less certain with each frame."""
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -120,5 +120,5 @@ class Imm:
 
 
 def _where(flags: Flags, a: Array, b: Array) -> Array:
-    """Rows of a where the flags (k,) are set, else those of b."""
+    """Return the rows of a where the flags (k,) are set, else those of b."""
     return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)

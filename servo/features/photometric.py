@@ -53,7 +53,7 @@ class PhotometricFeatures:
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """s (6,)."""
+        """Return s (6,)."""
         goal = sight.aim
         if goal is not self._goal:
             L = brightness_matrix(_picture(goal), _depth(goal))
@@ -63,30 +63,30 @@ class PhotometricFeatures:
         return self._goal_inverse @ e
 
     def matrix(self, sight: Sight) -> Array:
-        """The identity (6, 6)."""
+        """Return the identity (6, 6)."""
         return np.eye(6)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (6,)."""
+        """Return e = s - s* (6,)."""
         return values - goal
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """All."""
+        """Return six flags: all are known."""
         return np.full(6, True)
 
     def scales(self, goal: Array) -> Array:
-        """1."""
+        """Return ones (6,)."""
         return np.ones(6)
 
 
 def brightness(picture: CameraImage) -> Array:
-    """Grey values (h, w) of the pixels that count."""
+    """Return the grey values (h, w) of the pixels that count."""
     return _inside(_grey(picture))
 
 
 def brightness_matrix(picture: CameraImage, depth: float) -> Array:
-    """The interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the rows of
-    the pixels as points (Collewet and Marchand 2011, equation 9).
+    """Return the interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the
+    rows of the pixels as points (Collewet and Marchand 2011, equation 9).
 
     Args:
         picture: What is seen.

@@ -43,13 +43,13 @@ class SegmentFeatures(OfCorners):
     noise = np.array(NOISE * 2)
 
     def values(self, sight: Sight) -> Array:
-        """s (8,)."""
+        """Return s (8,)."""
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """L (8, 6), from those of the corners at the segments' ends."""
+        """Return L (8, 6), from those of the corners at the segments' ends."""
         _, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)
         xc, yc = ((L[FROM] + L[TO]) / 2 for L in (Lx, Ly))
@@ -62,13 +62,13 @@ class SegmentFeatures(OfCorners):
         return np.stack([xc, yc, longer, turned], axis=1).reshape(8, 6)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (8,), angles wrapped."""
+        """Return e = s - s* (8,), angles wrapped."""
         e = values - goal
         e[3::4] = whole_turn(e[3::4])
         return e
 
     def _segments(self, sight: Sight) -> tuple[Array, Array, Array]:
-        """Middles (2, 2), vectors from end to start (2, 2), and lengths (2,)."""
+        """Return the middles (2, 2), vectors from end to start (2, 2), and lengths (2,)."""
         corners = corners_of(sight)
         start = corners[FROM]
         end = corners[TO]

@@ -136,7 +136,7 @@ class Episode:
         return part.guarded(built) if hasattr(built, "at") else built
 
     def _picture_at_goal(self) -> Image:
-        """What the camera sees where it shall be: "teaching by showing"."""
+        """Return the picture that the camera takes where it shall be: "teaching by showing"."""
         self._place_camera(StartConfig())
         return self.world.look().image
 
@@ -274,6 +274,6 @@ class Episode:
 
 
 def run(scenario: Scenario) -> Iterator[Step]:
-    """The steps of one run, from the first frame to the last."""
+    """Yield the steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode

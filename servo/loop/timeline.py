@@ -81,7 +81,7 @@ class Timeline:
     """Shows a running loop the pictures of a run, each at its time, and holds its commands."""
 
     def __init__(self, schedule: Schedule, running: Running, rng: np.random.Generator) -> None:
-        """Begin.
+        """Begin a run.
 
         Args:
             schedule: Intervals and delays.

@@ -77,7 +77,9 @@ def _check_repetition(subject: _Subject) -> None:
 
 
 def _check_buffer(subject: _Subject) -> None:
-    """Cameras and decoders write the next picture into the same array."""
+    """Check that a tracker keeps copies: cameras and decoders write the next picture into the same
+    array.
+    """
 
     def reused() -> Iterator[Frame]:
         buffer = np.empty((120, 160, 3), np.uint8)
