@@ -82,59 +82,23 @@ def _is_array(values: object, shape: tuple[int, ...]) -> bool:
     return np.shape(cast(Array, values)) == shape and bool(np.isfinite(cast(Array, values)).all())
 
 
-def check_values(features: FeatureSet, values: Array) -> None:
-    """Check the values of features: a finite number for each name.
+def check_features(features: FeatureSet, method: str, found: Array) -> None:
+    """Check what a method of a feature set returned: for each name a number, six in the matrix.
 
     Raises:
-        BrokenContract: They are not.
+        BrokenContract: It has another shape or type, or a number in it has no meaning.
     """
     k = len(features.names)
-    shape = np.shape(values)
-    require(shape == (k,), f"values are {shape}; they should be ({k},)")
-    require(np.isfinite(values).all(), f"the values are {np.array(values)}; all must be finite")
-
-
-def check_matrix(features: FeatureSet, matrix: Array) -> None:
-    """Check an interaction matrix: a row of six finite numbers for each name.
-
-    Raises:
-        BrokenContract: It is none.
-    """
-    k = len(features.names)
-    require(np.shape(matrix) == (k, 6), f"the matrix is {np.shape(matrix)}, not ({k}, 6)")
-    require(np.isfinite(matrix).all(), "the matrix has numbers that are not finite")
-
-
-def check_error(features: FeatureSet, error: Array) -> None:
-    """Check the difference of two values: a number for each name.
-
-    Raises:
-        BrokenContract: It has another shape.
-    """
-    k = len(features.names)
-    require(np.shape(error) == (k,), f"error is {np.shape(error)}; it should be ({k},)")
-
-
-def check_known(features: FeatureSet, known: object) -> None:
-    """Check which features are measured: a flag for each name.
-
-    Raises:
-        BrokenContract: They are no flags.
-    """
-    k = len(features.names)
-    right = isinstance(known, np.ndarray) and known.shape == (k,) and known.dtype == np.bool_
-    require(right, f"known is not {k} flags")
-
-
-def check_scales(features: FeatureSet, scales: Array) -> None:
-    """Check what estimators divide features by: a number above 0 for each name.
-
-    Raises:
-        BrokenContract: It is not.
-    """
-    k = len(features.names)
-    right = np.shape(scales) == (k,) and (np.asarray(scales) > 0).all()
-    require(right, f"scales are not {k} numbers above 0")
+    shape = (k, 6) if method == "matrix" else (k,)
+    if np.shape(found) != shape:
+        raise BrokenContract(f"{method} returned {np.shape(found)}; it should be {shape}")
+    # An error may hold nan: that of a feature which was not measured.
+    if method in ("values", "matrix") and not np.isfinite(found).all():
+        raise BrokenContract(f"{method} returned {np.array(found)}; all must be finite")
+    if method == "known" and np.asarray(found).dtype != np.bool_:
+        raise BrokenContract(f"known returned {found}; it should be {k} flags")
+    if method == "scales" and not (np.asarray(found) > 0).all():
+        raise BrokenContract(f"scales returned {found}; all must be above 0")
 
 
 def check_prediction(prediction: object, method: str) -> None:
@@ -225,20 +189,14 @@ CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
 }
 """The methods that each part must have, by its place in a scenario, and the check of what each
 returns."""
-FEATURES: Mapping[str, Callable[[FeatureSet, Any], None]] = {
-    "values": check_values,
-    "matrix": check_matrix,
-    "error": check_error,
-    "known": check_known,
-    "scales": check_scales,
-}
-"""The same for features, whose number decides what is right."""
+FEATURES = ("values", "matrix", "error", "known", "scales")
+"""The methods of features, whose number decides what is right."""
 
 
 def _checks_of(place: str, part: object) -> Mapping[str, Check | None]:
     if place == "features":
         features = cast(FeatureSet, part)
-        return {name: partial(check, features) for name, check in FEATURES.items()}
+        return {name: partial(check_features, features, name) for name in FEATURES}
     return CONTRACTS.get(place, {})
 
 

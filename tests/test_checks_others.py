@@ -60,11 +60,11 @@ FEATURES = {
     "feed_forward names features that are none": {"feed_forward": ("z",)},
     "sole_dof maps names of features to some of vx, vy": {"sole_dof": {"x": "ux"}},
     "noise is not 2 numbers above 0": {"noise": np.zeros(2)},
-    "values are (3,); they should be (2,)": {"values": lambda self, sight: np.zeros(3)},
-    "the matrix is (6, 2), not (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
+    "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},
+    "matrix returned (6, 2); it should be (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
     "error(s, s) is [1. 1.]; it should be zero": {"error": lambda self, s, g: np.ones(2)},
-    "known is not 2 flags": {"known": lambda self, sight: True},
-    "scales are not 2 numbers above 0": {"scales": lambda self, goal: np.zeros(2)},
+    "known returned (); it should be (2,)": {"known": lambda self, sight: True},
+    "scales returned [0. 0.]; all must be above 0": {"scales": lambda self, goal: np.zeros(2)},
     "its values change by": {"matrix": lambda self, s: 1.01 * Centre.matrix(self, s)},
 }
 

@@ -139,7 +139,7 @@ def test_features_that_are_not_finite_are_named():
     with pytest.raises(PartFailed) as failed:
         list(run(dataclasses.replace(load("still", SHORT), features=odd)))
     assert str(failed.value).startswith(
-        "features 'odd': the values are [nan nan nan nan]; all must"
+        "features 'odd': values returned [nan nan nan nan]; all must"
     )
 
 

@@ -89,6 +89,6 @@ def of_state(state: State, region: Region, camera: Camera) -> Moments:
 
 
 def _triangles(corners: Array) -> tuple[Array, Array]:
-    """Return the signed areas (n,) of triangles from the origin to each edge, and the edges' ends."""
+    """Return signed areas (n,) of triangles from the origin to each edge, and the edges' ends."""
     after = np.concatenate([corners[1:], corners[:1]])
     return (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2, after
