@@ -1,9 +1,17 @@
-"""Ranges that several settings share: in each a run ends normally, and each has its unit."""
+"""Types that several settings share: names of files, and ranges in which a run ends normally."""
 
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
+
+class NamesFile:
+    """Marks a type of settings that name a file."""
+
+
+File = Annotated[str, NamesFile()]
+"""A file's name: in a scenario one beside it, else from the working directory; a study knows the
+file by what is in it, too."""
 LONGEST = 3600.0
 """The longest run [s]: nothing in it can begin later or last longer."""
 
@@ -26,4 +34,4 @@ EachJoint = Offset | tuple[Offset, ...]
 """A shift of joints, one for all or one each [m or rad]."""
 Play = Annotated[float, Ge(0), Le(1)]
 EachPlay = Play | tuple[Play, ...]
-"""A width that no joint has less than none of, one for all or one each [m or rad]."""
+"""The play of joints, one for all or one each [m or rad]."""

@@ -1,22 +1,27 @@
 """The manuals: links lead somewhere, examples run, and tables name what there is."""
 
 import dataclasses
+import json
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import pytest
 
 from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
+from servo.output.steps_table import quantities
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS, SECTIONS, parse
+from tracking.evaluation.track_measures import MEASURES
 from tracking.sequences import painted as generators
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("scenes", "servo", "sim", "tests", "tracking")
 MANUALS = sorted([*ROOT.glob("*.md"), *(p for f in FOLDERS for p in (ROOT / f).rglob("*.md"))])
+TUTORIALS = ROOT / "servo" / "tutorials"
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 NAME = r"[A-Z][a-z]+(?:-[A-Z][a-z]+)?"
@@ -31,7 +36,9 @@ def name(path):
 
 
 def blocks(language):
-    found = [(m, b) for m in MANUALS for of, b in BLOCK.findall(m.read_text()) if of == language]
+    """The examples of the manuals; those of tutorials are run by `test_tutorials.py`."""
+    pages = [m for m in MANUALS if m.parent != TUTORIALS]
+    found = [(m, b) for m in pages for of, b in BLOCK.findall(m.read_text()) if of == language]
     return [pytest.param(block, id=f"{name(m)}-{k}") for k, (m, block) in enumerate(found)]
 
 
@@ -63,7 +70,8 @@ def commands_of(text):
 
 
 def test_there_is_a_manual_for_each_subject():
-    folders = {".", "scenes", "tracking", "servo", "servo/papers", "tests/benchmarks"}
+    folders = {".", "scenes", "tracking", "servo", "servo/papers", "servo/tutorials"}
+    folders |= {"tests/benchmarks"}
     assert {name(p.parent) for p in MANUALS if p.name == "README.md"} == folders
 
 
@@ -122,24 +130,128 @@ def test_the_scenario_manual_names_every_table_and_key():
         assert re.search(rf"^\| `\[{table}\]`.*default `{default}`", text, re.MULTILINE), table
 
 
-def test_the_manuals_name_every_scenario_study_measure_and_kind():
-    scenes, tracking, servo = (
-        (ROOT / folder / "README.md").read_text() for folder in ("scenes", "tracking", "servo")
+def section(page, heading):
+    """The text of a page below a heading, up to the next one; BLOCKs are left out."""
+    text = BLOCK.sub("", (ROOT / page).read_text())
+    assert f"\n{heading}\n" in text, f"{page}: {heading}"
+    return re.split(r"^#+ ", text.partition(f"\n{heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def rows(text):
+    """The cells of a table's rows, without its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    heads = {k for k, row in enumerate(cells) if set("".join(row)) <= set("-")}
+    return [row for k, row in enumerate(cells) if k not in heads and k + 1 not in heads]
+
+
+def named(text, column=0):
+    """The names in backquotes in a column of the tables of a text."""
+    return [word for row in rows(text) for word in re.findall(r"`([^`]+)`", row[column])]
+
+
+KINDS = {part: kinds for part, (kinds, _) in PLUGINS.items()} | LISTS
+TABLES = {
+    ("scenes/README.md", "## Measures"): lambda: list(MEANINGS),
+    ("scenes/README.md", "### Targets"): KINDS["target"].names,
+    ("scenes/README.md", "## Studies"): studies,
+    ("servo/README.md", "## Features"): KINDS["features"].names,
+    ("servo/README.md", "## Estimators"): KINDS["estimator"].names,
+    ("servo/README.md", "### Columns of steps.parquet"): lambda: [
+        quantity.name for quantity in quantities(SimpleNamespace(names=(), units=()), (), ())
+    ],
+    ("tracking/README.md", "## Trackers"): KINDS["tracker"].names,
+    ("tracking/README.md", "### Measures of a track"): lambda: [m.name for m in MEASURES],
+}
+"""What the first column of a table names, by page and heading: all of it, and nothing else."""
+
+
+@pytest.mark.parametrize(("page", "heading"), TABLES)
+def test_a_table_names_all_there_is(page, heading):
+    found = named(section(page, heading))
+    assert sorted(found) == sorted(TABLES[page, heading]())
+
+
+def test_tables_of_measures_have_the_units_of_the_code():
+    shown = {row[0].strip("`"): row[1] for row in rows(section("scenes/README.md", "## Measures"))}
+    assert shown == {name: unit for name, (unit, _) in MEANINGS.items()}
+    table = rows(section("tracking/README.md", "### Measures of a track"))
+    shown = {row[0].strip("`"): tuple(row[1:3]) for row in table}
+    assert shown == {m.name: (m.unit, m.better.value) for m in MEASURES}
+
+
+def test_the_manuals_name_every_scenario_and_kind():
+    assert sorted(named(section("scenes/README.md", "## Shipped scenarios"), 1)) == sorted(
+        shipped()
     )
-    folders = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
-    asked = [(scenes, [*shipped(), *studies(), *MEANINGS])]
-    listed = scenes.partition("### Kinds")[2].partition("\n## ")[0]
-    asked += [
-        (listed, folders[part].names()) for part in ("robot", "target", "motion", "disturbances")
+    listed = section("scenes/README.md", "## Kinds")
+    suites = named(section("tracking/README.md", "## Compare trackers"))
+    law = named(section("servo/README.md", "## The control law"))
+    missing = [
+        kind
+        for part in ("robot", "target", "motion", "disturbances")
+        for kind in KINDS[part].names()
+        if f"`{kind}`" not in listed
     ]
-    asked += [
-        (tracking, folders["tracker"].names()),
-        (tracking, generators.KINDS.names()),
-    ]
-    asked += [(servo, folders[part].names()) for part in ("features", "estimator")]
-    missing = [word for text, words in asked for word in words if f"`{word}`" not in text]
+    missing += [kind for kind in generators.KINDS.names() if kind not in suites]
+    missing += [kind for kind in KINDS["controller"].names() if kind not in law]
     assert not missing
-    assert {"ibvs", "qp", "hold"} == {*folders["controller"].names()}
+
+
+def contents(folder):
+    """The rooms of a package and its modules, such as "loop/" and "gym.py"."""
+    files = [p for p in (ROOT / folder).glob("*/*") if p.suffix in {".py", ".md"}]
+    return {f"{p.parent.name}/" for p in files} | {p.name for p in (ROOT / folder).glob("[!_]*.py")}
+
+
+@pytest.mark.parametrize("folder", ["servo", "tracking"])
+def test_a_table_names_every_room(folder):
+    text = (ROOT / folder / "README.md").read_text().partition("\n## ")[0]
+    shown = {word for word in named(text) if word.count("/") < 2}
+    assert shown == contents(folder)
+
+
+def test_the_guide_names_every_room_of_the_world():
+    shown = named(section("CONTRIBUTING.md", "## Where to find it"))
+    rooms = {f"sim/{name}" for name in contents("sim") if name.endswith("/")}
+    assert {word for word in shown if word.startswith("sim/")} == rooms | {"sim/"}
+
+
+def test_every_command_answers_a_question():
+    shown = {words[0] for words in commands_of((ROOT / "servo" / "COMMANDS.md").read_text())}
+    assert shown == app.commands.keys()
+
+
+def test_the_verdicts_shown_are_those_kept():
+    kept = json.loads((ROOT / "servo" / "papers" / "verdicts.json").read_text())["claims"]
+    text = (ROOT / "servo" / "papers" / "RESULTS.md").read_text()
+    shown = {
+        re.sub(r"\[(.*?)\].*", r"\1", row[0]): (row[3], row[5].strip("*")) for row in rows(text)
+    }
+    assert shown == {name: (v["effect"], v["finding"]) for name, v in kept.items()}
+
+
+def settings(schema):
+    """The names of all settings in a JSON Schema, however deep."""
+    if isinstance(schema, dict):
+        properties = schema.get("properties", {})
+        inner = [*properties.values(), *(v for k, v in schema.items() if k != "properties")]
+        return set(properties).union(*map(settings, inner))
+    return set().union(*map(settings, schema)) if isinstance(schema, list) else set()
+
+
+@pytest.mark.parametrize("path", MANUALS, ids=name)
+def test_every_setting_named_exists(path):
+    tables = json.loads((ROOT / "scenes" / "scenario.schema.json").read_text())["properties"]
+    there = {table: settings(tables[table]) for table in (*SECTIONS, *PLUGINS)}
+    there["tracker"].add("command")  # of `trax`: from the command line only, so not in the schema
+    prose = BLOCK.sub("", path.read_text())
+    for code in re.findall(r"`([^`\n]+)`", prose):
+        for table, keys in re.findall(
+            rf"(?<![\w./])({'|'.join(there)})\.([a-z]\w*(?:\.[a-z]\w*)*)", code
+        ):
+            if keys not in {"md", "py", "rrd"}:  # a file
+                assert not {*keys.split(".")} - there[table], f"{path}: {code}"
 
 
 def test_every_test_that_keeps_a_promise_exists():

@@ -7,11 +7,19 @@ import pytest
 from servo.bench.sequence_jobs import Contender
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from servo.scenario.named_files import MISSING, digest_of, digests, found_beside
+from servo.scenario.named_files import (
+    MISSING,
+    digest_of,
+    digests,
+    found_beside,
+    named_by,
+    named_in,
+)
 from servo.study.parse import load as load_study
 from servo.study.perform import perform
 from servo.study.plan import StudyFile
 from servo.study.store import opened
+from sim.installed import forget_packages
 from tracking.trackers import opencv
 
 WEDGE = """v -1 -.5 0\nv 1 -.5 0\nv 1 .5 0\nv -1 .5 0\nv -1 -.5 {height}\nv -1 .5 {height}
@@ -37,36 +45,101 @@ def folder(tmp_path, monkeypatch):
 def test_files_are_looked_for_beside_the_file_that_names_them(folder):
     whole = str(folder / "wedge.obj")
     table = {
-        "target": {"file": "wedge.obj", "kind": "wedge.obj"},
-        "tracker": {"model": ["wedge.obj", "other.onnx"]},
-        "axes": {"target.file": ["wedge.obj", "duck"], "camera": {"calibration": "no\0name"}},
+        "target": {"kind": "mesh", "file": "wedge.obj", "colour": "wedge.obj"},
+        "tracker": {"kind": "opencv", "model": ["wedge.obj", "other.onnx"], "name": "wedge.obj"},
+        "camera": {"calibration": "no\0name"},
+        "motion": {"file": "wedge.obj"},
+        "vary": {"target.file": {"choice": ["wedge.obj", "duck"]}},
+        "sweep": {"axes": {"target.file": ["wedge.obj", "duck"]}},
     }
     assert found_beside(table, folder) == {
-        "target": {"file": whole, "kind": "wedge.obj"},
-        "tracker": {"model": [whole, "other.onnx"]},
-        "axes": {"target.file": [whole, "duck"], "camera": {"calibration": "no\0name"}},
+        "target": {"kind": "mesh", "file": whole, "colour": "wedge.obj"},
+        "tracker": {"kind": "opencv", "model": [whole, "other.onnx"], "name": "wedge.obj"},
+        "camera": {"calibration": "no\0name"},
+        "motion": {"file": "wedge.obj"},
+        "vary": {"target.file": {"choice": [whole, "duck"]}},
+        "sweep": {"axes": {"target.file": [whole, "duck"]}},
     }
     assert load(str(folder / "mine.toml")).target.file == whole
 
 
+def test_a_study_finds_files_of_the_kinds_of_its_scenarios(folder):
+    whole = str(folder / "wedge.obj")
+    study = {
+        "set": {"target.file": "wedge.obj"},
+        "named": {"shape.of": {"low.one": {"target.file": "wedge.obj", "run.duration": 3}}},
+    }
+    assert found_beside(study, folder) == study  # the default target is a car
+    found = found_beside(study, folder, {"target": {"kind": "mesh"}})
+    assert found["set"] == {"target.file": whole}
+    assert found["named"]["shape.of"]["low.one"] == {"target.file": whole, "run.duration": 3}
+
+
+PLUGIN = """'''A tracker of somebody.'''
+from dataclasses import dataclass
+
+from sim.ranges import File
+
+
+@dataclass(frozen=True)
+class Config:
+    model: str = "resnet"
+    weights: File | None = None
+
+    def build(self, rng):
+        raise NotImplementedError
+"""
+
+
+def test_the_types_of_a_plugin_say_which_of_its_settings_name_files(folder, monkeypatch):
+    monkeypatch.syspath_prepend(folder)
+    (folder / "net_of_mine.py").write_text(PLUGIN)
+    info = folder / "net_of_mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: net-of-mine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[servobench.trackers]\nnet = net_of_mine:Config\n")
+    for name in ("resnet", "net.pt"):
+        (folder / name).write_text("numbers")
+    (folder / "net.toml").write_text('[tracker]\nkind = "net"\nweights = "net.pt"\n')
+    (folder / "nets.toml").write_text(
+        'scenario = "net.toml"\nset = {run.duration = 0.1}\n'
+        '[axes]\ntracker.model = ["resnet", "alexnet"]\ntracker.weights = ["net.pt"]\n'
+    )
+    forget_packages()
+    try:
+        tracker = load(str(folder / "net.toml"), ["tracker.model=resnet"]).tracker
+        weights = str(folder / "net.pt")
+        assert (tracker.model, tracker.weights) == ("resnet", weights)
+        assert digests(named_by(tracker)) == {weights: digest_of(weights)}
+        study = load_study(str(folder / "nets.toml"))
+        assert study.files == {weights: digest_of(weights)}
+        assert [axis.values for axis in study.axes] == [("resnet", "alexnet"), (weights,)]
+        given = load(str(folder / "net.toml"), ["tracker.weights=net.pt"]).tracker.weights
+        assert given == "net.pt"  # of the working directory
+    finally:
+        forget_packages()
+
+
 def test_a_digest_follows_the_content_of_a_file_and_of_what_a_model_consists_of(folder):
     names = [str(folder / name) for name in ("wedge.obj", "model.xml")]
-    table = {"target": {"file": names[0]}, "robot": {"model": names[1], "camera": "eye"}}
-    before = digests(table)
+    target = {"kind": "mesh", "file": names[0]}
+    table = {"target": target, "robot": {"kind": "mjcf", "model": names[1], "camera": "eye"}}
+    assert named_in(table) == names
+    before = digests(names)
     assert list(before) == names
     assert len(set(before.values())) == 2
     Path(names[0]).write_text(WEDGE.format(height=0.7))
-    after = digests(table)
+    after = digests(names)
     assert all(before[name] != after[name] for name in names)
     Path(names[0]).write_text(WEDGE.format(height=0.4))
-    assert digests(table) == before
+    assert digests(names) == before
 
 
 @pytest.mark.parametrize("name", ["none.obj", "", ".", "a\0b", "/dev/null", "broken.xml"])
 def test_what_is_no_file_has_no_digest(folder, name):
     (folder / "broken.xml").mkdir()
     assert digest_of(str(folder / name) if name == "broken.xml" else name) == MISSING
-    assert digests({"file": name}) == {}
+    assert digests([name]) == {}
 
 
 def test_a_study_does_not_go_on_after_a_file_that_it_names_has_changed(folder):

@@ -10,7 +10,8 @@ from jsonschema import Draft202012Validator
 from servo.cli import schema_command
 from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped
-from servo.scenario.load import SECTIONS, parse
+from servo.scenario.load import parse
+from servo.scenario.tables import SECTIONS
 
 DIRECTIVE = "#:schema scenario.schema.json"
 
@@ -49,22 +50,33 @@ def tables():
 TABLES = tables()
 
 
+def followed(schema, item):
+    """An item, or the definition that it refers to."""
+    name = item.get("$ref", "").rpartition("/")[2]
+    return schema["$defs"][name] if name else item
+
+
 def settings_of(schema, name):
     """The schema of a section's or a kind's settings."""
-    sections = schema["properties"]
-    if name in SECTIONS:
-        return sections[name]["properties"]
     part, _, kind = name.partition(".")
-    branches = sections[part].get("items", sections[part])["oneOf"]
-    (found,) = [b for b in branches if b["properties"]["kind"] == {"const": kind}]
-    return {key: item for key, item in found["properties"].items() if key not in ("kind", "preset")}
+    section = followed(schema, schema["properties"][part])
+    if kind:
+        branches = [followed(schema, b) for b in section.get("items", section)["oneOf"]]
+        (section,) = [b for b in branches if kind in kinds_of(b)]
+    return {k: item for k, item in section["properties"].items() if k not in ("kind", "preset")}
 
 
-def leaves(settings):
+def kinds_of(branch):
+    kind = branch["properties"]["kind"]
+    return kind.get("enum", [kind.get("const")])
+
+
+def leaves(schema, settings):
     """Settings and how to put a value there, those of nested tables too."""
-    for key, item in settings.items():
+    for key, about in settings.items():
+        item = followed(schema, about) | about
         if item.get("type") == "object":
-            for place, inner in leaves(item["properties"]):
+            for place, inner in leaves(schema, item["properties"]):
                 yield (lambda v, key=key, place=place: {key: place(v)}), inner
         else:
             yield (lambda v, key=key: {key: v}), item
@@ -90,7 +102,7 @@ def test_a_shipped_scenario_is_valid_and_carries_the_schema(root, schema, name):
 @pytest.mark.parametrize("name", TABLES)
 def test_every_setting_has_a_meaning_and_a_default_that_fits(schema, name):
     at = TABLES[name]
-    for put, item in leaves(settings_of(schema, name)):
+    for put, item in leaves(schema, settings_of(schema, name)):
         assert item["description"]
         if "default" in item:
             Draft202012Validator(schema).validate(at(put(item["default"])))
@@ -100,7 +112,7 @@ def test_every_setting_has_a_meaning_and_a_default_that_fits(schema, name):
 def test_schema_and_parser_refuse_the_same_values(schema, refused, name):
     at = TABLES[name]
     assert not refused(at({})) | refused_by_parser(at({}))
-    for put, item in leaves(settings_of(schema, name)):
+    for put, item in leaves(schema, settings_of(schema, name)):
         choices = item.get("anyOf", [item])
         any_text = any(
             one.get("type") == "string" and not {"enum", "const"} & one.keys() for one in choices
@@ -195,3 +207,12 @@ def test_what_the_first_lines_say_is_found_beside_a_directive():
     for text in ("# run\n# It turns.\n#:schema s.json\n", "#:schema s.json\n# run\n# It turns.\n"):
         assert sentence(text) == "It turns."
     assert sentence("# run\n#:schema s.json\n") == ""
+
+
+def test_kinds_that_differ_in_defaults_only_have_one_table(schema):
+    branches = [followed(schema, b) for b in schema["properties"]["robot"]["oneOf"]]
+    assert [kinds_of(b) for b in branches] == [["arm", "free", "gantry", "mjcf"]]
+    settings = branches[0]["properties"]
+    assert "default" not in settings["model"]
+    assert settings["lag_ms"]["default"] == 0.0
+    assert "required" not in branches[0]

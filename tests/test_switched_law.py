@@ -1,21 +1,22 @@
-"""The law of the manual's example, from a package, where its two halves alone fail."""
+"""The law of the tutorial, from a package, where its two halves alone fail."""
 
 from pathlib import Path
 
 import pytest
+from tutorial_pages import saved_files
 
 from servo.loop.measured_run import measured_run
 from servo.scenario.load import load
 
 PACKAGE = Path(__file__).parent / "data" / "switched"
-MANUAL = Path(__file__).parent.parent / "servo" / "README.md"
+PAGE = Path(__file__).parents[1] / "servo" / "tutorials" / "a_law_that_switches.md"
 
 
 def test_it_arrives_where_points_retreats_and_pose_loses_the_target(monkeypatch):
     """There `points` retreats by 0.67 m on a way of 2.55 m (scenario border_points), and `pose`
     loses a corner (border_pose)."""
     law = (PACKAGE / "switched" / "law.py").read_text()
-    assert f"```python\n{law}```\n" in MANUAL.read_text()
+    assert saved_files(PAGE.read_text()) == {"switched/law.py": law}
     monkeypatch.syspath_prepend(PACKAGE)
     settings = ["controller.kind=switched.law:Config", "run.duration=7.0", "expect={}"]
     _, report = measured_run(load("border_pose", settings))

@@ -1,4 +1,4 @@
-"""The tutorials: each runs as it stands in an empty folder, draws its picture, says its number."""
+"""The tutorials: the code of each page runs in an empty folder and prints the page's numbers."""
 
 import os
 import re
@@ -8,16 +8,17 @@ from pathlib import Path
 
 import cv2
 import pytest
+from tutorial_pages import saved_files, script
 
-pytestmark = pytest.mark.processes
-FOLDER = Path(__file__).parent / "tutorials"
-SAYS = {
+FOLDER = Path(__file__).parents[1] / "servo" / "tutorials"
+PRINTS = {
     "your_tracker": [
         (r"contract: (kept)", "kept"),
         (r"median flow holds the car within ([\d.]+) px, pf_ssd 0.35", (1.0, 4.0)),
     ],
     "your_robot_and_object": [(r"CONVERGED: within ([\d.]+) px rms", (0.0, 2.0))],
     "your_footage": [
+        (r"(region: 131.0,105.5,57.9,29.0)", "region: 131.0,105.5,57.9,29.0"),
         (r"pf_ssd: ([\d.]+) px rms where it sees the car", (0.0, 1.0)),
         (r"camshift: .* which is in (\d+) % of the pictures", (30.0, 70.0)),
     ],
@@ -36,28 +37,48 @@ SAYS = {
         (r"no command: stopped after ([\d.]+) s", (0.25, 0.45)),
     ],
 }
-"""What each prints: a number and its bounds, or words. The robot's clock does not wait for a busy
-machine, so that its numbers vary."""
+"""What each page prints: a number and its bounds, or words. The robot's clock does not wait for a
+busy machine, so its numbers vary."""
+ELSEWHERE = {"a_law_that_switches": "test_switched_law.py", "learn_a_residual": "test_gym.py"}
+"""Pages of which another test runs the file that they say to save."""
 
 
-def test_every_tutorial_is_here():
-    scripts = {path.stem for path in FOLDER.glob("*.py") if "# %%" in path.read_text()}
-    assert scripts == SAYS.keys()
+def test_every_tutorial_is_tested():
+    pages = {path.stem for path in FOLDER.glob("*.md")} - {"README"}
+    assert pages == PRINTS.keys() | ELSEWHERE.keys()
 
 
-@pytest.mark.parametrize("name", SAYS)
-def test_a_tutorial_says_its_number(name, tmp_path):
-    environment = os.environ | {"SERVOBENCH_TUTORIALS": str(tmp_path), "MPLBACKEND": "agg"}
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_the_other_test_reads_the_page(name):
+    assert f"{name}.md" in (Path(__file__).parent / ELSEWHERE[name]).read_text()
+
+
+def test_the_code_of_a_page_is_its_blocks_in_order():
+    page = (
+        "Save as `a.toml`:\n\n```toml\nx = 1\n```\n\n```python\nprint(1)\n```\n"
+        "Then:\n\n```sh\necho 2\n```\n\n```python\nprint(3)\n```\n"
+    )
+    assert saved_files(page) == {"a.toml": "x = 1\n"}
+    assert re.findall(r"\d", script(page)) == ["1", "2", "3"]
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("name", PRINTS)
+def test_a_tutorial_prints_its_numbers(name, tmp_path):
+    page = (FOLDER / f"{name}.md").read_text()
+    for file, content in {**saved_files(page), f"{name}.py": script(page)}.items():
+        (tmp_path / file).write_text(content)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     done = subprocess.run(
-        [sys.executable, FOLDER / f"{name}.py"],
+        [sys.executable, f"{name}.py"],
         cwd=tmp_path,
-        env=environment,
+        env=os.environ | {"PATH": path, "MPLBACKEND": "agg"},
         text=True,
         capture_output=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    for pattern, expected in SAYS[name]:
+    for pattern, expected in PRINTS[name]:
         found = re.search(f"^.*{pattern}", done.stdout, re.MULTILINE)
         assert found, (pattern, done.stdout)
         if isinstance(expected, str):

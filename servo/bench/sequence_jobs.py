@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.scenario.named_files import digests
+from servo.scenario.named_files import digests, named_by
 from sim.kinds import kind_of
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile
@@ -47,7 +47,7 @@ class Contender:
         """Kind and settings, and the digests of model files where it has some."""
         settings = as_json(self.config)
         found = {"kind": kind_of(self.config), "settings": settings}
-        return found | {"files": files} if (files := digests(settings)) else found
+        return found | {"files": files} if (files := digests(named_by(self.config))) else found
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
 from difflib import get_close_matches
 from importlib import resources
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -17,8 +16,10 @@ from servo.cli.terminal import print_table
 from servo.mistake import Mistake, unknown
 from servo.report import words
 from servo.scenario.catalogue import LISTS, PLUGINS, sentence, shipped, studies
-from sim import kinds
 from tracking.sequences import painted
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 FOLDERS = {
     **{name: folder for name, (folder, _) in PLUGINS.items()},
@@ -76,8 +77,10 @@ def _sentence(part: str, name: str) -> str:
 
 
 def _show_kind(part: str, kind: str) -> None:
+    from servo.scenario.fill import form  # it takes time to import
+
     folder = FOLDERS[part]
-    settings = _rows(part, folder.config_of(kind)())
+    settings = _rows(part, form(folder.config_of(kind), described=True))
     _show_settings(f'{part}.kind = "{kind}"', folder.summary(kind), settings)
     for name, changed in folder.presets(kind).items():
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
@@ -86,12 +89,13 @@ def _show_kind(part: str, kind: str) -> None:
 
 def _show_section(name: str) -> None:
     from servo.cli.schema_command import expect_schema, sweep_schema  # these take time to import
-    from servo.scenario.load import KEYS, SECTIONS
+    from servo.scenario.fill import form
+    from servo.scenario.tables import KEYS, SECTIONS
 
     tables = {"expect": expect_schema, "sweep": sweep_schema}
     if name in SECTIONS:
         config = SECTIONS[name]
-        _show_settings(f"[{name}]", config.__doc__ or "", _rows(name, config()))
+        _show_settings(f"[{name}]", config.__doc__ or "", _rows(name, form(config, described=True)))
     elif name in tables:
         table = tables[name]()
         rows = [
@@ -112,14 +116,14 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
     print_table(console, words.Table(("setting", "default", "meaning"), rows, words=range(3)))
 
 
-def _rows(prefix: str, settings: Any) -> list[tuple[str, str, str]]:
-    """Name, default and meaning of every setting, including those of nested tables."""
-    docs = kinds.field_docs(type(settings))
+def _rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
+    """Return name, default and meaning of every setting, including those of nested tables."""
     rows = list[tuple[str, str, str]]()
-    for f in dataclasses.fields(settings):
-        value = getattr(settings, f.name)
-        if dataclasses.is_dataclass(value):
-            rows += _rows(f"{prefix}.{f.name}", value)
+    for name, field in settings.model_fields.items():
+        default = field.default
+        if hasattr(default, "model_fields_set"):  # a table inside the table
+            rows += _rows(f"{prefix}.{name}", type(default))
         else:
-            rows.append((f"{prefix}.{f.name}", str(getattr(value, "value", value)), docs[f.name]))
+            shown = str(getattr(default, "value", default))
+            rows.append((f"{prefix}.{name}", shown, field.description or ""))
     return rows

@@ -6,22 +6,26 @@ checked by the parser only.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Mapping
-from enum import Enum
-from typing import Any, get_type_hints
+from contextlib import suppress
+from dataclasses import is_dataclass
+from typing import Annotated, Any, Literal, Union, get_type_hints
 
-from pydantic import TypeAdapter
+from pydantic import BaseModel, Field, create_model
+from pydantic.json_schema import GenerateJsonSchema, SkipJsonSchema
+from pydantic_core import core_schema
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS
-from servo.scenario.load import SECTIONS
+from servo.scenario.fill import STRICT, form
+from servo.scenario.tables import SECTIONS
 from servo.study import parse
 from servo.study.axes import COUNTS, ENDS, MOST_VALUES
-from sim import kinds
-from sim.kinds import Kinds
+from sim.kinds import Kinds, UnknownKind
+
+Schema = dict[str, Any]
 
 
 def text() -> str:
@@ -121,96 +125,85 @@ def _axes() -> Schema:
     }
 
 
-DRAFT = "https://json-schema.org/draft/2020-12/schema"
-Schema = dict[str, Any]
+class _Json(GenerateJsonSchema):
+    """Writes schemas as TOML needs them: without null, and without titles that repeat the key."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        del schema
+        return False
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> Schema:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> Schema:
+        found = super().default_schema(schema)
+        return {key: value for key, value in found.items() if (key, value) != ("default", None)}
 
 
 def scenario_schema(more: Schema) -> Schema:
-    """The schema of a scenario file, given those of the tables that are no settings."""
-    properties = {name: _settings(config()) for name, config in SECTIONS.items()}
-    for name, (folder, default) in PLUGINS.items():
-        properties[name] = _plugin(folder, default)
-    for name, folder in LISTS.items():
-        properties[name] = {"type": "array", "items": _plugin(folder, None)}
-    properties |= more
-    return {"$schema": DRAFT, "title": "A scenario of servobench"} | table(properties)
+    """Return the schema of a scenario's file, given those of the tables that are no settings."""
+    tables: dict[str, Any] = {name: form(SECTIONS[name], described=True) for name in SECTIONS}
+    for name, (kinds, default) in PLUGINS.items():
+        tables[name] = _table_of_kind(name, kinds, default)
+    for name, kinds in LISTS.items():
+        tables[name] = list[_table_of_kind(name, kinds)]
+    members: dict[str, Any] = {name: (table, None) for name, table in tables.items()}
+    scenario = create_model("Scenario", __config__=STRICT, **members)
+    found = scenario.model_json_schema(schema_generator=_Json)
+    about = {"$schema": GenerateJsonSchema.schema_dialect, "title": "A scenario of servobench"}
+    return found | about | {"properties": found["properties"] | more}
 
 
 def table(properties: Schema, description: str = "") -> Schema:
-    """The schema of a table that has these keys only."""
+    """Return the schema of a table that has these keys only."""
     about = {"description": description} if description else {}
     return about | {"type": "object", "properties": properties, "additionalProperties": False}
 
 
-def _plugin(folder: Kinds[Any], default: str | None) -> Schema:
-    """A table with a kind: a branch for each kind; the key may be left out for the default one."""
-    names = [name for name in folder.names() if _is_whole(folder, name)]
-    kind = {"enum": names} if default is None else {"enum": names, "default": default}
-    branches = [_branch(folder, name, is_default=name == default) for name in names]
-    return {"type": "object", "properties": {"kind": kind}, "oneOf": branches}
+def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
+    """Return the type of a table with a kind: a model for each kind, or for several that differ in
+    their defaults only.
+    """
+    families: dict[type[Any], list[str]] = {}
+    for kind in kinds.names():
+        with suppress(UnknownKind):  # of a broken package
+            families.setdefault(_family(kinds.config_of(kind)), []).append(kind)
+    models = [_model(name, kinds, config, of, default) for config, of in families.items()]
+    return Annotated[Union[*models], Field(discriminator="kind")]
 
 
-def _is_whole(folder: Kinds[Any], kind: str) -> bool:
-    """Whether a kind can be imported; those of a broken package are left out."""
-    try:
-        folder.config_of(kind)
-    except kinds.UnknownKind:
-        return False
-    return True
+def _family(config: type[Any]) -> type[Any]:
+    """Return the first class with the same settings, of which this one changes defaults only."""
+    hints = get_type_hints(config, include_extras=True)
+    same = [
+        base
+        for base in config.__mro__
+        if is_dataclass(base) and get_type_hints(base, include_extras=True) == hints
+    ]
+    return same[-1]
 
 
-def _branch(folder: Kinds[Any], kind: str, *, is_default: bool) -> Schema:
-    presets = list(folder.presets(kind))
-    choices: Schema = {"kind": {"const": kind}}
+def _model(
+    name: str, kinds: Kinds[Any], config: type[Any], of: list[str], default: str
+) -> type[BaseModel]:
+    """Return the model of a table with one of several kinds that have the same settings."""
+    base = form(config, described=True)
+    forms = [form(kinds.config_of(kind)) for kind in of]
+    hints = get_type_hints(config, include_extras=True)
+    presets = list(dict.fromkeys(p for kind in of for p in kinds.presets(kind)))
+    members: dict[str, Any] = {"kind": (Literal[*of], default if default in of else ...)}
     if presets:
-        choices["preset"] = {"description": "Values of settings not given.", "enum": presets}
-    config = folder.config_of(kind)
-    settings = _settings(config())["properties"]
-    for key in getattr(config, "not_from_file", ()):
-        del settings[key]
-    found = table(choices | settings, folder.summary(kind))
-    return found if is_default else found | {"required": ["kind"]}
-
-
-def _settings(config: Any) -> Schema:
-    """The table of a dataclass, whose instance has the defaults."""
-    docs = kinds.field_docs(type(config))
-    hints = get_type_hints(type(config), include_extras=True)
-    properties: Schema = {}
-    for f in dataclasses.fields(config):
-        value = getattr(config, f.name)
-        if dataclasses.is_dataclass(value):
-            found = _settings(value)
-        else:
-            found = _of_type(hints[f.name])
-            if value is not None:
-                found["default"] = _plain(value)
-        properties[f.name] = found | {"description": docs[f.name]}
-    return table(properties, " ".join((type(config).__doc__ or "").split()))
-
-
-def _of_type(hint: Any) -> Schema:
-    """The JSON Schema of a type, without null, which TOML does not have."""
-    found = TypeAdapter(hint).json_schema()
-    found = _inlined(found, found.pop("$defs", {}))
-    found.pop("title", None)
-    some = [choice for choice in found.get("anyOf", []) if choice != {"type": "null"}]
-    return some[0] if len(some) == 1 else found
-
-
-def _inlined(schema: Any, definitions: Schema) -> Any:
-    """A schema with the definitions in the places that refer to them."""
-    if isinstance(schema, list):
-        return [_inlined(item, definitions) for item in schema]
-    if not isinstance(schema, dict):
-        return schema
-    if "$ref" in schema:
-        return _inlined(definitions[schema["$ref"].rpartition("/")[2]], definitions)
-    return {key: _inlined(item, definitions) for key, item in schema.items()}
-
-
-def _plain(value: Any) -> Any:
-    """A default as TOML has it."""
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return value.value if isinstance(value, Enum) else value
+        about = Field(None, description="Settings that are not given.")
+        members["preset"] = (Literal[*presets], about)
+    for key, field in base.model_fields.items():
+        if key in getattr(config, "not_from_file", ()):
+            members[key] = (SkipJsonSchema[Any], None)
+        elif isinstance(field.default, BaseModel):  # a table inside the table
+            continue
+        elif any(f.model_fields[key].default != field.default for f in forms):
+            open_default = Field(default_factory=lambda: None, description=field.description)
+            members[key] = (hints[key], open_default)
+    about = kinds.summary(of[0])
+    if len(of) > 1:
+        about = " ".join(f"{kind}: {kinds.summary(kind)}" for kind in of)
+    return create_model(f"{name} {', '.join(of)}", __base__=base, __doc__=about, **members)

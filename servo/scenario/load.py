@@ -28,6 +28,7 @@ from servo.scenario.sections import (
     check_frames,
 )
 from servo.scenario.source import read
+from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, section_of
 from servo.scenario.toml import put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
@@ -37,23 +38,6 @@ from sim.timing import Rates
 from sim.world import WorldConfig
 
 Table = dict[str, Any]
-SECTIONS: dict[str, type[Any]] = {
-    "run": RunConfig,
-    "world": WorldConfig,
-    "camera": CameraConfig,
-    "goal": GoalConfig,
-    "start": StartConfig,
-    "region": RegionConfig,
-    "sight": SightConfig,
-    "believed": BelievedConfig,
-    "measure": MeasureConfig,
-}
-TABLES = (*SECTIONS, *PLUGINS, *LISTS)
-"""The tables of settings."""
-SETTABLE = (*TABLES, "vary", "expect")
-"""The tables that a keyword may set."""
-KEYS = (*SETTABLE, "sweep")
-"""All keys of a scenario's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,8 +243,3 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int) -> Table:
             except WrongSetting as error:
                 raise WrongSetting(f"{at}: {error}", at) from error.__cause__
     return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
-
-
-def section_of(setting: str) -> str:
-    """Return the table of a setting such as "start.x"."""
-    return setting.partition(".")[0]

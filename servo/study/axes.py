@@ -11,7 +11,7 @@ import numpy as np
 from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
-from servo.scenario.load import SECTIONS
+from servo.scenario.tables import SECTIONS
 from tracking.external import OF_THE_USER
 
 SCENARIO = "scenario"

@@ -17,7 +17,7 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import source
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.load import parse as parse_scenario
-from servo.scenario.named_files import digests
+from servo.scenario.named_files import digests, found_beside, named_in
 from servo.scenario.toml import assignment, is_number
 from servo.study.axes import (
     ENDS,
@@ -57,6 +57,11 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
     table, place = source.read(str(path))
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
+    for key in table:
+        if key not in KEYS:
+            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    bases = _bases(table.get("scenario"), path, place)
+    table = found_beside(table, path.parent, *(base.table for base in bases))
     changed = _changed(table, changes, place)
     if changes:
         table["set"] = changed
@@ -64,7 +69,7 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
         if seeds > MOST_RUNS:
             raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
-    study = _study(table, changed, path, place)
+    study = _study(table, changed, bases, path, place)
     _check(study, place)
     return study
 
@@ -93,21 +98,19 @@ def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[
     return changed
 
 
-def _study(table: dict[str, Any], changed: dict[str, Any], path: Path, place: str) -> Study:
-    for key in table:
-        if key not in KEYS:
-            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+def _study(
+    table: dict[str, Any], changed: dict[str, Any], bases: tuple[Base, ...], path: Path, place: str
+) -> Study:
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
     named = named_of(_table(table.get("named", {}), f"{place}: named"), place)
     groups = tuple(Axis(key, tuple(groups)) for key, groups in named.items())
-    bases = _bases(table.get("scenario"), path, place)
     study = Study(
         name=path.stem,
         title=sentence(path.read_text(encoding="utf-8-sig")),
         table=table,
         bases=bases,
         changes=changed,
-        files=digests(table, *(base.table for base in bases)),
+        files=digests(named_in(table, *(base.table for base in bases))),
         axes=(*groups, *axes),
         named=named,
         draws=draws,

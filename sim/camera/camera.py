@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.camera.distortion import WIDEST, Distortion, Model
-from sim.ranges import Interval, Share
+from sim.ranges import File, Interval, Share
 from sim.types import Array, Camera
 
 FOVY = 45.0
@@ -47,7 +47,7 @@ class CameraConfig:
     "fisheye" (k1 k2 k3 k4); by default there is none."""
     coefficients: tuple[Annotated[float, Ge(-10_000), Le(10_000)], ...] = ()
     """Coefficients of the distortion, in OpenCV's order."""
-    calibration: str | None = None
+    calibration: File | None = None
     """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
     beside the scenario's file, or in the working directory where --set names it."""
     supersample: Annotated[int, Ge(1), Le(4)] = 1

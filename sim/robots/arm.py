@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim.ranges import Degrees, Place
+from sim.ranges import Degrees, File, Place
 from sim.robot.robot import Damping
 from sim.robots import mjcf
 
@@ -16,7 +16,7 @@ class Config(mjcf.Config):
 
     weakest: Damping = 0.1
     damping: Damping = 0.1
-    model: str = "arm.xml"
+    model: File = "arm.xml"
     camera: str = "eye"
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)
     home: tuple[mjcf.Home, ...] = (ELBOW_UP,)

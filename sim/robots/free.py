@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from sim.ranges import Degrees, Place
+from sim.ranges import Degrees, File, Place
 from sim.robots import mjcf
 
 HOMES = tuple((0.0, 0.0, 1.0, 0.0, 0.0, k * pi / 2) for k in range(4))
@@ -22,7 +22,7 @@ class Config(mjcf.Config):
     weakest: Annotated[float, Ge(1e-6), Le(100)] = 0.001
     damping: Annotated[float, Ge(1e-6), Le(100)] = 0.001
     exact: bool = True
-    model: str = "free.xml"
+    model: File = "free.xml"
     camera: str = "eye"
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.0, 0.0, 0.0)
     home: tuple[mjcf.Home, ...] = HOMES

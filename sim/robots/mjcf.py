@@ -14,7 +14,7 @@ from annotated_types import Ge, Le, MinLen
 
 from sim.models.model_files import read_spec
 from sim.models.urdf import joint_speeds
-from sim.ranges import Degrees, Place
+from sim.ranges import Degrees, File, Place
 from sim.robot.chain import FEWEST
 from sim.robot.model import camera_chain, drive, make_robot, mount_pose
 from sim.robot.robot import Damping, Design, Drives
@@ -33,7 +33,7 @@ class Config(Drives):
 
     weakest: Damping = 0.02
     damping: Damping = 0.02
-    model: str = "arm7.xml"
+    model: File = "arm7.xml"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, the
     name of one of ours, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.5, 0.6, -90.0)

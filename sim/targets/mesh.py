@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sim.files import reading
 from sim.models.model_files import said_by_mujoco
 from sim.models.target import Target
-from sim.ranges import Degrees, Length
+from sim.ranges import Degrees, File, Length
 from sim.targets import _paint
 from sim.targets._settings import Colour, Outlined, file_of, rgba
 from sim.types import Array, Image
@@ -48,7 +48,7 @@ class Triangles:
 class Config(Outlined):
     """Which mesh, how large, and how it lies."""
 
-    file: str = "duck"
+    file: File = "duck"
     """A shipped mesh's name, or an .obj or .stl file."""
     size: Length | tuple[Length, Length, Length] = 0.2
     """Its longest horizontal side, or length along the nose, width and height [m]."""
@@ -58,7 +58,7 @@ class Config(Outlined):
     """Turned about the vertical by this, after its longer side was laid along the nose [deg]."""
     colour: Colour = "#e0b020"
     """As "#rrggbb", or red, green and blue from 0 to 1."""
-    texture: str | None = None
+    texture: File | None = None
     """A picture in place of the colour: a shipped one's name, or a file; the mesh says where it
     lies."""
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from sim.models.model_files import SIMULATION, leave_out, read_spec, said_by_mujoco
 from sim.models.target import Target
+from sim.ranges import File
 from sim.targets._settings import Outlined, file_of
 
 MOVING = (*SIMULATION, "actuators", "joints", "cameras")
@@ -17,7 +18,7 @@ MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 class Config(Outlined):
     """Which model."""
 
-    model: str = "truck"
+    model: File = "truck"
     """A shipped model's name, or an .xml or .urdf file: x is its nose, z is up, and the table is at
     z = 0. Joints, actuators, sensors, cameras, lights and the sky are left out."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.models.target import Target, rectangle
-from sim.ranges import Length
+from sim.ranges import File, Length
 from sim.targets import _paint
 from sim.targets._settings import Outlined
 
@@ -16,7 +16,7 @@ THICKNESS = 0.002
 class Config(Outlined):
     """Which picture, and how large."""
 
-    picture: str = "pebbles"
+    picture: File = "pebbles"
     """A shipped picture's name, or a file; it is stretched over the plate."""
     length: Length = 0.2
     """Length along the nose, which is the picture's width [m]."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.ranges import File
 from tracking.external.cv2_tracker import MODELS, Cv2Tracker
 from tracking.external.judge import JudgeSettings
 from tracking.external.wrapped import Wrapped, Wrapping
@@ -17,7 +18,7 @@ class Config(JudgeSettings):
 
     name: str = "MIL"
     """The class in OpenCV without "Tracker": "Nano", "Vit", "DaSiamRPN", "MIL", "CSRT", "KCF"."""
-    model: str | tuple[str, ...] = ()
+    model: File | tuple[File, ...] = ()
     """ONNX files: one for Vit, two for Nano (backbone, neckhead), three for DaSiamRPN (model,
     kernel_cls1, kernel_r1)."""
 

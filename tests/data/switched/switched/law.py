@@ -29,8 +29,10 @@ class Switched:
         self._config = config
 
     def start(self, task):
-        self._camera, self._goal = task.camera, task.goal
-        self._points, self._pose = (s.Config().build(task.outline) for s in (points, pose))
+        self._camera = task.camera
+        self._goal = task.goal
+        self._points = points.Config().build(task.outline)
+        self._pose = pose.Config().build(task.outline)
         self._now = self._points
 
     def aim(self, goal):

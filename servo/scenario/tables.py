@@ -1,0 +1,69 @@
+"""The tables of a scenario's file, and the dataclasses of their settings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.sections import (
+    GoalConfig,
+    MeasureConfig,
+    RegionConfig,
+    RunConfig,
+    StartConfig,
+)
+from servo.sight.estimate_to_sight import SightConfig
+from sim.believed import BelievedConfig
+from sim.camera.camera import CameraConfig
+from sim.kinds import UnknownKind
+from sim.world import WorldConfig
+
+SECTIONS: dict[str, type[Any]] = {
+    "run": RunConfig,
+    "world": WorldConfig,
+    "camera": CameraConfig,
+    "goal": GoalConfig,
+    "start": StartConfig,
+    "region": RegionConfig,
+    "sight": SightConfig,
+    "believed": BelievedConfig,
+    "measure": MeasureConfig,
+}
+"""Tables without a `kind`."""
+TABLES = (*SECTIONS, *PLUGINS, *LISTS)
+"""The tables of settings."""
+SETTABLE = (*TABLES, "vary", "expect")
+"""The tables that a keyword may set."""
+KEYS = (*SETTABLE, "sweep")
+"""All keys of a scenario's file."""
+
+
+def section_of(setting: str) -> str:
+    """Return the table of a setting such as "start.x"."""
+    return setting.partition(".")[0]
+
+
+def config_of(section: str, kind: str | None = None) -> type[Any] | None:
+    """Return the dataclass of a table's settings.
+
+    Args:
+        section: The table, or the list of such tables.
+        kind: Its kind; None: the default one.
+
+    Returns:
+        The class; None where there is no such table, or its kind cannot be used, which parsing it
+        reports.
+    """
+    if section in SECTIONS:
+        return SECTIONS[section]
+    if section in LISTS:
+        kinds = LISTS[section]
+    elif section in PLUGINS:
+        kinds, default = PLUGINS[section]
+        kind = default if kind is None else kind
+    else:
+        return None
+    try:
+        return None if kind is None else kinds.config_of(kind)
+    except UnknownKind:
+        return None
