@@ -58,7 +58,7 @@ def test_the_walk_finds_the_numbers():
         "RunConfig.duration",
         "GoalConfig.depth_to",
         "ibvs.Config.acceleration",
-        "kalman_cv.Config.measure_variance",
+        "kalman_cv.Config.ratio",
     ):
         assert any(one.endswith(name) for one in found), name
     assert sum(name.endswith("ibvs.Config.weights") for name in found) == 6

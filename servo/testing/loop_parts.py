@@ -32,6 +32,9 @@ def check_features(features: Any) -> None:
 
     Its matrix is compared with finite differences of its values, unless it is made of pixels.
 
+    Example:
+        >>> check_features("moments")
+
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
@@ -83,6 +86,9 @@ def _check_matrix(features: FeatureSet, target: Pose) -> None:
 def check_estimator(estimator: Any) -> None:
     """Check that an estimator keeps the contract of `servo.parts.Estimator`.
 
+    Example:
+        >>> check_estimator("kalman_cv")
+
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
@@ -118,6 +124,9 @@ def _estimates(config: Any) -> list[Array]:
 @contract
 def check_controller(controller: Any) -> None:
     """Check that a controller keeps the contract of `servo.parts.Controller`.
+
+    Example:
+        >>> check_controller("ibvs")
 
     Raises:
         BrokenContract: It does not; the sentence says what to change.

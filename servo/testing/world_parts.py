@@ -37,6 +37,9 @@ SHORTEST_SIDE = 1e-3
 def check_motion(motion: Any) -> None:
     """Check that a motion keeps the contract of `sim.stage.Motion`.
 
+    Example:
+        >>> check_motion("line")
+
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
