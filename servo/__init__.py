@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from servo.loop.step import Step
     from servo.mistake import Mistake
     from servo.parts import Controller, Estimator, FeatureSet, Task
-    from servo.result import Result, simulate
+    from servo.result import Run, simulate
     from servo.scenario.load import Scenario, load
-    from servo.swept import Swept, sweep
+    from servo.study.record import Record
+    from servo.swept import Sweep, sweep
     from servo.types import Command, Sight
     from sim.types import Camera, Frame, Pose, Posture
     from tracking import create
@@ -44,15 +45,16 @@ __all__ = [
     "Mistake",
     "Pose",
     "Posture",
+    "Record",
     "Region",
-    "Result",
+    "Run",
     "Running",
     "Scenario",
     "Sight",
     "State",
     "Status",
     "Step",
-    "Swept",
+    "Sweep",
     "Task",
     "Tracker",
     "__version__",
@@ -69,8 +71,9 @@ HOMES = {
     "servo.mistake": ("Mistake",),
     "servo.scenario.load": ("Scenario", "load"),
     "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
-    "servo.result": ("Result", "simulate"),
-    "servo.swept": ("Swept", "sweep"),
+    "servo.result": ("Run", "simulate"),
+    "servo.study.record": ("Record",),
+    "servo.swept": ("Sweep", "sweep"),
     "servo.types": ("Command", "Sight"),
     "sim.types": ("Camera", "Frame", "Pose", "Posture"),
     "tracking": ("create",),

@@ -57,14 +57,15 @@ class ScenarioTest(pytest.Item):
     def runtest(self) -> None:
         from servo.loop.check_expect import check_expect
         from servo.loop.measured_run import measured_run
-        from servo.loop.run_measures import violations
         from servo.scenario.load import load
+        from servo.study.bounds import missed_bounds
 
         scenario = load(str(self.path), seed=self.seed)
         check_expect(scenario)
-        missed = violations(measured_run(scenario)[1], scenario.expect)
-        if missed:
-            raise MissedBounds("\n".join(f"missed: {m}" for m in missed))
+        summary = measured_run(scenario)[1]
+        found = missed_bounds(summary.outcome.name, summary.measures, scenario.expect)
+        if found:
+            raise MissedBounds("\n".join(f"missed: {m}" for m in found))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """The sentence, and the command that repeats the run."""

@@ -23,7 +23,7 @@ from PIL import Image as Pillow
 from servo import notebook
 from servo.loop.check_expect import check_expect
 from servo.loop.episode import Episode
-from servo.loop.run_measures import Outcome, Report, Violation, summarise, violations
+from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output import plots
@@ -31,6 +31,10 @@ from servo.output.annotated import annotated
 from servo.output.steps_table import quantities_of, table_of
 from servo.report.words import Table, shown
 from servo.scenario.load import Scenario, load
+from servo.study.bounds import MissedBound
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.scenario_run import LoadedScenario, record_of
 from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded
 
@@ -44,7 +48,7 @@ def simulate(
     overrides: Sequence[str] = (),
     seed: int | None = None,
     **settings: Any,
-) -> Result:
+) -> Run:
     """Run a scenario to its end and keep everything; in a notebook with a progress bar.
 
     Args:
@@ -68,16 +72,17 @@ def simulate(
             pictures.append(encoded(step.frame.image, QUALITY))
             steps.append(replace(step, frame=step.light().frame))  # with its particles
             bar(len(steps), f"error {step.servo_error:.1f} px")
-    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
-    return Result(scenario, report, episode, steps, pictures)
+    job = Job(0, LoadedScenario(scenario), scenario.run.seed)
+    record = record_of(job, scenario, steps)
+    return Run(scenario, record, episode, steps, pictures)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Sequence[Step]):
+class Run(Sequence[Step]):
     """A finished run; as a sequence it is its steps with their pictures."""
 
     scenario: Scenario
-    report: Report
+    record: Record
     _episode: Episode
     _light: list[Step]
     _pictures: list[bytes]
@@ -98,8 +103,8 @@ class Result(Sequence[Step]):
         return replace(light, frame=replace(light.frame, image=image))
 
     def __repr__(self) -> str:
-        rms = self.report.value("servo_rms_px")
-        return f"Result({self.title}: {self.outcome.name}, {rms:.2f} px rms, {len(self)} steps)"
+        rms = self.record.measures["servo_rms_px"]
+        return f"Run({self.title}: {self.outcome.name}, {rms:.2f} px rms, {len(self)} steps)"
 
     @property
     def title(self) -> str:
@@ -109,26 +114,24 @@ class Result(Sequence[Step]):
     @property
     def outcome(self) -> Outcome:
         """How the run ended."""
-        return self.report.outcome
+        return Outcome[self.record.outcome]
 
     @property
-    def missed(self) -> list[Violation]:
+    def missed(self) -> tuple[MissedBound, ...]:
         """The bounds that were not kept."""
-        return violations(self.report, self.scenario.expect)
+        return self.record.missed
 
     @cached_property
     def measures(self) -> Any:
         """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
         table.
         """
-        found = self.report.measures
-        expect = self.scenario.expect
         columns = {
-            "measure": [m.name for m in found],
-            "value": [m.value for m in found],
-            "unit": [m.unit for m in found],
-            "bound": [expect.get(m.name) for m in found],
-            "meaning": [m.meaning for m in found],
+            "measure": list(MEANINGS),
+            "value": [self.record.measures[name] for name in MEANINGS],
+            "unit": [unit for unit, _ in MEANINGS.values()],
+            "bound": [self.scenario.expect.get(name) for name in MEANINGS],
+            "meaning": [meaning for _, meaning in MEANINGS.values()],
         }
         table = notebook.frame_of(pa.table(columns))
         return table if isinstance(table, pa.Table) else table.set_index("measure")
@@ -184,9 +187,9 @@ class Result(Sequence[Step]):
         verdict = f"missed: {missed}" if missed else "all bounds kept"
         verdict = verdict if self.scenario.expect else self.scenario.unjudged or "no bounds"
         rows = [
-            [m.name, shown(m.value), m.unit, m.meaning]
-            for m in self.report.measures
-            if m.name in ("settle_s", "step_ms") or "rms" in m.name or "peak_px" in m.name
+            [name, shown(self.record.measures[name]), unit, meaning]
+            for name, (unit, meaning) in MEANINGS.items()
+            if name in ("settle_s", "step_ms") or "rms" in name or "peak_px" in name
         ]
         ending = escape(f"{self.outcome.name}. {self.outcome.value} ({verdict})")
         table = notebook.html_table(Table(("measure", "value", "unit", "meaning"), rows))

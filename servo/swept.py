@@ -12,24 +12,25 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, overload
 
 import pyarrow as pa
 from pyarrow import csv
 
 from servo import notebook
-from servo.batch.local_cluster import local
-from servo.batch.workers import Lost
 from servo.mistake import Refused
 from servo.output.formats import command_line
 from servo.report.cell_row import cell_row
 from servo.report.words import Table
 from servo.scenario import given
+from servo.study.execute import Workers, complete
+from servo.study.failure import ClusterLost, Failure
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.plan import Study, StudyFile
+from servo.study.plan import Study
+from servo.study.record import Record, table_of
 from servo.study.results import Cell, cells_csv, cells_of
 from servo.study.store import Store, opened
-from servo.study.work import work
 from sim.camera import gl
 
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
@@ -42,7 +43,7 @@ def sweep(
     seeds: int | None = None,
     workers: int = 2,
     out: str | Path | None = None,
-) -> Swept:
+) -> Sweep:
     """Do the runs of a study on worker processes; in a notebook with a progress bar.
 
     Args:
@@ -67,41 +68,53 @@ def sweep(
     command = command_line("sweep", study, set=list(overrides), seeds=seeds)
     with ExitStack() as stack:
         folder = stack.enter_context(TemporaryDirectory()) if out is None else out
-        store = stack.enter_context(opened(Path(folder), plan, StudyFile.of(plan, command)))
-        failed = _work(plan, store, workers)
-        if not store.done():
+        store = stack.enter_context(opened(Path(folder), StudyFile.of(plan, command)))
+        failed = _complete(plan, store, stack.enter_context(Workers(workers)))
+        records = store.records(plan.jobs())
+        if not records:
             raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")
-        return Swept(plan, store.table(store.done()), failed)
+        return Sweep(plan, records, failed)
 
 
-def _work(study: Study, store: Store, workers: int) -> list[str]:
+def _complete(study: Study, store: Store, workers: Workers) -> list[str]:
     """Do the missing runs; a sentence for each that failed."""
     failed = list[str]()
-    if len(store.done()) == study.size:
-        return failed
-    with local(workers) as cluster, notebook.progress(study.name, study.size) as bar:
+    jobs = list(study.jobs())
+    store.find(jobs)
+    with notebook.progress(study.name, study.size) as bar:
         try:
-            for failure in work(study, store, cluster):
-                failed += [f"{failure.reason} (again: {failure.command})"] if failure else []
-                bar(len(store.done()) + len(failed), f"{len(failed)} failed")
-        except Lost as lost:
+            for job, end in complete(jobs, store, workers):
+                if isinstance(end, Failure):
+                    failed.append(f"{end.reason} (again: {job.command})")
+                bar(len(store.done) + len(failed), f"{len(failed)} failed")
+        except ClusterLost as lost:
             raise Refused(f"{lost}; give `out` to go on from what is finished") from None
     return failed
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Swept:
-    """A study whose runs are done."""
+class Sweep(Sequence[Record]):
+    """A study whose runs are done: as a sequence it is their records."""
 
     study: Study
-    _table: pa.Table
+    records: list[Record]
     failed: list[str] = field(default_factory=list[str])
     """A sentence for each run that failed, with the command that repeats it."""
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @overload
+    def __getitem__(self, index: int) -> Record: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Record]: ...
+    def __getitem__(self, index: int | slice) -> Record | list[Record]:
+        return self.records[index]
 
     @cached_property
     def runs(self) -> Any:
         """A row for each run: a DataFrame, or, without pandas, an Arrow table."""
-        return notebook.frame_of(self._table)
+        return notebook.frame_of(table_of(self.records))
 
     @cached_property
     def cells(self) -> Any:
@@ -115,12 +128,12 @@ class Swept:
 
     @cached_property
     def _cells(self) -> list[Cell]:
-        return cells_of(self.study, self._table.to_pylist())
+        return cells_of(self.study, table_of(self.records).to_pylist())
 
     def __repr__(self) -> str:
-        runs = self._table.num_rows
+        runs = len(self)
         cells = len(self._cells)
-        return f"Swept({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
+        return f"Sweep({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
 
     def _repr_html_(self) -> str:
         keys = [axis.key for axis in self.study.every_axis]

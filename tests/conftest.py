@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
@@ -163,29 +163,27 @@ def study_place(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
+
     from servo.study import store
+    from servo.study.files import StudyFile
     from servo.study.parse import load
-    from servo.study.perform import perform
-    from servo.study.plan import StudyFile
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)
     study = load(str(there / "mine.toml"))
-    with store.opened(there / "out", study, StudyFile.of(study, "me")) as kept:
-        for run in study.runs():
-            kept.add(perform(run))
+    with store.opened(there / "out", StudyFile.of(study, "me")) as kept:
+        for job in study.jobs():
+            kept.add(job, job.run(kept.folder))
     return there / "out"
 
 
 @pytest.fixture
 def no_workers(monkeypatch):
     """`servobench sweep` works in this process: a worker takes two seconds to start."""
-    from servo.batch.workers import one_by_one
     from servo.cli import sweep_command
-    from servo.study import work
+    from servo.study.execute import Workers
 
-    monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
-    monkeypatch.setattr(work, "carry_out", lambda _, tasks, work: one_by_one(tasks, work))
+    monkeypatch.setattr(sweep_command, "Workers", lambda count, scheduler: Workers())
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from servo.controllers._limits import Limits
 from servo.controllers._target_loss import TargetLoss
 from servo.estimators.jump import Cusum
 from servo.loop import run_measures
-from servo.loop.run_measures import Outcome, Report, RunMeasure, violations
+from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
-from servo.study.results import missed
+from servo.study.bounds import missed_bounds, missed_by_cells
 from servo.types import Mode
 from sim.disturbances import KINDS as DISTURBANCES
 from sim.geometry import inverse_if_strong
@@ -151,12 +151,11 @@ def test_settling(error, turned, grown, off):
 
 
 def test_a_measure_at_its_bound_keeps_it():
-    report = Report(Outcome.CONVERGED, (RunMeasure("lost_pct", 2.0, "%", "lost"),))
-    assert violations(report, {"lost_pct": 2.0}) == []
-    assert len(violations(report, {"lost_pct": 1.99})) == 1
+    assert missed_bounds("CONVERGED", {"lost_pct": 2.0}, {"lost_pct": 2.0}) == ()
+    assert len(missed_bounds("CONVERGED", {"lost_pct": 2.0}, {"lost_pct": 1.99})) == 1
     rows = [{"lost_pct": 2.0, "success": s, "seed": k} for k, s in enumerate((True, False))]
-    assert missed([], {"lost_pct": 2.0, "success_rate": 0.5}, rows) == []
-    assert len(missed([], {"lost_pct": 1.99, "success_rate": 0.51}, rows)) == 2
+    assert missed_by_cells([({}, rows)], {"lost_pct": 2.0, "success_rate": 0.5}) == []
+    assert len(missed_by_cells([({}, rows)], {"lost_pct": 1.99, "success_rate": 0.51})) == 2
 
 
 @pytest.mark.parametrize(("duration", "frames"), [(0.001, 1), (0.04, 1), (0.06, 2), (10.0, 300)])

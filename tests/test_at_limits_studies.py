@@ -5,8 +5,6 @@ from types import SimpleNamespace
 import pytest
 from distributed.core import Status
 
-from servo.batch import cluster, local_cluster, remote_cluster
-from servo.batch.workers import Lost
 from servo.bench.sequence_jobs import LONGEST_LABEL, Contender
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused
@@ -16,6 +14,10 @@ from servo.scenario import toml
 from servo.scenario.draws import LARGEST
 from servo.study import parse
 from servo.study.axes import MOST_VALUES, axes_of
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import remote as remote_cluster
+from servo.study.cluster import tasks as cluster
+from servo.study.failure import ClusterLost
 
 
 def passes(check, *arguments):
@@ -195,11 +197,11 @@ def test_time_without_workers():
     assert nurse.replaced == 6
     nurse = local_cluster._Replacement(SimpleNamespace(workers={}), 2, 0, 119.5)
     nurse(0)
-    with pytest.raises(Lost):
+    with pytest.raises(ClusterLost):
         nurse(0)
     watch = remote_cluster._Watch("it", cluster.PATIENCE - 1.0)
     watch(0)
-    with pytest.raises(Lost):
+    with pytest.raises(ClusterLost):
         watch(0)
 
 
@@ -209,7 +211,7 @@ def test_threads_of_workers(threads, right):
     if right:
         assert crew.workers() == len(threads)
     else:
-        with pytest.raises(Lost):
+        with pytest.raises(ClusterLost):
             crew.workers()
 
 

@@ -98,8 +98,8 @@ def test_a_wrong_hand_eye_pose_bends_the_way_and_not_its_end(features):
     for changes in ((), wrong):
         steps, report = run(kind, TILTED, *changes)
         ways.append(np.array([s.T_object_camera.translation for s in steps]))
-        assert report.value("end_position_mm") < 0.1
-        assert report.value("end_rotation_deg") < 0.01
+        assert report.measures["end_position_mm"] < 0.1
+        assert report.measures["end_rotation_deg"] < 0.01
     assert np.linalg.norm(ways[0] - ways[1], axis=1).max() > 0.1
 
 
@@ -136,7 +136,7 @@ def test_wrong_intrinsics_leave_what_the_goal_is_wrong_by(features, wrong, goal,
     changes = f"features.kind={features}", f"believed.{wrong}", f"believed.goal={goal}"
     off, turned = end_of(*changes)
     np.testing.assert_allclose(off, np.multiply(end, DEPTH), atol=1e-4)
-    measured = run(*changes)[1].value("end_position_mm")
+    measured = run(*changes)[1].measures["end_position_mm"]
     assert measured == pytest.approx(1e3 * DEPTH * np.linalg.norm(end), abs=0.1)
     assert np.degrees(turned) < 0.02
 

@@ -1,19 +1,16 @@
 """`servobench bench` on short painted sequences: its files, its order, how it goes on."""
 
 import csv
-import json
-from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from servo.batch.jobs import RESULTS
-from servo.batch.workers import Workers
 from servo.bench import ranking
-from servo.bench.sequence_jobs import SequenceJob
 from servo.cli import main
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.store import RUNS
 from tracking.evaluation.track_measures import MEASURES
 
 SUITE = """
@@ -67,9 +64,7 @@ def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, plac
     table = rows_of(place / "out" / "table.csv")
     assert [r["tracker"] for r in table] == ["sok", "nothing"]
     assert float(table[0]["auc_low"]) <= float(table[0]["auc"]) <= float(table[0]["auc_high"])
-    document = json.loads((place / "out" / "bench.json").read_text())
-    assert document["trackers"][1]["against_best"]["losses"] == 1
-    assert set(document["measures"]) == {m.name for m in MEASURES}
+    assert {m.name for m in MEASURES} < set(rows[0])
     for name in ("success.png", "precision.png", "sheets/clutter-a.png"):
         assert cv2.imread(str(place / "out" / name)).std() > 10
     assert (place / "out" / "tracks" / "sok" / "clutter-a-1.csv").exists()
@@ -79,14 +74,14 @@ def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, plac
 def test_a_stopped_bench_goes_on_and_repeats_nothing(monkeypatch, capfd, place):
     bench(monkeypatch, capfd)
     before = (place / "out" / "runs.csv").read_text()
-    kept = place / "out" / RESULTS / "sok" / "clutter-a-1.json"
-    kept.with_suffix(".part").write_text(kept.read_text()[:40])  # killed while writing
+    kept = place / "out" / RUNS / "000001.parquet"
+    kept.with_suffix(".part").write_bytes(kept.read_bytes()[:40])  # killed while writing
     kept.unlink()
     ran = []
-    run = SequenceJob.run
-    monkeypatch.setattr(SequenceJob, "run", lambda job, to: ran.append(job.key) or run(job, to))
+    run = Job.run
+    monkeypatch.setattr(Job, "run", lambda job, to: ran.append(job.key) or run(job, to))
     assert bench(monkeypatch, capfd)[0] == 0
-    assert ran == ["sok/clutter-a-1"]
+    assert ran == ["000001"]
     assert without_times(place / "out" / "runs.csv") == without_times(before)
 
 
@@ -103,33 +98,31 @@ def without_times(table):
     ]
 
 
-def test_other_settings_are_another_run(monkeypatch, capfd, place):
+def test_a_folder_of_other_settings_is_refused(monkeypatch, capfd, place):
     bench(monkeypatch, capfd)
     (place / "mine.toml").write_text(SUITE.replace("frames = 40", "frames = 9"))
-    bench(monkeypatch, capfd)
-    rows = rows_of(place / "out" / "runs.csv")
-    assert {r["frames"] for r in rows} == {"9"}
+    assert bench(monkeypatch, capfd)[::2] == (
+        2,
+        "servobench: out: this folder holds another study (its table differs); choose another "
+        "folder with --out\n",
+    )
 
 
-@dataclass(frozen=True)
-class Moody:
-    key: str
+def test_a_run_that_fails_is_named_and_the_others_go_on(monkeypatch, capfd, place):
+    run = Job.run
 
-    def describe(self):
-        return {"key": self.key}
-
-    def run(self, folder: Path):
-        del folder
-        if self.key == "bad":
+    def fail(job, to):
+        if job.number == 1:
             raise RuntimeError("out of paint")
-        return {"said": self.key}
+        return run(job, to)
 
-
-def test_a_failed_job_is_told_and_the_others_go_on(tmp_path):
-    done = list(Workers(1).results([Moody("a"), Moody("bad"), Moody("c")], tmp_path))
-    assert [d.result for d in done] == [{"said": "a"}, None, {"said": "c"}]
-    assert "RuntimeError: out of paint" in done[1].error
-    assert sorted(p.stem for p in (tmp_path / RESULTS).iterdir()) == ["a", "c"]
+    monkeypatch.setattr(Job, "run", fail)
+    code, _, err = bench(monkeypatch, capfd)
+    assert (code, err) == (
+        1,
+        "servobench: out/failures/000001.json: RuntimeError: out of paint\n",
+    )
+    assert len(rows_of(place / "out" / "runs.csv")) == 3
 
 
 def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place):
@@ -212,44 +205,43 @@ def test_a_mistake_is_one_sentence(monkeypatch, capfd, place, case):
     assert call(monkeypatch, capfd, *arguments)[::2] == (2, f"servobench: {message}\n")
 
 
-def result(tracker, seed, frames, auc):
-    measures = {"frames_until_loss": float(frames), "auc": auc, "lost_auc": None}
-    return {"tracker": tracker, "sequence": "s", "family": "f", "seed": seed, "measures": measures}
+def result(tracker, seed, frames, auc, sequence="s", drawn=True):
+    return Record(
+        subject=sequence,
+        subject_is="sequence",
+        seed=seed,
+        settings={"tracker": tracker, "family": "f", "drawn": drawn},
+        outcome="LOST",
+        success=False,
+        measures={"frames_until_loss": float(frames), "auc": auc, "lost_auc": np.nan},
+        versions={},
+    )
 
 
 def test_seeds_on_a_recording_are_one_observation_and_every_pair_of_trackers_is_corrected_for():
     kinds = {"good": 0.6, "middle": 0.5, "poor": 0.4}
     results = [
-        result(tracker, seed, 100 * auc, auc + 0.01 * k) | {"sequence": f"s{k}", "drawn": False}
+        result(tracker, seed, 100 * auc, auc + 0.01 * k, f"s{k}", drawn=False)
         for tracker, auc in kinds.items()
         for k in range(8)
         for seed in range(3)
     ]
-    best, _, last = ranking.rows_of(results)
+    best, _, last = ranking.ranked(results)
     assert (best.runs, best.units, best.means["auc"].units) == (24, 8, 8)
     test = last.against_best
     assert (test.wins, test.losses) == (0, 8)
     assert last.p == pytest.approx(3 * 2 / 2**8)  # three pairs, each 8 to 0
 
 
-def test_a_file_of_a_bench_on_one_recording_keeps_that_there_is_no_interval(tmp_path):
-    run = result("a", 0, 10, 0.4) | {"frames": 9, "drawn": False, "success": [], "precision": []}
-    rows = ranking.rows_of([run])
-    ranking.write([run], rows, tmp_path, "again")
-    (kept,) = ranking.SequenceBench.read(tmp_path / "bench.json").trackers
-    assert (kept.means["auc"].value, kept.means["auc"].known, kept.units) == (0.4, False, 1)
-    assert json.loads((tmp_path / "bench.json").read_text())["trackers"][0]["means"]["auc"] == {
-        "value": 0.4,
-        "low": None,
-        "high": None,
-        "units": 1,
-    }
+def test_one_recording_has_no_interval():
+    (rank,) = ranking.ranked([result("a", 0, 10, 0.4, drawn=False)])
+    assert (rank.means["auc"].value, rank.means["auc"].known, rank.units) == (0.4, False, 1)
 
 
 def test_trackers_are_ranked_and_tested_against_the_best():
     results = [result("a", s, 10, 0.4) for s in range(9)]
     results += [result("b", s, 30 if s < 8 else 5, 0.6) for s in range(9)]
-    best, other = ranking.rows_of(results)
+    best, other = ranking.ranked(results)
     assert (best.tracker, best.against_best) == ("b", None)
     assert (other.against_best.wins, other.against_best.losses) == (1, 8)
     assert other.against_best.z == pytest.approx(2.0)

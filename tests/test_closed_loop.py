@@ -1,12 +1,12 @@
 """Every tracker steers the camera: what it follows is servoed, the rest is held."""
 
-import csv
-
+import pyarrow.parquet as pq
 import pytest
 
-from servo.bench.loop_jobs import LoopJob
 from servo.cli import main
-from servo.papers.experiments import contender
+from servo.loop.measured_run import measured_run
+from servo.loop.run_measures import Outcome
+from servo.scenario.load import load
 from tracking import create, trackers
 from tracking.external import OF_THE_USER
 
@@ -17,45 +17,33 @@ MOST_PX = 4.0
 
 
 @pytest.mark.parametrize("kind", TRACKERS)
-def test_every_tracker_closes_the_loop(tmp_path, kind):
-    result = LoopJob(contender(kind), "line", 0, SHORT).run(tmp_path)
-    assert result["outcome"] == "CONVERGED"
-    assert result["measures"]["servo_rms_px"] < MOST_PX
+def test_every_tracker_closes_the_loop(kind):
+    _, summary = measured_run(load("line", [f"tracker.kind={kind}", *SHORT]))
+    assert summary.outcome is Outcome.CONVERGED
+    assert summary.measures["servo_rms_px"] < MOST_PX
 
 
-def test_the_baseline_does_not_close_it(tmp_path):
-    result = LoopJob(contender("frozen"), "still", 0, SHORT).run(tmp_path)
-    assert result["outcome"] != "CONVERGED"
-
-
-def test_what_a_tracker_follows_is_told(tmp_path):
-    told = {
-        kind: LoopJob(contender(kind), "still", 0, ("run.duration=0.2",)).run(tmp_path)["follows"]
-        for kind in ("frozen", "kams", "annealed", "pf_ssd")
-    }
-    assert told == {
-        "frozen": "x, y",
-        "kams": "x, y",
-        "annealed": "x, y, s",
-        "pf_ssd": "x, y, theta, s",
-    }
+def test_the_baseline_does_not_close_it():
+    _, summary = measured_run(load("still", ["tracker.kind=frozen", *SHORT]))
+    assert summary.outcome is not Outcome.CONVERGED
 
 
 def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
-    arguments = ["bench", "closed_loop", "--trackers", "mk_ssd,frozen", "--seeds", "1"]
+    arguments = ["bench", "closed_loop", "--trackers", "mk_ssd,kams:paper", "--seeds", "1"]
     monkeypatch.setattr("sys.argv", ["servobench", *arguments, "--workers", "1", "--out", "out"])
-    monkeypatch.setattr("servo.bench.loop_jobs.SCENARIOS", ("still",))
     with pytest.raises(SystemExit) as left:
         main.main()
     assert left.value.code == 0
     out = capfd.readouterr().out
     assert "mk_ssd" in out
-    assert "1 of 1" in out
-    with (tmp_path / "out" / "runs.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert {r["tracker"]: r["outcome"] for r in rows}["mk_ssd"] == "CONVERGED"
-    assert float(rows[0]["servo_rms_px"]) < 0.6
+    rows = pq.read_table(tmp_path / "out" / "results.parquet").to_pylist()
+    assert [(r["scenario"], r["trackers"], r["outcome"]) for r in rows] == [
+        (scenario, tracker, "CONVERGED")
+        for scenario in ("still", "line")
+        for tracker in ("mk_ssd", "kams-paper")
+    ]
+    assert max(r["servo_rms_px"] for r in rows) < 0.6
 
 
 def test_presets_are_the_papers_settings():

@@ -13,7 +13,7 @@ from servo.cli.main import app
 from servo.cli.options import TO_TRY
 from servo.output.formats import command_line
 from servo.scenario.toml import assignment
-from servo.study.plan import Base, Run
+from servo.study.scenario_run import StudiedScenario
 
 
 def test_a_command_line_repeats_what_was_typed():
@@ -60,9 +60,8 @@ VALUES = [
 
 @pytest.mark.parametrize("value", VALUES, ids=repr)
 def test_a_value_of_a_study_is_the_same_after_set(value):
-    base = Base("still", {}, "still.toml")
-    run = Run(0, base, 3, {"tracker.x": value}, {}, "mine.toml", False)
-    words = shlex.split(run.command({}))
+    base = StudiedScenario("still", {}, "still.toml")
+    words = shlex.split(base.command(3, {"tracker.x": value}))
     assert words[:5] == ["servobench", "run", "still", "--seed", "3"]
     assert assignment(words[6]) == ("tracker.x", value)
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from servo.bench import suites
-from servo.bench.sequence_jobs import Contender
 from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.study.sequence_run import Contender
 from sim import kinds
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), suites.GENERATORS]

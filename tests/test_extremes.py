@@ -196,7 +196,7 @@ def run_short(place, kind, changes):
         pixels = step.goal_sight.picture is not None
         assert np.isfinite(step.target_motion_true).all() != pixels
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
-    assert all(np.isfinite(m.value) for m in report.measures if m.name != "settle_s")
+    assert all(np.isfinite(value) for name, value in report.measures.items() if name != "settle_s")
 
 
 @pytest.mark.parametrize(("place", "kind", "changes"), [*cases()])

@@ -84,7 +84,7 @@ def test_every_estimator_takes_a_set_of_three(centroid, estimator):
     assert steps[-1].error.shape == steps[-1].prediction.nis.shape == (3,)
     assert steps[0].servo_error > 25
     assert steps[-1].servo_error < 6  # the camera has followed 1.5 s with gain 2: e^-3 of 30 px
-    assert report.value("lost_pct") == 0
+    assert report.measures["lost_pct"] == 0
 
 
 def test_table_plots_recording_and_report_have_its_three_features(centroid, tmp_path):

@@ -13,42 +13,30 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from servo.batch.jobs import ResultFile
-from servo.bench.loop_jobs import LoopBench, LoopRun
-from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.cli import main
 from servo.cli.report_command import write
-from servo.loop.run_measures import Violation
 from servo.mistake import Mistake
-from servo.output import formats
-from servo.output.result_folder import Begun
-from servo.output.run_folder import RunReport
 from servo.output.track_folder import TrackReport
 from servo.papers.claim import Rule
 from servo.papers.claims import Judged, PapersReport
-from servo.study.plan import FailureFile, StudyFile
+from servo.study.bounds import MissedBound
+from servo.study.files import FailureFile, StudyFile
+from servo.study.run_report import RunReport
 from tracking.evaluation import track_file
 from tracking.files.json_text import as_json
-from tracking.statistics.comparisons import Interval, McNemar
 
 MADE = {"command": "servobench run 'a b'", "versions": {"servobench": "0.1.0"}}
 FILES = [
     RunReport(
         **MADE, scenario="still", seed=3, outcome="CONVERGED", measures={"a": 1.5, "b": None},
         units={"a": "px"}, expect={"a": 1.0, "outcome": "CONVERGED"},
-        missed=[Violation("a", 1.5, 1.0), Violation("b", None, 1.0), Violation("c", "x", "y")],
+        missed=[MissedBound("a", 1.5, 1.0), MissedBound("b", None, 1.0), MissedBound("c", "x", "y")],
         features={"xn": "m"}, feed_forward=["xn"], settings={"run": {"seed": 3}}, table={},
     ),
     TrackReport(
         **MADE, source="ü.mp4", tracker={"kind": "kams"}, seed=1, frames=2, undecodable=["0.png"],
         lost=1, measures={"auc": 0.1}, units={"auc": ""},
     ),
-    SequenceBench(
-        **MADE, measures={"auc": {"unit": "", "better": "higher", "meaning": "m"}},
-        trackers=[Row("a", 1, {"auc": Interval(0.5, 0.1, 0.9)}, {"f": None}, McNemar(1, 2), 0.5)],
-        runs=[SequenceRun("a", "s", "f", 0, 9, {"auc": None}, [0.1], [0.2])],
-    ),
-    LoopBench(**MADE, runs=[LoopRun("a", "x, y", "still", 0, "CONVERGED", {"ms": 1.0})]),
     PapersReport(**MADE, quick=True, claims={
         "P1-1": Judged(
             "s", Rule(*"msumth"), "holds", 1.0, None, 2.0, "px", 3, "m", [["a"]], ["f.png"]
@@ -59,8 +47,6 @@ FILES = [
         seeds=[0], compare=None, expect={"a": 1.0}, runs=4, table={"t": [1]}, scenarios={"s": {}},
     ),
     FailureFile(run=1, settings={"a": 1}, command="servobench run x", error="Traceback"),
-    Begun(holds="bench", versions={"servobench": "0.1.0"}),
-    ResultFile(job={"seed": 1}, result={"auc": [0.5]}, sha256="0"),
 ]  # fmt: skip
 
 
@@ -105,17 +91,14 @@ def test_a_file_of_another_kind_is_refused(tmp_path):
     path = FILES[1].write(tmp_path)
     with pytest.raises(Mistake, match=r"json: this file is of `track`, not of `run`$"):
         RunReport.read(path)
-    path = FILES[0].write(tmp_path, "bench.json")
-    with pytest.raises(Mistake, match=r"is of `run`, not of `bench` or `bench closed_loop`$"):
-        formats.read(path, SequenceBench, LoopBench)
 
 
 def test_numbers_that_are_not_finite_are_null_and_half_characters_are_replaced(tmp_path):
     values = {"a": math.inf, "b": {"c": [math.nan, -math.inf, 1e-300]}}
-    file = replace(FILES[-1], result=values, sha256="caf\udce9")
-    read = ResultFile.read(file.write(tmp_path, "file.json"))
-    assert read.result == {"a": None, "b": {"c": [None, None, 1e-300]}}
-    assert read.sha256 == "caf?"
+    file = replace(FILES[-1], settings=values, error="caf\udce9")
+    read = FailureFile.read(file.write(tmp_path, "file.json"))
+    assert read.settings == {"a": None, "b": {"c": [None, None, 1e-300]}}
+    assert read.error == "caf?"
 
 
 def test_a_table_of_steps_has_its_format_number(ran, tmp_path):
@@ -171,7 +154,7 @@ factor = 0.5
 COMMANDS = {
     "run": ("run mine.toml --set run.duration=0.1 --seed 4 --no-rerun", "steps.parquet"),
     "bench": ("bench clutter --trackers frozen --seeds 1", "runs.csv"),
-    "closed_loop": ("bench closed_loop --trackers frozen --seeds 1", "runs.csv"),
+    "closed_loop": ("bench closed_loop --trackers frozen --seeds 1", "results.parquet"),
     "papers": ("papers P1-3 --quick", "papers.json"),
     "sweep": ("sweep study.toml --set camera.rate=20.0 --seeds 1", "results.parquet"),
 }
@@ -192,7 +175,6 @@ run.latency = [0, 1]
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_page_of_each_folder_shows_the_stored_command(kind, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("servo.bench.loop_jobs.SCENARIOS", ("still",))
     (tmp_path / "mine.toml").write_text(MINE)
     (tmp_path / "study.toml").write_text(STUDY)
     line, _ = COMMANDS[kind]
@@ -227,12 +209,14 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
     from elsewhere import MyConfig
 
     from servo.loop.measured_run import measured_run
-    from servo.output.run_folder import RunReport
     from servo.scenario.load import load
+    from servo.study.job import Job
+    from servo.study.scenario_run import LoadedScenario, record_of
 
     scenario = replace(load("still", ["run.duration=0.1"]), tracker=MyConfig(gain=2.0))
-    steps, report = measured_run(scenario)
-    found = RunReport.of(scenario, steps[0].scene, report, [], "")
+    steps, _ = measured_run(scenario)
+    job = Job(0, LoadedScenario(scenario), 0)
+    found = RunReport.of(record_of(job, scenario, steps), scenario, steps[0].scene)
     assert found.settings["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert found.table["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert as_json(found.settings) == found.settings

@@ -22,9 +22,10 @@ from commands import (
 
 from servo.cli import main
 from servo.study import store
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.perform import TIMED, perform
-from servo.study.plan import StudyFile
+from servo.study.record import table_of
+from servo.study.scenario_run import TIMES
 
 pytestmark = pytest.mark.processes
 
@@ -61,10 +62,10 @@ def undisturbed(tmp_path_factory):
     there = tmp_path_factory.mktemp("undisturbed")
     (there / "mine.toml").write_text(MINE)
     study = load(str(there / "mine.toml"))
-    with store.opened(there / "out", study, StudyFile.of(study, "")) as kept:
-        for run in reversed(list(study.runs())):
-            kept.add(perform(run))
-        return kept.table(kept.done()).drop_columns(TIMED)
+    with store.opened(there / "out", StudyFile.of(study, "")) as kept:
+        for run in reversed(list(study.jobs())):
+            kept.add(run, run.run(kept.folder))
+        return table_of(kept.records(study.jobs())).drop_columns(TIMES)
 
 
 def finished():
@@ -78,7 +79,7 @@ def wait_for_some(client, count=2):
 
 
 def same_as(undisturbed):
-    return pq.read_table("out/results.parquet").drop_columns(TIMED).equals(undisturbed)
+    return pq.read_table("out/results.parquet").drop_columns(TIMES).equals(undisturbed)
 
 
 def go_on(monkeypatch, words):

@@ -98,8 +98,8 @@ def test_with_a_perfect_tracker_the_goal_is_reached(lens, goal):
 def test_a_drive_is_followed_through_a_lens(lens):
     changes = ["run.duration=4.0", "measure.after=2.0", *changes_for(lens)]
     report = measured_run(load("circle", changes))[1]
-    assert report.value("servo_rms_px") < 2.0
-    assert report.value("tracking_rms_px") < 1.5
+    assert report.measures["servo_rms_px"] < 2.0
+    assert report.measures["tracking_rms_px"] < 1.5
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.7, -2.0])

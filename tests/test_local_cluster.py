@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import pytest
 from distributed.core import Status
 
-from servo.batch import cluster, local_cluster
-from servo.batch.workers import Lost
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import tasks as cluster
+from servo.study.failure import ClusterLost
 
 
 class Cluster:
@@ -40,7 +41,9 @@ def test_a_dead_worker_is_replaced(status):
 def test_workers_that_die_again_and_again_are_not_replaced_for_ever():
     cluster = Cluster(Status.closed, Status.closed)
     nurse = local_cluster._Replacement(cluster, 2, replaced=2 * local_cluster.MOST_REPLACED)
-    with pytest.raises(Lost, match="the worker processes end before they can work; there may be"):
+    with pytest.raises(
+        ClusterLost, match="the worker processes end before they can work; there may be"
+    ):
         nurse(0)
     nurse(1)  # one is at work
     assert cluster.scaled == []

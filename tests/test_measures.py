@@ -7,9 +7,10 @@ import pytest
 
 from servo.loop.episode import Episode
 from servo.loop.measured_run import measured_run
-from servo.loop.run_measures import MEANINGS, Outcome, summarise, violations
+from servo.loop.run_measures import MEANINGS, Outcome, summarise
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig
+from servo.study.bounds import missed_bounds
 from sim.geometry import exp_so3
 from tracking.types import Status
 
@@ -33,9 +34,9 @@ def report(steps, **config):
 
 def test_servo_error_counts_from_the_time_asked_for(steps):
     made = [off(s, 3.0 if s.frame.time < 2 else 1.0) for s in steps]
-    assert report(made, after=2.0).value("servo_rms_px") == pytest.approx(1.0)
-    assert report(made, after=0.0).value("servo_peak_px") == pytest.approx(3.0)
-    assert report(made).value("servo_rms_px") == pytest.approx(np.sqrt(5.0))
+    assert report(made, after=2.0).measures["servo_rms_px"] == pytest.approx(1.0)
+    assert report(made, after=0.0).measures["servo_peak_px"] == pytest.approx(3.0)
+    assert report(made).measures["servo_rms_px"] == pytest.approx(np.sqrt(5.0))
 
 
 def test_peaks_count_from_the_time_asked_for(steps):
@@ -46,10 +47,10 @@ def test_peaks_count_from_the_time_asked_for(steps):
     tilted = replace(steps[0].truth.T_world_camera, rotation=first)
     early = replace(steps[0], posture=out, truth=replace(steps[0].truth, T_world_camera=tilted))
     made = [early, *steps[1:]]
-    assert report(made).value("tilt_peak_deg") == pytest.approx(np.degrees(0.2))
-    assert report(made).value("joint_range_peak_pct") == pytest.approx(75.0)
-    assert report(made, after=1.0).value("tilt_peak_deg") == pytest.approx(0.0, abs=1e-4)
-    assert report(made, after=1.0).value("joint_range_peak_pct") < 50.0
+    assert report(made).measures["tilt_peak_deg"] == pytest.approx(np.degrees(0.2))
+    assert report(made).measures["joint_range_peak_pct"] == pytest.approx(75.0)
+    assert report(made, after=1.0).measures["tilt_peak_deg"] == pytest.approx(0.0, abs=1e-4)
+    assert report(made, after=1.0).measures["joint_range_peak_pct"] < 50.0
 
 
 def test_shares_and_settling_count_from_the_start(steps):
@@ -58,22 +59,22 @@ def test_shares_and_settling_count_from_the_start(steps):
     made = with_status(made, Status.LOST, range(12))
     for after in (0.0, 3.0):
         late = report(made, after=after)
-        assert late.value("saturated_pct") == pytest.approx(10.0)
-        assert late.value("lost_pct") == late.value("unseen_pct") == pytest.approx(10.0)
-        assert late.value("settle_s") == pytest.approx(40 / 30)
+        assert late.measures["saturated_pct"] == pytest.approx(10.0)
+        assert late.measures["lost_pct"] == late.measures["unseen_pct"] == pytest.approx(10.0)
+        assert late.measures["settle_s"] == pytest.approx(40 / 30)
 
 
 def test_settling_ends_with_the_last_frame_that_is_off(steps):
     made = [off(s, 5.0 if s.frame.index in (0, 1, 40) else 0.5) for s in steps]
-    assert report(made).value("settle_s") == pytest.approx(41 / 30)
-    assert report([off(s, 5.0) for s in steps]).value("settle_s") == float("inf")
-    assert report([off(s, 0.0) for s in steps]).value("settle_s") == 0.0
+    assert report(made).measures["settle_s"] == pytest.approx(41 / 30)
+    assert report([off(s, 5.0) for s in steps]).measures["settle_s"] == float("inf")
+    assert report([off(s, 0.0) for s in steps]).measures["settle_s"] == 0.0
 
 
 def test_longest_off_is_the_longest_stretch_above_the_limit(steps):
     made = [off(s, 6.0 if 10 <= s.frame.index < 25 or s.frame.index == 50 else 1.0) for s in steps]
-    assert report(made, above=4.0).value("longest_off_s") == pytest.approx(15 / 30)
-    assert report(made, above=7.0).value("longest_off_s") == 0.0
+    assert report(made, above=4.0).measures["longest_off_s"] == pytest.approx(15 / 30)
+    assert report(made, above=7.0).measures["longest_off_s"] == 0.0
 
 
 def test_angle_and_scale_errors_are_in_degrees_and_percent(steps):
@@ -81,8 +82,8 @@ def test_angle_and_scale_errors_are_in_degrees_and_percent(steps):
         replace(s, truth=replace(s.truth, theta=s.goal_theta - 0.1, size=s.goal_size * 1.05))
         for s in steps
     ]
-    assert report(turned).value("servo_angle_rms_deg") == pytest.approx(np.degrees(0.1))
-    assert report(turned).value("servo_scale_peak_pct") == pytest.approx(5.0)
+    assert report(turned).measures["servo_angle_rms_deg"] == pytest.approx(np.degrees(0.1))
+    assert report(turned).measures["servo_scale_peak_pct"] == pytest.approx(5.0)
 
 
 def test_tracking_angle_knows_front_from_back(steps):
@@ -95,7 +96,7 @@ def test_tracking_angle_knows_front_from_back(steps):
         )
         for s in steps
     ]
-    assert report(backwards).value("tracking_angle_rms_deg") == pytest.approx(180.0)
+    assert report(backwards).measures["tracking_angle_rms_deg"] == pytest.approx(180.0)
 
 
 def with_status(steps, status, frames):
@@ -108,15 +109,15 @@ def with_status(steps, status, frames):
 def test_unseen_and_lost_are_shares_of_all_frames(steps):
     made = with_status(steps, Status.UNSURE, range(10, 22))
     made = with_status(made, Status.LOST, range(22, 40))
-    assert report(made).value("unseen_pct") == pytest.approx(100 * 30 / 120)
-    assert report(made).value("lost_pct") == pytest.approx(100 * 18 / 120)
+    assert report(made).measures["unseen_pct"] == pytest.approx(100 * 30 / 120)
+    assert report(made).measures["lost_pct"] == pytest.approx(100 * 18 / 120)
 
 
 def test_a_limit_of_joints_or_of_speed_saturates(steps):
     joint = [replace(s, limited=s.frame.index < 12) for s in steps]
     speed = [replace(s, command=replace(s.command, saturated=s.frame.index < 30)) for s in steps]
-    assert report(joint).value("saturated_pct") == pytest.approx(10.0)
-    assert report(speed).value("saturated_pct") == pytest.approx(25.0)
+    assert report(joint).measures["saturated_pct"] == pytest.approx(10.0)
+    assert report(speed).measures["saturated_pct"] == pytest.approx(25.0)
 
 
 def test_a_joints_range_and_the_cameras_speed_at_the_end(steps):
@@ -125,8 +126,8 @@ def test_a_joints_range_and_the_cameras_speed_at_the_end(steps):
     out = replace(at, joints=np.array([0.75 * half, 0.0, 0.0, 9.0, 0.0, 0.0]))
     moving = replace(at, twist=np.array([0.03, 0.04, 0.0, 0.0, 0.0, 1.0]))
     made = [replace(s, posture=out if s.frame.index == 7 else moving) for s in steps]
-    assert report(made).value("joint_range_peak_pct") == pytest.approx(75.0)
-    assert report(made).value("end_speed_mm_s") == pytest.approx(50.0)
+    assert report(made).measures["joint_range_peak_pct"] == pytest.approx(75.0)
+    assert report(made).measures["end_speed_mm_s"] == pytest.approx(50.0)
     assert made[7].margins[0] == pytest.approx(0.25 * half)
     assert made[7].margins[3] == np.inf
 
@@ -140,10 +141,10 @@ def test_outcomes(steps):
     assert report(with_status(near, Status.LOST, [119])).outcome is Outcome.TARGET_LOST
 
 
-def test_violations_say_what_was_found_and_expected(steps):
+def test_missed_bounds_say_what_was_found_and_expected(steps):
     made = report([off(s, 5.0) for s in steps])
     expect = {"servo_rms_px": 4.0, "servo_peak_px": 6.0, "settle_s": 3.0, "outcome": "TARGET_LOST"}
-    assert [str(v) for v in violations(made, expect)] == [
+    assert [str(v) for v in missed_bounds(made.outcome.name, made.measures, expect)] == [
         "servo_rms_px is 5, expected at most 4",
         "settle_s is not finite, expected at most 3",
         "outcome is CONVERGED, expected TARGET_LOST",
@@ -159,6 +160,6 @@ def test_every_measure_is_there_and_finite_or_a_time_that_never_came(steps):
 def test_a_camera_that_stays_half_a_turn_from_its_goal_is_measured():
     changes = ["start.angle_deg=180", "controller.kind=hold", "run.duration=0.2", "expect={}"]
     _, report = measured_run(load("small_hybrid", ["start={}", *changes]))
-    assert report.value("end_rotation_deg") == pytest.approx(180, abs=1e-6)
-    assert report.value("camera_path_m") == pytest.approx(0, abs=1e-6)
-    assert report.value("out_of_view_pct") == 0
+    assert report.measures["end_rotation_deg"] == pytest.approx(180, abs=1e-6)
+    assert report.measures["camera_path_m"] == pytest.approx(0, abs=1e-6)
+    assert report.measures["out_of_view_pct"] == 0

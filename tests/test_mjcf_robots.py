@@ -42,8 +42,8 @@ def test_an_arm_that_nobody_tuned_follows_the_line(request, name):
     scenario = load("line", changes)
     steps, report = measured_run(scenario)
     assert report.outcome.name == "CONVERGED"
-    assert report.value("servo_rms_px") <= 1.0
-    assert report.value("saturated_pct") == 0.0
+    assert report.measures["servo_rms_px"] <= 1.0
+    assert report.measures["saturated_pct"] == 0.0
     assert len(steps[0].posture.joints) == (6 if name == "urdf" else 7)
 
 

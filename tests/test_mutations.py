@@ -8,9 +8,10 @@ import pytest
 from servo.controllers import _law_settings, ibvs
 from servo.features import _interaction, moments
 from servo.loop.episode import run
-from servo.loop.run_measures import summarise, violations
+from servo.loop.run_measures import summarise
 from servo.scenario.load import load
 from servo.sight import estimate_to_sight
+from servo.study.bounds import missed_bounds
 from servo.types import Plane
 from sim.robot.robot import Robot
 from sim.world import World
@@ -19,7 +20,10 @@ from sim.world import World
 def missed(name):
     scenario = load(name)
     report = summarise(list(run(scenario)), scenario.measure, 1 / scenario.camera.rate)
-    return {violation.name for violation in violations(report, scenario.expect)}
+    return {
+        violation.name
+        for violation in missed_bounds(report.outcome.name, report.measures, scenario.expect)
+    }
 
 
 @pytest.mark.parametrize("row", ["row_xn", "row_yn", "row_an", "row_theta"])

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from servo.bench.sequence_jobs import Contender
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.named_files import (
@@ -15,9 +14,9 @@ from servo.scenario.named_files import (
     named_by,
     named_in,
 )
+from servo.study.files import StudyFile
 from servo.study.parse import load as load_study
-from servo.study.perform import perform
-from servo.study.plan import StudyFile
+from servo.study.sequence_run import Contender
 from servo.study.store import opened
 from sim.installed import forget_packages
 from tracking.trackers import opencv
@@ -145,7 +144,7 @@ def test_what_is_no_file_has_no_digest(folder, name):
 def test_a_study_does_not_go_on_after_a_file_that_it_names_has_changed(folder):
     def begin():
         study = load_study(str(folder / "study.toml"))
-        with opened(folder / "out", study, StudyFile.of(study, "")):
+        with opened(folder / "out", StudyFile.of(study, "")):
             return study
 
     assert list(begin().files) == [str(folder / "wedge.obj")]
@@ -156,10 +155,10 @@ def test_a_study_does_not_go_on_after_a_file_that_it_names_has_changed(folder):
 
 
 def test_a_worker_with_another_file_is_refused(folder):
-    run = next(load_study(str(folder / "study.toml")).runs())
+    run = next(load_study(str(folder / "study.toml")).jobs())
     (folder / "wedge.obj").write_text(WEDGE.format(height=0.7))
     with pytest.raises(Mistake) as refused:
-        perform(run)
+        run.run(folder)
     assert str(refused.value).startswith("on ")
     said = f", the file {folder / 'wedge.obj'} is not the one that the study began with"
     assert str(refused.value).endswith(said)

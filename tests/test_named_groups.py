@@ -4,9 +4,8 @@ import pytest
 
 from servo.report import study_data, study_paths
 from servo.study import store
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.perform import perform
-from servo.study.plan import StudyFile
 
 NAMED = """# mine
 # Two schemes from two starts.
@@ -35,7 +34,7 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(NAMED)
     study = load("mine.toml")
-    runs = list(study.runs())
+    runs = list(study.jobs())
     assert [r.settings for r in runs[:2]] == [
         {"scheme": "corners, desired", "begin": "near"},
         {"scheme": "corners, desired", "begin": "far"},
@@ -50,9 +49,9 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     assert "--set 'features.kind=points'" in runs[0].command({}) or (
         "--set features.kind=points" in runs[0].command({})
     )
-    with store.opened(tmp_path / "out", study, StudyFile.of(study, "me")) as kept:
+    with store.opened(tmp_path / "out", StudyFile.of(study, "me")) as kept:
         for run in runs:
-            kept.add(perform(run))
+            kept.add(run, run.run(kept.folder))
     found = study_data.load(tmp_path / "out")
     pictures = study_paths.paths(found)
     assert [p.title for p in pictures] == ["begin = near", "begin = far"]

@@ -258,6 +258,6 @@ def test_the_job_of_a_closed_loop_has_its_series(tmp_path):
     assert found["servo_error"] == [s.servo_error for s in steps]
     assert found["estimated"] == [s.prediction.motion[1] for s in steps]
     assert found["true"][1:] == [s.target_motion_true[1] for s in steps[1:]]
-    assert found["measures"]["servo_rms_px"] == report.value("servo_rms_px")
+    assert found["measures"]["servo_rms_px"] == report.measures["servo_rms_px"]
     assert [found[key] for key in ("estimator", "seed", "label")] == ["kalman_cv", 2, "short"]
     assert job.describe()["scenario"] == scenario.table

@@ -1,14 +1,15 @@
 """Parts from outside: by entry point, by path, from Python."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
-from servo.study.perform import perform
-from servo.study.plan import Base, Run
+from servo.study.job import Job
+from servo.study.scenario_run import StudiedScenario
 from sim import kinds
 from sim.installed import forget_packages
 from tracking import create
@@ -165,10 +166,10 @@ def test_a_class_or_an_instance_from_python(package):
 
 
 def test_a_worker_that_lacks_a_package_is_named():
-    base = Base("still", {"tracker": {"kind": "calm"}}, "still.toml")
-    run_ = Run(0, base, 0, {}, {}, "mine.toml", pictured=False)
+    base = StudiedScenario("still", {"tracker": {"kind": "calm"}}, "still.toml")
+    job = Job(0, base, 0)
     with pytest.raises(Mistake) as failed:
-        perform(run_)
+        job.run(Path())
     said = str(failed.value)
     assert said.startswith("the worker on ")
     assert " lacks a package: still.toml: tracker.kind: there is no kind 'calm'; there is " in said

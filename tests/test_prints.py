@@ -2,6 +2,7 @@
 
 import io
 from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +19,7 @@ from servo.cli import (
     terminal,
     track_summary,
 )
-from servo.loop.run_measures import MEANINGS, Outcome, Report, RunMeasure, violations
+from servo.loop.run_measures import MEANINGS
 from servo.loop.step import Seconds
 from servo.output import versions as found_versions
 from servo.output.formats import command_line
@@ -26,6 +27,10 @@ from servo.output.recording import archetypes, track_log
 from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
+from servo.study.bounds import missed_bounds
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.scenario_run import LoadedScenario
 from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
@@ -64,30 +69,26 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     assert doctor_command.FINE not in lines(console)
 
 
-def report():
-    values = (RunMeasure(name, 0.37 * (k + 1), *MEANINGS[name]) for k, name in enumerate(MEANINGS))
-    return Report(Outcome.CONVERGED, tuple(values))
-
-
 def test_the_report_of_a_run_is_printed_so(console, approved):
     scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
-    run_command._print_report(console, scenario, report())
-    missed = violations(report(), {"servo_rms_px": 0.1, "outcome": "TIMED_OUT", "lost_pct": 90.0})
-    run_command.print_missed(
-        console, missed, command_line("run", "reversal", set=["a=b c"], seed=4)
-    )
-    terminal.print_table(
-        console,
-        check_command._table(
-            [
-                (
-                    check_command.Check(n, scenario, ""),
-                    check_command.Checked(report(), misses, seconds),
-                )
-                for n, (misses, seconds) in enumerate(((missed, 2.345), ([], 0.1)))
-            ]
+    measures = {name: 0.37 * (k + 1) for k, name in enumerate(MEANINGS)}
+    record = Record(
+        subject=scenario.name,
+        seed=4,
+        command=command_line("run", "reversal", set=["a=b c"], seed=4),
+        outcome="CONVERGED",
+        success=True,
+        measures=measures,
+        missed=missed_bounds(
+            "CONVERGED", measures, {"servo_rms_px": 0.1, "outcome": "TIMED_OUT", "lost_pct": 90.0}
         ),
+        seconds=2.345,
     )
+    run_command._print_record(console, scenario, record)
+    run_command.print_missed(console, record)
+    job = Job(0, LoadedScenario(scenario), 4)
+    kept = replace(record, missed=(), seconds=0.1)
+    terminal.print_table(console, check_command._table([(job, record), (job, kept)]))
     approved("prints/run", lines(console))
 
 

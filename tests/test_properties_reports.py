@@ -20,7 +20,6 @@ QUICK = ("run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "expe
 KINDS = {
     "run": ("run", "still", "--no-rerun", *(w for s in QUICK for w in ("--set", s))),
     "bench": ("bench", "clutter", "--trackers", "frozen,mean_shift", "--seeds", "1"),
-    "loop": ("bench", "closed_loop", "--trackers", "frozen", "--seeds", "1"),
     "sweep": ("sweep", "mine.toml"),
     "papers": ("papers", "P1-3", "--quick"),
 }
@@ -36,7 +35,6 @@ def made(tmp_path_factory, finished_study):
         if not (there / kind).exists():
             words = [*KINDS[kind], *(() if kind == "run" else ("--workers", "1"))]
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("servo.bench.loop_jobs.SCENARIOS", ("still",))
                 patch.setattr(sys, "argv", ["servobench", *words, "--out", str(there / kind), "-q"])
                 with pytest.raises(SystemExit):
                     main.main()

@@ -116,10 +116,13 @@ def outcome(path, changes=()):
         assert line.isprintable()
         assert 0 < len(line) <= LONGEST + len(" [...] ")
         return line
-    runs = list(itertools.islice(study.runs(), 50))
-    assert len({repr(run.table) + run.scenario for run in runs}) == len(runs)
+    runs = list(itertools.islice(study.jobs(), 50))
+    tables = [repr(run.subject.table_of(run.seed, run.settings)) for run in runs]
+    assert len({table + run.subject.name for table, run in zip(tables, runs, strict=True)}) == len(
+        runs
+    )
     for run in runs:
-        assert run.parsed().run.seed == run.seed
+        assert run.subject.parsed(run.seed, run.settings).run.seed == run.seed
         for key, value in run.settings.items():
             if key != "scenario" and not isinstance(value, float | int):
                 assert isinstance(value, str | list | dict)

@@ -8,15 +8,13 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo.batch.workers import Ended
-from servo.bench.loop_jobs import LoopRun
 from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.cli.sweep_command import SweepRequest
 from servo.mistake import Mistake, unknown
-from servo.report import bench_section, study_data, words
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.study import perform, work
+from servo.study import record
+from servo.study.job import Job
 from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
@@ -78,33 +76,23 @@ def test_a_camera_is_a_source():
 
 
 def test_a_study_without_runs_has_no_tables():
-    nothing = SimpleNamespace(done=list)
-    assert sweep_command._sum_up(None, nothing, Console()) == 0
+    nothing = SimpleNamespace(records=lambda jobs: [])
+    study = SimpleNamespace(jobs=list)
+    assert sweep_command._sum_up(study, nothing, Console()) == 0
 
 
 @pytest.fixture
 def broken(monkeypatch, tmp_path):
-    """A study of two runs that fail, on workers that are not there."""
+    """A study of two runs that fail."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(
         'scenario = "still"\nseeds = 2\n[axes]\nrun.latency = [0]\n'
     )
 
-    class Cluster:
-        def __enter__(self):
-            return self
+    def fail(job, folder):
+        raise ValueError("no")
 
-        def __exit__(self, *_):
-            pass
-
-    monkeypatch.setattr(sweep_command, "local", lambda workers: Cluster())
-    monkeypatch.setattr(
-        work,
-        "carry_out",
-        lambda client, runs, perform: [
-            (task, Ended(None, "Trace\n  oh\nValueError: no\n")) for task in runs
-        ],
-    )
+    monkeypatch.setattr(Job, "run", fail)
     return SweepRequest("mine.toml", (), None, 1, None, tmp_path / "out", True)
 
 
@@ -114,7 +102,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     found = [broken.out / "failures" / f"{n:06}.json" for n in range(2)]
     assert lines == [f"servobench: {path}: ValueError: no" for path in found]
     kept = json.loads(found[1].read_text())
-    assert kept["error"] == "Trace\n  oh\nValueError: no\n"
+    assert kept["error"].endswith("ValueError: no\n")
     assert "servobench run still" in kept["command"]
 
 
@@ -129,14 +117,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     ],
 )
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert perform._type(values) == kind
-
-
-def test_what_is_not_there_leaves_its_place_empty(tmp_path):
-    assert study_data._array(pa.chunked_array([[None]], pa.list_(pa.float32()))).tolist() == []
-    blind = LoopRun("kams", "x, y", "still", 0, "TARGET_LOST", {"servo_rms_px": None})
-    assert bench_section.mean([blind], "servo_rms_px") is None
-    assert bench_section.loop_table([blind]).rows[0][4:] == ["1 run", *[words.NOTHING] * 4]
+    assert record._type(values) == kind
 
 
 def test_the_commands_are_listed_as_they_stand():
@@ -146,30 +127,8 @@ def test_the_commands_are_listed_as_they_stand():
     assert group.list_commands(None) == ["b", "a"]
 
 
-def test_a_failed_job_is_told_by_its_key(tmp_path, capfd):
-    from servo.batch.workers import Workers
-    from servo.cli.terminal import work
-
-    class Job:
-        key = "wrong/0"
-
-        def describe(self):
-            return {}
-
-        def run(self, _):
-            raise ValueError("this job is wrong")
-
-    with Workers(1) as team:
-        done, code = work([Job()], tmp_path, team, Console(quiet=True), "x")
-    assert (code, done) == (1, [])
-    err = capfd.readouterr().err
-    kept = tmp_path / "failures" / "wrong" / "0.txt"
-    assert err == f"servobench: wrong/0 failed: ValueError: this job is wrong; see {kept}\n"
-    assert kept.read_text().startswith("Traceback (most recent call last):")
-
-
 def test_too_many_runs_of_one_command_are_refused():
-    from servo.batch.workers import MOST_RUNS, check_number
+    from servo.study.execute import MOST_RUNS, check_number
 
     check_number(MOST_RUNS)
     with pytest.raises(Mistake) as refused:
@@ -187,7 +146,7 @@ def test_too_many_runs_of_one_command_are_refused():
     ],
 )
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
-    suite, asked, labels, monkeypatch, tmp_path
+    suite, asked, labels, tmp_path
 ):
     from servo.cli import bench_command
 
@@ -195,13 +154,10 @@ def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
     (tmp_path / "s.toml").write_text(text)
-    benched = []
-    monkeypatch.setattr(bench_command, "work", lambda jobs, *_: benched.extend(jobs) or ([], 0))
-    assert (
-        bench_command.run(str(tmp_path / "s.toml"), asked, 2, 1, tmp_path / "out", quiet=True) == 0
+    request = bench_command.BenchRequest(
+        str(tmp_path / "s.toml"), asked, seeds=2, workers=1, out=None, quiet=True
     )
-    assert [job.contender.label for job in benched] == [w for w in labels for _ in range(2)]
-    assert [job.seed for job in benched] == [0, 1] * len(labels)
+    assert [s.contender.label for s in bench_command._subjects(request)] == labels
 
 
 def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):

@@ -69,7 +69,7 @@ def test_the_loop_converges_at_any_rate(rate):
     ]
     steps, report = measured_run(load("still", changes))
     assert len(steps) == round(3 * rate)
-    assert report.value("servo_rms_px") < 2.0
+    assert report.measures["servo_rms_px"] < 2.0
 
 
 def test_the_report_and_the_command_say_which_rates_were_used(tmp_path, capsys):

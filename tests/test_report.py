@@ -14,7 +14,7 @@ import pytest
 from servo.cli import main
 from servo.cli.report_command import write
 from servo.report import study_section
-from servo.study.plan import FailureFile, StudyFile
+from servo.study.files import FailureFile, StudyFile
 
 EVIL = "<script>alert(1)</script>"
 AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}

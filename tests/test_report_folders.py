@@ -11,12 +11,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from servo.bench.ranking import Row, SequenceBench, SequenceRun
 from servo.cli.report_command import write
 from servo.mistake import Mistake
 from servo.report.study_data import Series
 from servo.report.study_time import band, survival
-from tracking.statistics.comparisons import Interval, McNemar
+from servo.study.files import StudyFile
+from servo.study.record import Record
+from tracking.files import atomic
 
 EVIL = "<script>alert(1)</script>"
 
@@ -32,18 +33,35 @@ def text_of(folder, tmp_path):
 
 def make_bench(folder):
     (folder / "sheets").mkdir(parents=True)
-    trackers = [
-        Row(name, 1, {"auc": Interval(auc, auc, 0.9, 1)}, {"a": auc, "b": auc}, test, p)
-        for name, auc, test, p in (("kams", 0.857, None, 1.0), (EVIL, 0.25, McNemar(0, 11), 0.01))
-    ]
-    runs = [SequenceRun(t.tracker, "a", "a", 0, 9, {"auc": 0.5}, [], []) for t in trackers]
-    SequenceBench(
+    StudyFile(
         command=f"servobench bench mine.toml --trackers kams,{EVIL} --seeds 1",
         versions={"servobench": "0.1.0"},
-        measures={},
-        trackers=trackers,
-        runs=runs,
+        holds="bench",
+        name="mine",
+        title="Trackers against each other on sequences with a truth.",
+        axes={"tracker": ["kams", EVIL], "sequence": ["a", "b"]},
+        draws={},
+        seeds=[0],
+        compare="tracker",
+        expect={},
+        runs=4,
+        table={},
+        scenarios={},
     ).write(folder)
+    for i, (tracker, auc, lost) in enumerate((("kams", 0.857, 9.0), (EVIL, 0.25, 2.0))):
+        for k, name in enumerate("abcdefghijk"):
+            record = Record(
+                number=11 * i + k,
+                subject=name,
+                subject_is="sequence",
+                seed=0,
+                settings={"tracker": tracker, "family": name, "drawn": False},
+                outcome="COMPLETED",
+                success=True,
+                measures={"auc": auc, "frames_until_loss": lost},
+                versions={},
+            )
+            atomic.write(folder, f"runs/{record.number:06}.parquet", record.encoded({}))
     for name in ("success.png", "precision.png", "sheets/a.png"):
         (folder / name).write_bytes(encoded(".png"))
     return folder

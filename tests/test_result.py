@@ -28,7 +28,9 @@ def test_its_tables_are_those_of_the_command(result, tmp_path):
     assert result.steps.drop(columns=timed).equals(written.drop(columns=timed))
     rms = written.servo_error_px.iloc[-1]
     assert (
-        result.measures.loc["servo_rms_px", "value"] == rms == result.report.value("servo_rms_px")
+        result.measures.loc["servo_rms_px", "value"]
+        == rms
+        == result.record.measures["servo_rms_px"]
     )
     assert result.measures.loc["servo_rms_px", "unit"] == "px"
 
@@ -52,7 +54,7 @@ def test_it_is_the_sequence_of_its_steps(result):
         f"Step(frame 14, 0.467 s: servo error {last.servo_error:.2f} px, tracking error "
         f"{last.tracking_error:.2f} px, LOCKED, SERVOING)"
     )
-    assert repr(result).startswith("Result(still, seed 4: TIMED_OUT, ")
+    assert repr(result).startswith("Run(still, seed 4: TIMED_OUT, ")
 
 
 def test_a_picture_shows_where_the_target_shall_be(result):
@@ -153,7 +155,7 @@ def test_a_study_gives_its_tables(tmp_path):
     assert swept.runs.columns[:4].tolist() == ["run", "scenario", "seed", "controller.gain"]
     assert swept.cells["controller.gain"].tolist() == [1.0, 2.0]
     assert swept.cells["runs"].tolist() == [2, 2]
-    assert repr(swept) == "Swept(mine: 4 runs, 2 cells, 0 failed)"
+    assert repr(swept) == "Sweep(mine: 4 runs, 2 cells, 0 failed)"
     assert swept._repr_html_().count("<tr>") == 3
     again = servo.sweep(str(study), ["run.duration=0.3"], workers=1, out=tmp_path / "out")
     assert again.runs.equals(swept.runs)  # times too: nothing was done again

@@ -15,11 +15,14 @@ import pytest
 
 from servo.loop.episode import Episode
 from servo.loop.events import events
-from servo.loop.run_measures import Outcome, summarise, violations
+from servo.loop.run_measures import MEANINGS, summarise
 from servo.output import plots
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.load import load
+from servo.study.bounds import missed_bounds
+from servo.study.record import Record
+from servo.study.run_report import RunReport
 from tracking.types import Estimate, State, Status
 
 ROUNDING = 1e-4
@@ -111,17 +114,20 @@ def test_the_table_has_these_values(scripted, approved):
 
 def test_the_measures_are_these(scripted, approved):
     report = report_of(scripted)
-    missed = violations(
-        report,
+    missed = missed_bounds(
+        report.outcome.name,
+        report.measures,
         {"servo_rms_px": 1.0, "servo_peak_px": 500.0, "unseen_pct": 1.0, "outcome": "LIMIT_HIT"},
     )
     measures = {
-        m.name: [m.value, m.unit, m.meaning] for m in report.measures if m.name != "step_ms"
+        name: [report.measures[name], unit, meaning]
+        for name, (unit, meaning) in MEANINGS.items()
+        if name != "step_ms"
     }
     found = {"measures": measures, "outcome": report.outcome, "missed": map(str, missed)}
     approved("run/measures", found | {"missed": [str(v) for v in missed]}, ROUNDING)
     total = np.median([s.seconds.total for s in scripted[0]])
-    assert report.value("step_ms") == pytest.approx(1e3 * total)
+    assert report.measures["step_ms"] == pytest.approx(1e3 * total)
 
 
 def test_these_events_happen(scripted, approved):
@@ -157,12 +163,19 @@ def test_the_recording_holds_these_values(scripted, approved):
 
 
 def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_path):
-    steps, _, written = scripted
-    report = replace(report_of(scripted), outcome=Outcome.LIMIT_HIT)
-    values = [replace(m, value=1.5) if m.name == "step_ms" else m for m in report.measures]
-    report = replace(report, measures=tuple(values))
-    missed = violations(report, {"servo_rms_px": 1.0, "servo_peak_px": 500.0})
-    RunFolder.finish(written, steps, report, missed)
+    steps, scenario, written = scripted
+    report = report_of(scripted)
+    record = Record(
+        subject=scenario.name,
+        seed=scenario.run.seed,
+        outcome="LIMIT_HIT",
+        success=False,
+        measures=report.measures | {"step_ms": 1.5},
+        missed=missed_bounds(
+            "LIMIT_HIT", report.measures, {"servo_rms_px": 1.0, "servo_peak_px": 500.0}
+        ),
+    )
+    written.finish(steps, RunReport.of(record, scenario, steps[0].scene))
     folder = shutil.copytree(written.folder, tmp_path / "run")
     said = section(folder)
     for block in said["blocks"]:  # versions are those of this machine

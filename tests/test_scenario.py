@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from servo.loop.check_expect import check_expect
@@ -5,7 +7,6 @@ from servo.mistake import Mistake
 from servo.scenario import catalogue
 from servo.scenario import load as s
 from servo.study.parse import load as load_study
-from servo.study.perform import perform
 from tracking import trackers
 from tracking.trackers import pf_ssd
 
@@ -263,7 +264,7 @@ def test_a_study_judges_each_tracker_by_its_own_bounds(mine):
         '# x\n# Y.\nscenario = "mine.toml"\nseeds = 1\n[set]\nrun.duration = 0.1\n'
         '[axes]\ntracker.kind = ["kams", "frozen", "pf_ssd"]\n'
     )
-    runs = [perform(run) for run in load_study("study.toml").runs()]
+    runs = [job.run(Path()).row for job in load_study("study.toml").jobs()]
     assert [[b["name"] for b in run["missed"]] for run in runs] == [
         ["servo_rms_px"],
         ["servo_rms_px"],

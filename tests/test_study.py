@@ -14,9 +14,12 @@ from servo.scenario import load as scenarios
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import Draw
 from servo.study import results, store
+from servo.study.bounds import missed_by_cells
+from servo.study.failure import Failure
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.perform import TIMED, perform
-from servo.study.plan import StudyFile
+from servo.study.record import table_of
+from servo.study.scenario_run import MEASURED, TIMES
 from tracking.external import OF_THE_USER
 from tracking.trackers import KINDS as TRACKERS
 
@@ -43,7 +46,7 @@ def small(tmp_path, monkeypatch):
 
 
 def test_axes_make_cells_and_every_cell_has_every_seed(small):
-    runs = list(small.runs())
+    runs = list(small.jobs())
     assert small.size == len(runs) == 8
     assert small.title == "Two trackers on a car that stands."
     cells = [(r.settings["tracker.kind"], r.settings["run.latency"], r.seed) for r in runs]
@@ -56,12 +59,12 @@ def test_axes_make_cells_and_every_cell_has_every_seed(small):
 
 def test_what_is_drawn_depends_on_the_seed_alone(small):
     drawn = {}
-    for run in small.runs():
+    for run in small.jobs():
         drawn.setdefault(run.seed, set()).add(run.settings["start.x"])
     assert [len(values) for values in drawn.values()] == [1, 1]
     assert drawn[0] != drawn[1]
     with_another_axis = replace(small, axes=small.axes[:1])
-    assert {r.settings["start.x"] for r in with_another_axis.runs()} == drawn[0] | drawn[1]
+    assert {r.settings["start.x"] for r in with_another_axis.jobs()} == drawn[0] | drawn[1]
 
 
 @pytest.mark.parametrize(
@@ -87,18 +90,18 @@ def test_normal_draws_have_their_mean_and_spread():
 
 
 def test_the_command_of_a_run_makes_its_very_scenario(small):
-    for run in small.runs():
-        words = run.command(small.changes).split()
+    for run in small.jobs():
+        words = run.command.split()
         sets = [words[i + 1].strip("'") for i, word in enumerate(words) if word == "--set"]
         alone = scenarios.load("still", sets, run.seed)
-        assert alone.settings() == run.parsed().settings()
+        assert alone.settings() == run.subject.parsed(run.seed, run.settings).settings()
 
 
 def test_every_shipped_study_parses_and_the_one_of_trackers_has_all_that_follow_the_car():
     everything = load("trackers")
     every = {*TRACKERS.names()} - {*OF_THE_USER, "tag", "homography"}
     of_car = {n for n in shipped() if "*" in scenarios.load(n).bounds.others}
-    found = {(r.settings["tracker.kind"], r.scenario) for r in everything.runs()}
+    found = {(r.settings["tracker.kind"], r.subject.name) for r in everything.jobs()}
     assert found == {*itertools.product(every, of_car)}
     assert everything.size == len(every) * len(of_car) * 3
     for name in ("particles", "noise", "latency_gain", "depth_error", "how_slow", "calibration"):
@@ -114,24 +117,24 @@ def test_a_scenario_may_carry_its_study_and_runs_without_it(tmp_path):
     study = load(str(path))
     latency = scenarios.load(str(path)).run.latency
     assert (study.size, study.seeds, latency) == (6, (3, 5), 1)
-    assert {r.parsed().run.latency for r in study.runs()} == {1, 2, 3}
+    assert {r.subject.parsed(r.seed, r.settings).run.latency for r in study.jobs()} == {1, 2, 3}
 
 
 @pytest.fixture
 def kept(small, tmp_path):
     """The store of the small study with four runs in it."""
-    with store.opened(tmp_path / "out", small, StudyFile.of(small, "me")) as there:
-        for run in list(small.runs())[:4]:
-            there.add(perform(run))
+    with store.opened(tmp_path / "out", StudyFile.of(small, "me")) as there:
+        for run in list(small.jobs())[:4]:
+            there.add(run, run.run(tmp_path))
         yield there
 
 
 def test_a_row_has_every_axis_draw_measure_and_version(kept, small):
-    table = kept.table(kept.done())
+    table = table_of(kept.records(small.jobs()))
     assert table.num_rows == 4
     row = table.to_pylist()[3]
     assert (row["run"], row["seed"], row["tracker.kind"], row["run.latency"]) == (3, 1, "frozen", 2)
-    assert row["start.x"] == next(r.settings["start.x"] for r in small.runs() if r.seed == 1)
+    assert row["start.x"] == next(r.settings["start.x"] for r in small.jobs() if r.seed == 1)
     assert row["version_mujoco"].split(".")[0].isdecimal()
     assert row["servo_rms_px"] > 0
     assert row["outcome"] == "TIMED_OUT"
@@ -143,26 +146,26 @@ def test_a_row_has_every_axis_draw_measure_and_version(kept, small):
 
 
 def test_a_run_alone_is_the_run_in_the_study(kept, small):
-    again = perform(list(small.runs())[3])
-    row = kept.table([3]).to_pylist()[0]
+    again = list(small.jobs())[3].run(kept.folder).row
+    row = kept.records(small.jobs())[3].row
     for name, value in row.items():
-        if name not in TIMED:
+        if name not in TIMES:
             assert again[name] == value, name
 
 
 def test_a_failure_keeps_traceback_and_command_until_the_run_succeeds(kept, small):
-    run = list(small.runs())[5]
-    path = kept.fail(run, "Traceback: it broke", run.command(small.changes))
+    run = list(small.jobs())[5]
+    path = kept.fail(run, Failure("Traceback: it broke"))
     told = json.loads(path.read_text())
     assert told["error"] == "Traceback: it broke"
     assert told["command"].startswith("servobench run still --seed 1 --set tracker.kind=pf_ssd")
-    kept.add(perform(run))
+    kept.add(run, run.run(kept.folder))
     assert not path.exists()
 
 
 def rows(*held):
     """Rows of the small study: (tracker, latency, seed, success, rms)."""
-    blank = dict.fromkeys(results.AVERAGED)
+    blank = dict.fromkeys(MEASURED)
     names = ("tracker.kind", "run.latency", "seed", "success", "servo_rms_px")
     return [blank | dict(zip(names, one, strict=True)) for one in held]
 
@@ -191,10 +194,23 @@ def test_cells_have_means_with_intervals_and_pairs_are_compared(small):
 def test_a_bound_is_for_every_cell():
     found = rows(*(("frozen", k, s, s > k, 1.0 + k) for k in (0, 2) for s in range(4)))
     bounds = {"success_rate": 0.7, "servo_rms_px": 2.0}
-    assert results.missed(["tracker.kind", "run.latency"], bounds, found) == [
+    assert missed_by_cells(results.grouped(["tracker.kind", "run.latency"], found), bounds) == [
         "tracker.kind = frozen, run.latency = 2: success_rate is 0.25, expected at least 0.7",
         "tracker.kind = frozen, run.latency = 2: servo_rms_px is 3, expected at most 2",
     ]
+
+
+def test_one_run_without_a_value_misses_the_bound_of_its_cell():
+    """As nine of ten runs that never settle: the tenth does not speak for them."""
+    found = [
+        row | {"settle_s": None} for row in rows(*(("frozen", 0, s, True, 1.0) for s in range(9)))
+    ]
+    found.append(found[0] | {"seed": 9, "settle_s": 2.0})
+    assert missed_by_cells(results.grouped([], found), {"settle_s": 3.0, "servo_rms_px": 3.0}) == [
+        "all runs: settle_s has no finite value in 9 of 10 runs, expected at most 3"
+    ]
+    settled = [row | {"settle_s": 2.0} for row in found]
+    assert missed_by_cells(results.grouped([], settled), {"settle_s": 3.0}) == []
 
 
 def test_in_a_narrow_terminal_names_give_way_and_no_digit_is_left_out(small, capsys):

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +16,9 @@ from servo.cli import main
 from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.perform import RunFiles, perform
-from servo.study.plan import StudyFile
+from servo.study.record import Record
 
 
 @pytest.fixture
@@ -31,8 +32,11 @@ def folder(finished_study, study_place):
     return study_place / "out"
 
 
+@contextmanager
 def opened(study, folder, **changed):
-    return store.opened(folder, study, replace(StudyFile.of(study, "me"), **changed))
+    with store.opened(folder, replace(StudyFile.of(study, "me"), **changed)) as kept:
+        kept.find(study.jobs())
+        yield kept
 
 
 def refused(study, folder, **changed):
@@ -73,17 +77,9 @@ DAMAGE = {
         pa.concat_tables([pq.read_table(run_file(f, 2))] * 2), run_file(f, 2)
     ),
     "another run's row": lambda f: shutil.copy(run_file(f, 1), run_file(f, 2)),
-    "another number": lambda f: changed_row(f, 2, run=1),
-    "another seed": lambda f: changed_row(f, 2, seed=7),
-    "another draw": lambda f: changed_row(f, 2, **{"start.x": 0.0}),
-    "another value of the axis": lambda f: changed_row(f, 2, **{"run.latency": 0}),
-    "another scenario": lambda f: changed_row(f, 2, scenario="line"),
-    "other code": lambda f: changed_row(f, 2, version_servobench_source="0"),
     "fewer columns": lambda f: pq.write_table(
         pq.read_table(run_file(f, 2)).drop_columns(["outcome"]), run_file(f, 2)
     ),
-    "another name": lambda f: run_file(f, 2).rename(f / "runs" / "2.parquet"),
-    "a foreign number": lambda f: run_file(f, 2).rename(run_file(f, 77)),
 }
 
 
@@ -91,25 +87,24 @@ DAMAGE = {
 def test_what_does_not_fit_the_plan_is_run_again(small, folder, damage):
     DAMAGE[damage](folder)
     with opened(small, folder) as kept:
-        assert kept.done() == {0, 1, 3}
+        assert kept.done == {"000000", "000001", "000003"}
         assert len(kept.damaged) == (damage != "no file")
 
 
 def test_no_flipped_bit_changes_what_is_read(small, folder):
-    files, raw = RunFiles(small), run_file(folder, 2).read_bytes()
-    before, detected = files.read(run_file(folder, 2)), 0
+    raw = run_file(folder, 2).read_bytes()
+    before, detected = Record.decoded(raw), 0
     places = np.random.default_rng(0).integers(len(raw), size=300)
     for at in places.tolist():
-        run_file(folder, 2).write_bytes(flipped(raw, at))
-        found = files.read(run_file(folder, 2))
+        found = Record.decoded(flipped(raw, at))
         detected += found is None
-        assert found is None or found.equals(before)
+        assert found is None or found.row == before.row
     assert detected > 200
 
 
 def test_a_whole_folder_is_complete(small, folder):
     with opened(small, folder) as kept:
-        assert (kept.done(), kept.damaged) == ({0, 1, 2, 3}, [])
+        assert (len(kept.done), kept.damaged) == (4, [])
 
 
 def call(monkeypatch, capfd, *arguments):
@@ -182,11 +177,12 @@ def test_another_study_other_versions_and_other_code_are_refused(small, folder):
 
 
 def test_a_row_of_a_worker_with_other_code_is_refused(small, folder):
-    row = perform(next(small.runs()))
+    job = next(small.jobs())
+    record = job.run(folder)
     with opened(small, folder) as kept, pytest.raises(Mistake) as said:
-        kept.add(row | {"version_servobench_source": "abc"})
+        kept.add(job, replace(record, versions=record.versions | {SOURCE: "abc"}))
     assert str(said.value) == (
-        f"a worker has servobench_source abc, but {row['version_servobench_source']} is "
+        f"a worker has servobench source abc, but {record.versions[SOURCE]} is "
         "installed here: the numbers could not be compared; install the same on every worker"
     )
 
@@ -205,7 +201,7 @@ def test_a_sweep_that_was_killed_at_once_goes_on(small, study_place):
         (study_place / "out" / part).mkdir(parents=True)
     (study_place / "out" / ".study.json.part").write_text("{")
     with opened(small, study_place / "out") as kept:
-        assert kept.done() == set()
+        assert kept.done == set()
 
 
 def test_two_sweeps_do_not_write_into_one_folder(small, folder):
@@ -216,7 +212,8 @@ def test_two_sweeps_do_not_write_into_one_folder(small, folder):
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(monkeypatch, small, folder):
-    row = perform(next(small.runs()))
+    job = next(small.jobs())
+    record = job.run(folder)
 
     def full(descriptor):
         raise OSError(28, "No space left on device")
@@ -224,15 +221,15 @@ def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(monkeypatch, small
     with opened(small, folder) as kept:
         monkeypatch.setattr(os, "fsync", full)
         with pytest.raises(Refused) as said:
-            kept.add(row)
+            kept.add(job, record)
     assert str(said.value) == (
-        f"{folder}: cannot write run 0: No space left on device; what is there already is "
+        f"{folder}: cannot write run 000000: No space left on device; what is there already is "
         "whole, and the same command goes on from it"
     )
     monkeypatch.undo()
     assert not list((folder / "runs").glob(".*"))
     with opened(small, folder) as kept:
-        assert kept.done() == {0, 1, 2, 3}
+        assert len(kept.done) == 4
 
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(small, study_place):

@@ -191,6 +191,6 @@ def test_names_that_differ_only_in_their_folder_are_two_scenarios(tmp_path):
         (tmp_path / name / "same.toml").write_text(f"run.latency = {len(name)}")
     (tmp_path / "mine.toml").write_text("scenario = ['a/same.toml', 'b/same.toml']\nseeds = 1")
     study = load(str(tmp_path / "mine.toml"))
-    assert [run.settings["scenario"] for run in study.runs()] == [
+    assert [run.settings["scenario"] for run in study.jobs()] == [
         str(tmp_path / name / "same.toml") for name in ("a", "b")
     ]

@@ -112,7 +112,7 @@ def test_an_unknown_study_is_one_sentence():
 
 def test_a_missing_scheduler_is_one_sentence(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("servo.batch.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("servo.study.cluster.tasks.PATIENCE", 0.5)
     words = ["servobench", "sweep", "particles", "--scheduler", "tcp://127.0.0.1:1", "-q"]
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit) as ended:

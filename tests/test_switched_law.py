@@ -20,7 +20,7 @@ def test_it_arrives_where_points_retreats_and_pose_loses_the_target(monkeypatch)
     monkeypatch.syspath_prepend(PACKAGE)
     settings = ["controller.kind=switched.law:Config", "run.duration=7.0", "expect={}"]
     _, report = measured_run(load("border_pose", settings))
-    measures = {m.name: m.value for m in report.measures}
+    measures = report.measures
     assert report.outcome.name == "CONVERGED"
     assert measures["retreat_m"] == pytest.approx(0.18, abs=0.02)
     assert measures["camera_path_m"] == pytest.approx(1.60, abs=0.05)

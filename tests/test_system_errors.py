@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from servo.batch import local_cluster, remote_cluster
 from servo.mistake import FULL, Mistake, Refused, refusal, unwritable
 from servo.output.result_folder import result_folder
 from servo.output.run_folder import RunFolder
 from servo.output.sinks import Sinks
 from servo.report import study_time
+from servo.study.cluster import local as local_cluster
+from servo.study.cluster import remote as remote_cluster
 from sim import quiet
 from sim.camera import gl
 from sim.files import reading

@@ -3,26 +3,26 @@
 import dataclasses
 import io
 import itertools
-import json
 from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from servo.batch.workers import Ended
 from servo.bench import ranking
-from servo.cli import bench_command, list_command, sweep_command
+from servo.cli import bench_command, list_command, sweep_command, terminal
 from servo.cli.main import app
-from servo.cli.sweep_command import SweepRequest
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
-from servo.study import work
+from servo.study.execute import Workers
+from servo.study.failure import Failure
+from servo.study.files import StudyFile
 from servo.study.parse import KEYS, load
-from servo.study.plan import StudyFile
+from servo.study.record import Record
+from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE
+from servo.study.store import Store
 from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
 from tracking.files.json_text import as_json
@@ -50,19 +50,22 @@ def results(families, seeds=8):
                 measures = {m.name: float(10 * skill * rng.uniform(1, 2)) for m in MEASURES}
                 measures |= {"auc": float(skill), "frames_until_loss": round(100 * skill)}
                 if tracker == "poor":
-                    measures[MEASURES[-1].name] = None
+                    measures[MEASURES[-1].name] = np.nan
                 found.append(
-                    {
-                        "tracker": tracker,
-                        "sequence": f"{family}-1",
-                        "family": family,
-                        "seed": seed,
-                        "drawn": True,
-                        "frames": 100 + seed,
-                        "measures": measures,
-                        "success": (skill * (1 - OVERLAPS)).tolist(),
-                        "precision": np.minimum(1, skill * PIXELS / 30).tolist(),
-                    }
+                    Record(
+                        subject=f"{family}-1",
+                        subject_is="sequence",
+                        seed=seed,
+                        settings={"tracker": tracker, "family": family, "drawn": True},
+                        outcome="COMPLETED",
+                        success=True,
+                        measures={"frames": 100.0 + seed} | measures,
+                        versions={},
+                        series={
+                            SUCCESS_CURVE: skill * (1 - OVERLAPS),
+                            PRECISION_CURVE: np.minimum(1, skill * PIXELS / 30),
+                        },
+                    )
                 )
     return found
 
@@ -70,46 +73,57 @@ def results(families, seeds=8):
 @pytest.mark.parametrize("count", [1, 3, bench_command.WIDE, bench_command.WIDE + 1])
 def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
     found = results([f"family{i}" for i in range(count)])
-    rows = ranking.rows_of(found)
-    bench_command.print_rows(printed, rows)
+    ranks = ranking.ranked(found)
+    bench_command.print_ranks(printed, ranks)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
-        files = ranking.write(found, rows, tmp_path, "servobench bench x")
-        texts = {path.name: path.read_text().splitlines() for path in files[:2]}
+        bench_command._write(Store(tmp_path), found, ranks, "x")
+        names = ("runs.csv", "table.csv")
+        texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
         approved("tables/bench-files", texts)
-        document = json.loads(files[2].read_text()) | {"versions": ""}
-        assert document.pop("runs") == found
-        approved("tables/bench-json", document)
 
 
 def test_curves_of_a_bench_show_this(monkeypatch, drawn, approved, tmp_path):
     saved = []
     monkeypatch.setattr(curves, "save", lambda f, _, name: saved.append([name, drawn(f)]))
-    curves.draw(results(["one"]), ["best", "slow", "poor"], "a $uite", tmp_path)
+    found = [
+        {
+            "tracker": r.settings["tracker"],
+            "success": r.series[SUCCESS_CURVE],
+            "precision": r.series[PRECISION_CURVE],
+        }
+        for r in results(["one"])
+    ]
+    curves.draw(found, ["best", "slow", "poor"], "a $uite", tmp_path)
     approved("tables/curves", saved)
 
 
 class Kept:
-    """A store with made-up rows."""
+    """A store with made-up records."""
 
     def __init__(self, study, folder):
         self.folder, self.written = folder, {}
-        rng, self.rows = np.random.default_rng(8), []
-        for run in study.runs():
-            poor = run.settings["tracker.kind"] == "kams"
+        rng, self.made = np.random.default_rng(8), []
+        for job in study.jobs():
+            poor = job.settings["tracker.kind"] == "kams"
             rms = float(rng.uniform(1, 2) * (3 if poor else 1))
-            self.rows.append(
-                {a.key: run.settings.get(a.key, run.scenario) for a in study.every_axis}
-                | {"run": run.number, "seed": run.seed, "success": not poor or run.seed % 3 == 0}
-                | {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
-                | {"track_ms": 0.5 * rms, "settle_s": None if poor else rms}
+            measures = {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
+            success = not poor or job.seed % 3 == 0
+            self.made.append(
+                Record(
+                    number=job.number,
+                    subject=job.subject.name,
+                    seed=job.seed,
+                    settings=job.settings,
+                    outcome="CONVERGED",
+                    success=success,
+                    measures=measures
+                    | {"track_ms": 0.5 * rms, "settle_s": np.inf if poor else rms},
+                )
             )
 
-    def done(self):
-        return [row["run"] for row in self.rows]
-
-    def table(self, _):
-        return pa.Table.from_pylist(self.rows)
+    def records(self, _):
+        return self.made
 
     def write(self, name, data):
         self.written[name] = data
@@ -140,32 +154,30 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
     for name in studies():
         study = load(name)
         table = as_json(StudyFile.of(study, "again")) | {"versions": "", "scenarios": ""}
-        runs = [[r.number, r.scenario, r.seed, r.settings, r.pictured] for r in study.runs()]
+        runs = [[r.number, r.subject.name, r.seed, r.settings, r.pictured] for r in study.jobs()]
         found[name] = table | {"first": runs[0], "last": runs[-1]}
     approved("tables/studies", found)
 
 
-def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monkeypatch):
+def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.toml").write_text('scenario = "still"\nseeds = 6\n')
-    study, told = load(str(tmp_path / "mine.toml")), []
-    kept = SimpleNamespace(done=lambda: {0, 1}, add=lambda _: None, fail=lambda *_: tmp_path)
+    jobs, told = list(load(str(tmp_path / "mine.toml")).jobs()), []
+    store = Store(tmp_path)
+    store.done = {"000000", "000001"}
     clock = itertools.count(100.0, 30.0)
     bar = SimpleNamespace(
         add_task=lambda name, **more: told.append([name, more]),
         update=lambda _, **more: told.append(more),
     )
-    monkeypatch.setattr(sweep_command, "progress_bar", lambda _: nullcontext(bar))
-    monkeypatch.setattr(sweep_command, "local", lambda _: nullcontext())
-    monkeypatch.setattr(sweep_command.time, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(
-        work,
-        "carry_out",
-        lambda _, runs, __: ((run, Ended(None, "" if run.number < 5 else "no")) for run in runs),
-    )
-    asked = SweepRequest("mine.toml", (), None, 1, None, None, True)
-    failed = sweep_command._work(study, kept, asked, Console())
-    assert [(f.path, f.reason) for f in failed] == [(tmp_path, "no")]
-    more = {"total": 6, "completed": 2, "note": sweep_command.COMPILING}
+    ends = [(job, Failure("no") if job.number == 5 else None) for job in jobs[2:]]
+    monkeypatch.setattr(terminal, "progress_bar", lambda _: nullcontext(bar))
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(terminal, "complete", lambda *_: ends)
+    failed = terminal.complete_jobs(jobs, store, Workers(), Console(), "sweep mine", "")
+    assert failed == 1
+    path = tmp_path / "failures" / "000005.json"
+    assert capsys.readouterr().err == f"servobench: {path}: no\n"
+    more = {"total": 6, "completed": 2, "note": terminal.COMPILING}
     assert told == [["sweep mine", more]] + [
         {"advance": 1, "note": f"2.0 a minute, {failed} failed"} for failed in (0, 0, 0, 1)
     ]

@@ -1,16 +1,17 @@
 """Tasks over workers, and `servobench check` by them: the same table, whatever fails."""
 
+import json
 import sys
 
-import numpy as np
 import pytest
 
-from servo.batch.cluster import carry_out
-from servo.batch.local_cluster import local
-from servo.batch.remote_cluster import remote
-from servo.batch.workers import Ended, Lost, Workers
-from servo.cli import check_command, main
-from servo.study.perform import TIMED
+from servo.cli import main
+from servo.study.cluster.local import local
+from servo.study.cluster.remote import remote
+from servo.study.cluster.tasks import carry_out
+from servo.study.failure import ClusterLost, Failure
+from servo.study.job import Job
+from servo.study.scenario_run import TIMES
 
 pytestmark = pytest.mark.processes
 
@@ -41,18 +42,14 @@ def untimed(out):
     return [line.split()[:-2] for line in out.splitlines() if line]
 
 
-def test_table_measures_and_missed_bounds_are_the_same_on_one_worker_and_on_two(monkeypatch, capfd):
-    kept, ends_of = [], Workers.ends
-
-    def ends(team, *given):
-        kept.append({})
-        for check, ended in ends_of(team, *given):
-            kept[-1][check.number] = ended.value.report.measures
-            yield check, ended
-
-    monkeypatch.setattr(Workers, "ends", ends)
+def test_table_measures_and_missed_bounds_are_the_same_on_one_worker_and_on_two(
+    monkeypatch, capfd, tmp_path
+):
     words = ("check", "still", "line", "still", *QUICK)
-    one, two = (call(monkeypatch, capfd, *words, "--workers", n) for n in "12")
+    one, two = (
+        call(monkeypatch, capfd, *words, "--workers", n, "--json", str(tmp_path / f"{n}.json"))
+        for n in "12"
+    )
     assert one[0] == two[0] == 1
     assert untimed(one[1]) == untimed(two[1])
     rows = untimed(one[1])
@@ -62,20 +59,24 @@ def test_table_measures_and_missed_bounds_are_the_same_on_one_worker_and_on_two(
     assert one[2] == two[2]
     assert one[2].count("missed: servo_rms_px is") == one[2].count("  again: servobench run") == 6
     here, there = (
-        [[m.value for m in run[n] if m.name not in TIMED] for n in range(6)] for run in kept
+        [
+            {name: value for name, value in run["measures"].items() if name not in TIMES}
+            for run in json.loads((tmp_path / f"{n}.json").read_text())["runs"]
+        ]
+        for n in "12"
     )
-    np.testing.assert_array_equal(here, there)  # to the last bit
+    assert here == there  # to the last bit
 
 
 def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
-    real = check_command.perform
+    real = Job.run
 
-    def perform(one):
-        if one.scenario.name == "still":
+    def run(job, folder):
+        if job.subject.name == "still":
             raise OSError("no luck")
-        return real(one)
+        return real(job, folder)
 
-    monkeypatch.setattr(check_command, "perform", perform)
+    monkeypatch.setattr(Job, "run", run)
     words = ("check", "still", "line", *QUICK[:-2], "--set", "expect={}", "--workers", "1")
     code, out, err = call(monkeypatch, capfd, *words)
     again = (
@@ -96,8 +97,8 @@ def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd)
 
 
 def test_how_a_task_ended_in_one_line():
-    assert Ended(None, "Traceback\n  in x\nValueError: so\n").reason == "ValueError: so"
-    assert Ended(None, "Traceback\nMistake: so\n", "so").reason == "so"
+    assert Failure("Traceback\n  in x\nValueError: so\n").reason == "ValueError: so"
+    assert Failure("Traceback\nMistake: so\n", "so").reason == "so"
 
 
 def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
@@ -113,7 +114,7 @@ def test_a_task_that_kills_its_workers_or_raises_does_not_stop_the_others():
     tasks = ["a", "deadly", "b", "wrong", "c", "d"]
     with local(2) as cluster:
         found = dict(carry_out(cluster, tasks, work))
-    assert {task: found[task].value for task in "abcd"} == {t: t.upper() for t in "abcd"}
+    assert {task: found[task] for task in "abcd"} == {t: t.upper() for t in "abcd"}
     assert found["deadly"].error == (
         "3 workers died during this task, one after the other: there is too little memory, or they "
         "were killed\n"
@@ -127,7 +128,7 @@ def test_workers_with_several_threads_are_refused():
 
     with LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as shared:
         address = shared.scheduler_address
-        with pytest.raises(Lost) as refused, remote(address) as found:
+        with pytest.raises(ClusterLost) as refused, remote(address) as found:
             list(carry_out(found, [1], abs))
     assert str(refused.value) == (
         f"the scheduler {address}: a worker has several threads, but a renderer needs a process "

@@ -16,4 +16,4 @@ NEAR = 0.05
 @pytest.mark.parametrize("name", RETREATS)
 def test_the_camera_retreats_as_far_as_in_the_reference(name):
     _, report = measured_run(load(name, ["run.duration=2.0"]))
-    assert report.value("retreat_m") == pytest.approx(RETREATS[name], rel=NEAR)
+    assert report.measures["retreat_m"] == pytest.approx(RETREATS[name], rel=NEAR)

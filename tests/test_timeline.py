@@ -99,7 +99,9 @@ def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
     changes = "run.duration=6.0", "run.tracker_ms=250", "measure.after=2.0"
     kinds = "none", "difference", "kalman_cv", "kalman_ca", "jump", "error_kalman", "imm"
     none, *others = (
-        measured_run(load("reversal", [*changes, f"estimator.kind={k}"]))[1].value("servo_rms_px")
+        measured_run(load("reversal", [*changes, f"estimator.kind={k}"]))[1].measures[
+            "servo_rms_px"
+        ]
         for k in kinds
     )
     assert max(others) < 0.8 * none
@@ -107,7 +109,7 @@ def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
 
 def test_one_frame_of_delay_costs_a_predicting_estimator_nothing():
     changes = "estimator.kind=error_kalman", "run.tracker_ms=33"
-    assert measured_run(load("line", changes))[1].value("servo_rms_px") < 1.0
+    assert measured_run(load("line", changes))[1].measures["servo_rms_px"] < 1.0
 
 
 def test_pictures_arrive_late_and_in_order():

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from servo.bench.sequence_jobs import Contender, Entry, Generated, Recorded
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
+from servo.study.sequence_run import Contender, Entry, Generated, Recorded
 from tracking.external import OF_THE_USER
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import is_folder, read_all
@@ -61,6 +61,16 @@ def contenders(text: str | None) -> list[Contender]:
     words = every if text is None else [w.strip() for w in text.split(",")]
     chosen = [TRACKERS.named(word) for word in words]
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
+
+
+def tracker_tables(text: str) -> dict[str, dict[str, Any]]:
+    """The tables of trackers by their labels; argument and errors are those of `contenders`."""
+    labels = [one.label for one in contenders(text)]
+    words = [word.strip() for word in text.split(",")]
+    return {
+        label: {f"tracker.{key}": value for key, value in TRACKERS.named(word).items()}
+        for label, word in zip(labels, words, strict=True)
+    }
 
 
 def _contender(table: Any, place: str) -> Contender:

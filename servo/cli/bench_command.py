@@ -2,97 +2,177 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from servo.batch.workers import Workers, check_number
-from servo.bench import loop_jobs, ranking, suites
-from servo.bench.loop_jobs import LoopJob, LoopRun
-from servo.bench.sequence_jobs import SequenceJob, track_path
-from servo.cli.terminal import plain, print_table, work
+from servo.bench import ranking, suites
+from servo.bench.ranking import Rank
+from servo.cli.sweep_command import SweepRequest, run_study
+from servo.cli.terminal import complete_jobs, plain, print_table
 from servo.output.formats import command_line
-from servo.output.result_folder import result_folder
+from servo.output.versions import versions
 from servo.report import bench_section
-from sim.camera import gl
+from servo.study.execute import Workers, check_number
+from servo.study.files import StudyFile
+from servo.study.job import Job
+from servo.study.parse import load
+from servo.study.record import Record, parquet, table_of
+from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
+from servo.study.store import RESULTS, Store, opened
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track_file import read as read_track
 from tracking.files import atomic
+from tracking.files.csv_text import csv_text
 
 WIDE = 7
 """Most columns of a table that fit beside its names."""
 
 
-def run(
-    suite: str, trackers: str | None, seeds: int, workers: int, out: Path | None, quiet: bool
-) -> int:
+@dataclass(frozen=True, slots=True)
+class BenchRequest:
+    """The options of the command line."""
+
+    suite: str
+    trackers: str | None
+    seeds: int
+    workers: int
+    out: Path | None
+    quiet: bool
+
+    @property
+    def folder(self) -> Path:
+        """Where the results are written."""
+        return self.out or Path("runs") / f"bench-{Path(self.suite).stem}"
+
+    @property
+    def command(self) -> str:
+        """The command line, without --out and --workers."""
+        return command_line("bench", self.suite, trackers=self.trackers, seeds=self.seeds)
+
+
+def run(request: BenchRequest) -> int:
     """Compare trackers; the exit code: 1 if a run failed.
 
     Raises:
         Mistake: The suite or a tracker is wrong, or the folder cannot be used.
+        Refused: A file cannot be written, or the workers cannot work.
     """
-    folder = out or Path("runs") / f"bench-{Path(suite).stem}"
-    console = Console(quiet=quiet)
-    again = command_line("bench", suite, trackers=trackers, seeds=seeds)
-    if suite == suites.CLOSED_LOOP:
-        jobs = _loop_jobs(trackers, seeds)
-        with Workers(workers) as pool, result_folder(folder, "bench closed_loop"):
-            results, code = work(jobs, folder, pool, console, "bench closed loop")
-            runs = [LoopRun(**result) for result in results]
-            paths = loop_jobs.write(runs, folder, again) if runs else []
-        if runs:
-            print_table(console, bench_section.loop_table(runs))
-    else:
-        jobs = _sequence_jobs(suite, trackers, seeds)
-        title = Path(suite).stem
-        with Workers(workers) as pool, result_folder(folder, "bench"):
-            results, code = work(jobs, folder, pool, console, f"bench {title}")
-            if not results:
-                return code
-            rows = ranking.rows_of(results)
-            paths = ranking.write(results, rows, folder, again)
-            paths += curves.draw(results, [row.tracker for row in rows], title, folder)
-            paths += _sheets(jobs, rows[0].tracker, folder)
-        print_rows(console, rows)
-    for path in paths:
-        plain(console, f"  {path}")
-    return code
+    console = Console(quiet=request.quiet)
+    if request.suite == suites.CLOSED_LOOP:
+        return _closed_loop(request, console)
+    subjects = _subjects(request)
+    seeds = range(request.seeds)
+    check_number(len(subjects) * len(seeds))
+    jobs = [
+        Job(i * len(seeds) + seed, subject, seed, {TRACKER: subject.contender.label})
+        for i, subject in enumerate(subjects)
+        for seed in seeds
+    ]
+    title = Path(request.suite).stem
+    workers = Workers(request.workers)
+    out = f" --out {shlex.quote(str(request.out))}" if request.out else ""
+    again = f"go on with: {request.command}{out}"
+    with opened(request.folder, _described(request, subjects)) as store, workers:
+        failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
+        records = store.records(jobs, series=True)
+        if records:
+            ranks = ranking.ranked(records)
+            paths = _write(store, records, ranks, title)
+            paths.append(_sheets(subjects, ranks[0].tracker, store.folder))
+            print_ranks(console, ranks)
+            for path in paths:
+                plain(console, f"  {path}")
+    return 1 if failed else 0
 
 
-def _sequence_jobs(suite: str, trackers: str | None, seeds: int) -> list[SequenceJob]:
-    entries, listed = suites.suite(suite)
-    chosen = listed if listed and trackers is None else suites.contenders(trackers)
-    check_number(len(chosen) * len(entries) * seeds)
-    return [SequenceJob(c, e, s) for c in chosen for e in entries for s in range(seeds)]
+def _closed_loop(request: BenchRequest, console: Console) -> int:
+    chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
+    study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
+    sweep = SweepRequest(
+        study=suites.CLOSED_LOOP,
+        changes=(),
+        seeds=request.seeds,
+        workers=request.workers,
+        scheduler=None,
+        out=request.out,
+        quiet=request.quiet,
+    )
+    described = StudyFile.of(study, request.command)
+    return run_study(study, described, request.folder, sweep, console)
 
 
-def _loop_jobs(trackers: str | None, seeds: int) -> list[LoopJob]:
-    chosen = suites.contenders(trackers)
-    names = loop_jobs.SCENARIOS
-    gl.backend()
-    check_number(len(chosen) * len(names) * seeds)
-    return [LoopJob(c, name, s) for c in chosen for name in names for s in range(seeds)]
+def _subjects(request: BenchRequest) -> list[TrackedSequence]:
+    entries, listed = suites.suite(request.suite)
+    chosen = listed if listed and request.trackers is None else suites.contenders(request.trackers)
+    return [TrackedSequence(c, e) for c in chosen for e in entries]
 
 
-def print_rows(console: Console, rows: Sequence[ranking.Row]) -> None:
+def _described(request: BenchRequest, subjects: Sequence[TrackedSequence]) -> StudyFile:
+    return StudyFile(
+        command=request.command,
+        versions=versions(),
+        holds="bench",
+        name=Path(request.suite).stem,
+        title="Trackers against each other on sequences with a truth.",
+        axes={
+            TRACKER: list(dict.fromkeys(s.contender.label for s in subjects)),
+            "sequence": list(dict.fromkeys(s.name for s in subjects)),
+        },
+        draws={},
+        seeds=list(range(request.seeds)),
+        compare=TRACKER,
+        expect={},
+        runs=len(subjects) * request.seeds,
+        table={"runs": [subject.describe() for subject in subjects]},
+        scenarios={},
+    )
+
+
+def _write(
+    store: Store, records: Sequence[Record], ranks: Sequence[Rank], title: str
+) -> list[Path]:
+    table = table_of(records)
+    shown = [name for name in table.column_names if not name.startswith("version_")]
+    rows = table.select(shown).drop_columns(["missed"]).to_pylist()
+    lines = [list(row.values()) for row in rows]
+    results = [
+        {
+            TRACKER: record.settings[TRACKER],
+            "success": record.series[SUCCESS_CURVE],
+            "precision": record.series[PRECISION_CURVE],
+        }
+        for record in records
+    ]
+    return [
+        store.write(RESULTS, parquet(table)),
+        store.write("runs.csv", csv_text(list(rows[0]), lines)),
+        store.write("table.csv", ranking.table_csv(ranks)),
+        *curves.draw(results, [rank.tracker for rank in ranks], title, store.folder),
+    ]
+
+
+def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
     """Print the table of all trackers, and success by sequence if there are several."""
-    print_table(console, bench_section.trackers_table(rows))
-    families = bench_section.families_table(rows)
+    print_table(console, bench_section.trackers_table(ranks))
+    families = bench_section.families_table(ranks)
     if families is not None and len(families.head) <= WIDE + 1:
         console.print()
         print_table(console, families)
 
 
-def _sheets(jobs: Sequence[SequenceJob], best: str, folder: Path) -> list[Path]:
+def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Path:
     """Write a contact sheet of each sequence's first seed with the best tracker's estimate."""
-    place = atomic.folder(folder, ranking.SHEETS)
-    for job in jobs:
-        if job.contender.label == best and job.seed == 0:
-            sequence = job.entry.build(0)
-            found = read_track(track_path(folder, job.key)).corners
+    place = atomic.folder(folder, bench_section.SHEETS)
+    for subject in subjects:
+        if subject.contender.label == best:
+            sequence = subject.entry.build(0)
+            found = read_track(subject.track_path(folder, 0)).corners
             picture = sheet(sequence.source, sequence.truth, found)
             atomic.write(place, f"{sequence.name}.png", encoded(picture))
-    return [place]
+    return place

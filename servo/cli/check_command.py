@@ -2,54 +2,32 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
-from servo.batch.workers import Ended, Workers, check_number
 from servo.cli import check_files
 from servo.cli.check_files import CheckedRun, CheckFile
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table, progress_bar
-from servo.loop.measured_run import measured_run
-from servo.loop.run_measures import Report, Violation, violations
-from servo.mistake import Mistake
+from servo.mistake import Mistake, Refused
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
-from servo.scenario.load import Scenario
 from servo.scenario.toml import assignment
+from servo.study.execute import Workers, check_number, execute
+from servo.study.failure import ClusterLost, Failure
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.scenario_run import LoadedScenario
 from sim.camera import gl
-from tracking.files.json_text import number
 
+End = tuple[Job, Record | Failure]
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One run to do; it is sent between processes."""
-
-    number: int
-    """Row of the table."""
-    scenario: Scenario
-    command: str
-    """The command that repeats it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """The result of a run."""
-
-    report: Report
-    missed: list[Violation]
-    seconds: float
 
 
 def check_scenarios(
@@ -75,40 +53,27 @@ def check_scenarios(
     check_files.check_place(junit, ".xml")
     check_files.check_place(json, ".json")
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
-    checks = [
-        Check(i, load(name, changes, s), command_line("run", name, set=list(changes), seed=s))
+    jobs = [
+        Job(
+            i,
+            LoadedScenario(load(name, changes, s)),
+            s,
+            command=command_line("run", name, set=list(changes), seed=s),
+        )
         for i, (name, s) in enumerate(each)
     ]
     gl.backend()
     console = Console(quiet=quiet)
-    ends = _carry_out(checks, workers, console)
+    ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
-    _write(
-        [_record(check, end) for check, end in zip(checks, ends, strict=True)], junit, json, again
-    )
-    rows = [(check, end.value) for check, end in zip(checks, ends, strict=True) if not end.error]
-    if rows:
-        print_table(console, _table(rows))
+    _write([CheckedRun.of(*one) for one in ends], junit, json, again)
+    records = [(job, end) for job, end in ends if isinstance(end, Record)]
+    if records:
+        print_table(console, _table(records))
     errors = Console(stderr=True)
-    for check, checked in rows:
-        print_missed(errors, checked.missed, check.command)
-    return max(_print_failures(checks, ends), any(checked.missed for _, checked in rows))
-
-
-def _record(check: Check, end: Ended) -> CheckedRun:
-    scenario = check.scenario
-    value = end.value
-    of: Any = {"scenario": scenario.name, "seed": scenario.run.seed, "command": check.command}
-    if end.error:
-        return CheckedRun(**of, measures={}, missed=[], failed=end.reason)
-    measures = {m.name: number(m.value) for m in value.report.measures}
-    return CheckedRun(
-        **of,
-        seconds=value.seconds,
-        outcome=value.report.outcome.name,
-        measures=measures,
-        missed=value.missed,
-    )
+    for _, record in records:
+        print_missed(errors, record)
+    return max(_print_failures(ends), any(record.missed for _, record in records))
 
 
 def _write(runs: list[CheckedRun], junit: Path | None, json: Path | None, command: str) -> None:
@@ -127,67 +92,56 @@ def _check_changes(changes: Sequence[str]) -> None:
             raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
 
 
-def perform(check: Check) -> Checked:
-    """Run a scenario and measure it.
-
-    Raises:
-        Mistake: A setting is not valid.
-    """
-    began = time.perf_counter()
-    _, report = measured_run(check.scenario)
-    missed = violations(report, check.scenario.expect)
-    return Checked(report, missed, time.perf_counter() - began)
-
-
-def _carry_out(checks: Sequence[Check], workers: int, console: Console) -> list[Ended]:
+def _carry_out(jobs: Sequence[Job], workers: int, console: Console) -> list[End]:
     """Do all runs; how they ended, in the order of the table."""
-    ends: dict[int, Ended] = {}
-    with Workers(min(workers, len(checks))) as pool, progress_bar(console) as progress:
-        task = progress.add_task("check", total=len(checks), note="")
-        for check, ended in pool.ends(checks, perform):
-            ends[check.number] = ended
-            scenario = check.scenario
-            note = f"{escape(scenario.name)}, seed {scenario.run.seed}"
-            progress.update(task, advance=1, note=note)
-    return [ends[check.number] for check in checks]
+    ends: dict[int, End] = {}
+    pool = Workers(min(workers, len(jobs)))
+    with pool, progress_bar(console) as progress:
+        task = progress.add_task("check", total=len(jobs), note="")
+        try:
+            for job, end in execute(jobs, pool):
+                ends[job.number] = job, end
+                note = f"{escape(job.subject.name)}, seed {job.seed}"
+                progress.update(task, advance=1, note=note)
+        except ClusterLost as error:
+            raise Refused(f"{error}; the check has no result") from None
+    return [ends[job.number] for job in jobs]
 
 
-def _print_failures(checks: Sequence[Check], ends: Sequence[Ended]) -> int:
+def _print_failures(ends: Sequence[End]) -> int:
     """Print why runs failed, each mistake once; the exit code."""
-    failed = [(check, end) for check, end in zip(checks, ends, strict=True) if end.error]
-    mistakes: dict[str, list[Check]] = {}
-    for check, end in failed:
+    failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
+    mistakes: dict[str, list[str]] = {}
+    for job, end in failed:
         if end.mistake:
-            mistakes.setdefault(end.mistake, []).append(check)
-    for sentence, checks_of in mistakes.items():
-        names = ", ".join(dict.fromkeys(check.scenario.name for check in checks_of))
-        known = any(check.scenario.name in sentence for check in checks_of)
-        complain(sentence if known else f"{sentence} ({names})")
-    for check, end in failed:
+            mistakes.setdefault(end.mistake, []).append(job.subject.name)
+    for sentence, names in mistakes.items():
+        known = any(name in sentence for name in names)
+        complain(sentence if known else f"{sentence} ({', '.join(dict.fromkeys(names))})")
+    for job, end in failed:
         if not end.mistake:
-            complain(f"{check.scenario.name} failed: {end.reason}")
-            plain(Console(stderr=True), f"  again: {check.command}")
+            complain(f"{job.subject.name} failed: {end.reason}")
+            plain(Console(stderr=True), f"  again: {job.command}")
     return max((2 if end.mistake else 1 for _, end in failed), default=0)
 
 
-def _table(rows: Sequence[tuple[Check, Checked]]) -> Table:
+def _table(records: Sequence[tuple[Job, Record]]) -> Table:
     cells: list[list[Cell]] = []
-    for check, checked in rows:
-        scenario = check.scenario
-        value = checked.report.value
-        bounds = len(scenario.expect)
-        missed = len(checked.missed)
+    for job, record in records:
+        assert isinstance(job.subject, LoadedScenario)
+        bounds = len(job.subject.scenario.expect)
+        missed = len(record.missed)
         kept = Badge.of(not missed, f"{bounds - missed} of {bounds}")
         cells.append(
             [
-                scenario.name,
-                str(scenario.run.seed),
-                checked.report.outcome.name,
-                f"{value('servo_rms_px'):.2f}",
-                f"{value('servo_peak_px'):.1f}",
-                f"{value('tracking_rms_px'):.2f}",
+                record.subject,
+                str(record.seed),
+                record.outcome,
+                f"{record.measures['servo_rms_px']:.2f}",
+                f"{record.measures['servo_peak_px']:.1f}",
+                f"{record.measures['tracking_rms_px']:.2f}",
                 kept if bounds else "none",
-                f"{checked.seconds:.1f} s",
+                f"{record.seconds:.1f} s",
             ]
         )
     return Table(TITLES, cells, words=(0, 2, 6))

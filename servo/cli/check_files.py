@@ -7,10 +7,15 @@ from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
 
-from servo.loop.run_measures import Violation
+from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.formats import Made, Number
+from servo.study.bounds import MissedBound
+from servo.study.failure import Failure
+from servo.study.job import Job
+from servo.study.record import Record
 from tracking.files import atomic
+from tracking.files.json_text import number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,10 +30,32 @@ class CheckedRun:
     """Wall-clock time."""
     outcome: str = ""
     measures: dict[str, Number | None]
-    missed: list[Violation]
+    missed: list[MissedBound]
     """The bounds that were not kept."""
     failed: str = ""
     """Why there is no outcome, in a sentence."""
+
+    @staticmethod
+    def of(job: Job, end: Record | Failure) -> CheckedRun:
+        """How a job ended."""
+        if isinstance(end, Failure):
+            return CheckedRun(
+                scenario=job.subject.name,
+                seed=job.seed,
+                command=job.command,
+                measures={},
+                missed=[],
+                failed=end.reason,
+            )
+        return CheckedRun(
+            scenario=end.subject,
+            seed=end.seed,
+            command=end.command,
+            seconds=end.seconds,
+            outcome=end.outcome,
+            measures={name: number(end.measures[name]) for name in MEANINGS},
+            missed=list(end.missed),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

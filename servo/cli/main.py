@@ -110,9 +110,9 @@ def track(**options: Any) -> None:
 @opt.quiet_option
 def bench(**options: Any) -> None:
     """Compare trackers; the same command continues a stopped bench."""
-    from servo.cli.bench_command import run as run_bench
+    from servo.cli import bench_command
 
-    sys.exit(run_bench(**options))
+    sys.exit(bench_command.run(bench_command.BenchRequest(**options)))
 
 
 @app.command()

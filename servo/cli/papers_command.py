@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
+from servo.batch.jobs import Done, Job, stored
 from servo.batch.workers import Workers
-from servo.cli.terminal import complain, plain, print_table, work
-from servo.mistake import Mistake, unknown
+from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
+from servo.mistake import FULL, Mistake, unknown
 from servo.output.formats import command_line
-from servo.output.result_folder import result_folder
+from servo.output.result_folder import GOES_ON, result_folder
 from servo.output.versions import versions
 from servo.papers.claim import WORDS, Claim, Effort, Verdict
 from servo.papers.claims import (
@@ -128,3 +131,46 @@ def _print_rows(console: Console, tested: dict[str, Judged]) -> None:
     plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
     for name, judged in tested.items():
         plain(console, judged.row(name))
+
+
+FAILURES = "failures"
+
+
+def work(
+    jobs: Sequence[Job], folder: Path, pool: Workers, console: Console, title: str
+) -> tuple[list[dict[str, Any]], int]:
+    """Do jobs with a progress bar; the results in order, and the exit code: 1 for failures.
+
+    Raises:
+        Mistake: Two jobs have the same name.
+        OSError: The disk is full.
+    """
+    keys = [job.key for job in jobs]
+    double = next((key for key, count in Counter(keys).items() if count > 1), None)
+    if double is not None:
+        raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
+    done: dict[str, Done] = {}
+    for job in jobs:
+        try:
+            if (result := stored(job, folder)) is not None:
+                done[job.key] = Done(job, result)
+        except Mistake as damaged:
+            complain(f"{damaged}; it is computed again")
+    todo = [job for job in jobs if job.key not in done]
+    try:
+        with progress_bar(console) as bar:
+            task = bar.add_task(escape(title), total=len(jobs), completed=len(done), note=COMPILING)
+            for one in pool.results(todo, folder):
+                done[one.job.key] = one
+                if one.refused is not None and one.refused.errno in FULL:
+                    raise one.refused
+                bar.update(task, advance=1, note=escape(one.job.key))
+    except KeyboardInterrupt as cause:
+        stop(cause, f"{GOES_ON.capitalize()}.")
+    failed = [d for d in done.values() if d.result is None]
+    for d in failed:
+        reason = d.error.strip().splitlines()[-1]
+        path = atomic.write(folder, f"{FAILURES}/{d.job.key}.txt", d.error)
+        complain(f"{d.job.key} failed: {reason}; see {path}")
+    results = [done[key].result for key in keys if key in done]
+    return [r for r in results if r is not None], 1 if failed else 0

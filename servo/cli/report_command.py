@@ -5,22 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from servo.bench.ranking import SequenceBench
 from servo.mistake import Mistake, check_suffix, unwritable
-from servo.output.run_folder import RunReport
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
 from servo.report import bench_section, papers_section, run_section, study_section
 from servo.report.page import Section, render
-from servo.study.plan import StudyFile
+from servo.study.files import StudyFile
+from servo.study.run_report import RunReport
 from tracking.files import atomic
 
 PAGE = "report.html"
 PAGES = (".html", ".htm")
+
+
+def _study(folder: Path) -> Section:
+    study = StudyFile.read(folder / StudyFile.FILE)
+    if study.holds == "bench":
+        return bench_section.section(folder, study)
+    return study_section.section(folder)
+
+
 KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
-    ((StudyFile.FILE,), study_section.section),
+    ((StudyFile.FILE,), _study),
     ((PapersReport.FILE,), papers_section.section),
-    ((SequenceBench.FILE,), bench_section.section),
     ((TABLE, STREAM), run_section.section),
 )
 """Files by which a kind of folder is recognised, and the function that makes its section."""

@@ -15,7 +15,7 @@ from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_
 from servo.loop.check_expect import check_expect
 from servo.loop.episode import Episode
 from servo.loop.part import PartFailed
-from servo.loop.run_measures import Report, Violation, summarise, violations
+from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, prepare, with_traceback
@@ -23,6 +23,10 @@ from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.sections import DOES_NOT_REPEAT
+from servo.study.job import Job
+from servo.study.record import Record
+from servo.study.run_report import RunReport
+from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
 from sim.models.target import dimensions
 from sim.types import Array
@@ -62,25 +66,25 @@ def run_scenario(
         folder = prepare(out, name)
         announce(viewer, console)
         more = outputs.of_run(episode, viewer)
-        output = RunFolder(folder, episode, rerun=rerun, command=again, more=more)
+        output = RunFolder(folder, episode, rerun=rerun, more=more)
         try:
             steps, writing = _written(episode, output, console)
         except PartFailed as error:
             raise with_traceback(error, folder) from None
-    report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
-    missed = violations(report, scenario.expect)
-    paths = output.finish(steps, report, missed)
-    _print_report(console, scenario, report)
+    job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
+    record = record_of(job, scenario, steps)
+    paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
+    _print_record(console, scenario, record)
     if scenario.unjudged:
         plain(console, scenario.unjudged)
     console.print(_stage_line(steps, writing))
     for path in paths:
         plain(console, f"  {path}")
-    print_missed(Console(stderr=True), missed, again)
+    print_missed(Console(stderr=True), record)
     linger(viewer, console)
     if output.refused is not None:
         raise output.refused
-    return 1 if missed else 0
+    return 1 if record.missed else 0
 
 
 def _written(
@@ -124,14 +128,14 @@ def _outline_line(outline: Array) -> str:
     )
 
 
-def _print_report(console: Console, scenario: Scenario, report: Report) -> None:
-    outcome = f"{report.outcome.name}. {report.outcome.value}"
-    console.print(f"[bold]{escape(scenario.name)}[/], seed {scenario.run.seed}: {outcome}")
+def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
+    outcome = f"{record.outcome}. {Outcome[record.outcome].value}"
+    console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
-    for m in report.measures:
-        bound = scenario.expect.get(m.name)
+    for name, (_, meaning) in MEANINGS.items():
+        bound = scenario.expect.get(name)
         limit = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
-        rows.append([m.name, f"{m.value:.3g}", str(limit), m.meaning])
+        rows.append([name, f"{record.measures[name]:.3g}", limit, meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     if scenario.drawn:
         values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())
@@ -153,9 +157,9 @@ def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
     )
 
 
-def print_missed(console: Console, missed: Sequence[Violation], command: str) -> None:
+def print_missed(console: Console, record: Record) -> None:
     """Print missed bounds and the command that repeats the run; nothing if none was missed."""
-    for violation in missed:
-        plain(console, f"missed: {violation}")
-    if missed:
-        plain(console, f"  again: {command}")
+    for bound in record.missed:
+        plain(console, f"missed: {bound}")
+    if record.missed:
+        plain(console, f"  again: {record.command}")

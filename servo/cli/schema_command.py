@@ -23,6 +23,7 @@ from servo.scenario.fill import STRICT, form
 from servo.scenario.tables import SECTIONS
 from servo.study import parse
 from servo.study.axes import COUNTS, ENDS, MOST_VALUES
+from servo.study.bounds import SUCCESS_RATE
 from sim.kinds import Kinds, UnknownKind
 
 Schema = dict[str, Any]
@@ -89,7 +90,7 @@ def sweep_schema() -> Schema:
             "default": parse.SEEDS,
         },
         "compare": name | {"description": "The axis whose values are compared with each other."},
-        "expect": table({parse.SUCCESS: share} | _bounds(), "Bounds on the whole study."),
+        "expect": table({SUCCESS_RATE: share} | _bounds(), "Bounds on the whole study."),
     }
     return table(properties, "A study of this scenario: servobench sweep FILE.")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,20 +10,18 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from servo.batch.local_cluster import check_workers, local
-from servo.batch.remote_cluster import check_address, remote, security_of
-from servo.batch.workers import Lost
-from servo.cli.terminal import COMPILING, complain, plain, print_table, progress_bar, stop
-from servo.mistake import Mistake, Refused
+from servo.cli.terminal import complain, complete_jobs, plain, print_table
 from servo.output.formats import command_line
 from servo.report.cell_row import cell_row
 from servo.report.words import Table
+from servo.study.bounds import missed_by_cells
+from servo.study.execute import Workers
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.perform import parquet
-from servo.study.plan import Study, StudyFile
-from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, missed
+from servo.study.plan import Study
+from servo.study.record import parquet, table_of
+from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, grouped
 from servo.study.store import RESULTS, Store, opened
-from servo.study.work import FailedRun, work
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
@@ -73,63 +70,32 @@ def run(request: SweepRequest) -> int:
     with console.status("reading the study"):
         study = load(request.study, request.changes, request.seeds)
     folder = request.out or Path("runs") / f"sweep-{study.name}"
+    return run_study(study, StudyFile.of(study, request.command), folder, request, console)
+
+
+def run_study(
+    study: Study, described: StudyFile, folder: Path, request: SweepRequest, console: Console
+) -> int:
+    """Do the missing runs of a study in a folder; result and errors are those of `run`."""
+    workers = Workers(request.workers, request.scheduler)
     if request.scheduler is None:
-        check_workers(request.workers)
         gl.backend()
-    else:
-        security_of(check_address(request.scheduler))
-    with opened(folder, study, StudyFile.of(study, request.command)) as store:
-        if store.damaged:
-            complain(
-                f"{store.damaged[0]}: this is not the run's row as it was written (the first of "
-                f"{len(store.damaged)} such files); what is missing is run again"
-            )
-        try:
-            failed = _work(study, store, request, console)
-            code = _sum_up(study, store, console)
-        except KeyboardInterrupt as cause:
-            stop(cause, _again(store, study, request))
-        except Lost as lost:
-            kind = Refused if request.scheduler is None else Mistake
-            raise kind(f"{lost}; {_again(store, study, request)}") from None
-    for one in failed:
-        complain(f"{one.path}: {one.reason}")
-    return 1 if failed else code
-
-
-def _work(study: Study, store: Store, request: SweepRequest, console: Console) -> list[FailedRun]:
-    """Do the missing runs; those that failed."""
-    done = store.done()
-    failed = list[FailedRun]()
-    if len(done) == study.size:
-        return failed
-    began = time.monotonic()
-    by = request.scheduler
-    with (
-        progress_bar(console) as bar,
-        local(request.workers) if by is None else remote(by) as cluster,
-    ):
-        title = f"sweep {escape(study.name)}"
-        board = bar.add_task(title, total=study.size, completed=len(done), note=COMPILING)
-        for count, failure in enumerate(work(study, store, cluster), 1):
-            failed += [failure] if failure else []
-            rate = 60 * count / (time.monotonic() - began)
-            bar.update(board, advance=1, note=f"{rate:.1f} a minute, {len(failed)} failed")
-    return failed
-
-
-def _again(store: Store, study: Study, request: SweepRequest) -> str:
-    there = f"{len(store.done())} of {study.size} runs are finished; "
     out = f" --out {shlex.quote(str(request.out))}" if request.out else ""
-    return f"{there}go on with: {request.command}{out}"
+    with opened(folder, described) as store, workers:
+        again = f"go on with: {described.command}{out}"
+        failed = complete_jobs(
+            list(study.jobs()), store, workers, console, f"sweep {study.name}", again
+        )
+        code = _sum_up(study, store, console)
+    return 1 if failed else code
 
 
 def _sum_up(study: Study, store: Store, console: Console) -> int:
     """Write the tables and print a summary; the exit code: 1 if a bound was missed."""
-    done = store.done()
-    if not done:
+    records = store.records(study.jobs())
+    if not records:
         return 0
-    table = store.table(done)
+    table = table_of(records)
     rows = table.to_pylist()
     keys = [axis.key for axis in study.every_axis]
     cells = cells_of(study, rows)
@@ -147,7 +113,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     for path in paths:
         plain(console, f"  {path}")
     plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
-    not_kept = missed(keys, study.expect, rows)
+    not_kept = missed_by_cells(grouped(keys, rows), study.expect)
     for line in not_kept:
         complain(line)
     return 1 if not_kept else 0

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import time
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from servo.batch.jobs import Done, Job, stored
-from servo.batch.workers import Workers
 from servo.cli.guard import exit_code
-from servo.mistake import FULL, Mistake
-from servo.output.result_folder import GOES_ON
+from servo.mistake import Mistake, Refused
 from servo.report import words
-from tracking.files import atomic
+from servo.study.execute import Workers, complete
+from servo.study.failure import ClusterLost, Failure
+from servo.study.job import Job
+from servo.study.store import Store
 
 STOPPED = "servobench: stopped; what was written is complete up to here."
 COMPILING = "(the first run on a machine compiles the hot loops)"
@@ -72,44 +71,49 @@ def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
     raise SystemExit(exit_code(cause))
 
 
-FAILURES = "failures"
+def complete_jobs(
+    jobs: Sequence[Job],
+    store: Store,
+    workers: Workers,
+    console: Console,
+    title: str,
+    again: str,
+) -> int:
+    """Do the jobs that have no record in a store, with a progress bar; how many failed.
 
-
-def work(
-    jobs: Sequence[Job], folder: Path, pool: Workers, console: Console, title: str
-) -> tuple[list[dict[str, Any]], int]:
-    """Do jobs with a progress bar; the results in order, and the exit code: 1 for failures.
+    Args:
+        jobs: All jobs of the study.
+        store: Its folder.
+        workers: Where they are done.
+        console: For the progress bar.
+        title: Beside the bar.
+        again: How to go on when the workers are gone or the user stops the command.
 
     Raises:
-        Mistake: Two jobs have the same name.
-        OSError: The disk is full.
+        Mistake: The user's cluster has stopped.
+        Refused: The disk is full, or the workers of this machine have stopped.
     """
-    keys = [job.key for job in jobs]
-    double = next((key for key, count in Counter(keys).items() if count > 1), None)
-    if double is not None:
-        raise Mistake(f"two runs are called '{double}'; give the trackers different labels")
-    done: dict[str, Done] = {}
-    for job in jobs:
-        try:
-            if (result := stored(job, folder)) is not None:
-                done[job.key] = Done(job, result)
-        except Mistake as damaged:
-            complain(f"{damaged}; it is computed again")
-    todo = [job for job in jobs if job.key not in done]
+    store.find(jobs)
+    if store.damaged:
+        complain(
+            f"{store.damaged[0]}: this is not the run's row as it was written (the first of "
+            f"{len(store.damaged)} such files); what is missing is run again"
+        )
+    failed: list[tuple[Job, Failure]] = []
+    began = time.monotonic()
     try:
         with progress_bar(console) as bar:
-            task = bar.add_task(escape(title), total=len(jobs), completed=len(done), note=COMPILING)
-            for one in pool.results(todo, folder):
-                done[one.job.key] = one
-                if one.refused is not None and one.refused.errno in FULL:
-                    raise one.refused
-                bar.update(task, advance=1, note=escape(one.job.key))
+            done = len(store.done)
+            board = bar.add_task(escape(title), total=len(jobs), completed=done, note=COMPILING)
+            for count, (job, end) in enumerate(complete(jobs, store, workers), 1):
+                failed += [(job, end)] if isinstance(end, Failure) else []
+                rate = 60 * count / (time.monotonic() - began)
+                bar.update(board, advance=1, note=f"{rate:.1f} a minute, {len(failed)} failed")
     except KeyboardInterrupt as cause:
-        stop(cause, f"{GOES_ON.capitalize()}.")
-    failed = [d for d in done.values() if d.result is None]
-    for d in failed:
-        reason = d.error.strip().splitlines()[-1]
-        path = atomic.write(folder, f"{FAILURES}/{d.job.key}.txt", d.error)
-        complain(f"{d.job.key} failed: {reason}; see {path}")
-    results = [done[key].result for key in keys if key in done]
-    return [r for r in results if r is not None], 1 if failed else 0
+        stop(cause, f"{len(store.done)} of {len(jobs)} runs are finished; {again}")
+    except ClusterLost as lost:
+        sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
+        raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
+    for job, failure in failed:
+        complain(f"{store.failure_path(job)}: {failure.reason}")
+    return len(failed)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from servo.loop.episode import run
-from servo.loop.run_measures import Report, summarise
+from servo.loop.run_measures import Summary, summarise
 from servo.loop.step import Step
 from servo.scenario.load import Scenario
 
 
 def measured_run(
     scenario: Scenario, each: Callable[[Step], None] | None = None
-) -> tuple[list[Step], Report]:
+) -> tuple[list[Step], Summary]:
     """Run a scenario to its end; its steps without pictures, and what was measured.
 
     Args:

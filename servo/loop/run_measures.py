@@ -1,4 +1,4 @@
-"""What a run was worth: measures over its steps, its outcome, and the bounds it had to keep."""
+"""The summary of a run: its outcome, and measures over its steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from servo.loop.step import Step
 from servo.loop.step_errors import range_used, servo_angle, speed, tracking_angle, tracking_scale
 from servo.scenario.sections import MeasureConfig
 from sim.types import Array
-from tracking.files.json_text import number
 from tracking.types import Status
 
 SETTLED_PX = 2.0
@@ -35,16 +34,6 @@ class Outcome(Enum):
     TARGET_LOST = "The tracker lost the target."
     LIMIT_HIT = "A joint at its limit keeps the camera from the goal."
     DIVERGED = "The target has left the picture, and the tracker has not called it lost."
-
-
-@dataclass(frozen=True, slots=True)
-class RunMeasure:
-    """One number about a run. Smaller is better for all of them."""
-
-    name: str
-    value: float
-    unit: str
-    meaning: str
 
 
 MEANINGS = {
@@ -75,44 +64,25 @@ MEANINGS = {
     "skipped_pct": ("%", "pictures that the tracker had no time for"),
     "step_ms": ("ms", "wall-clock time of a step, median"),
 }
-"""Unit and meaning of every measure. Those with `_rms_`, `_peak_`, `_off_` and `_held_` count from
-measure.after on (or in the last frame, where the run ends before); all others over the whole run,
-`settle_s` from its start.
+"""Unit and meaning of every measure; smaller is better for all.
+
+Those with `_rms_`, `_peak_`, `_off_` and `_held_` count from measure.after on (or in the last
+frame, where the run ends before); all others over the whole run, `settle_s` from its start.
 """
 TIMED = "step_ms"
 """The measure that differs from run to run."""
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class Summary:
     """Outcome and measures of one run."""
 
     outcome: Outcome
-    measures: tuple[RunMeasure, ...]
-
-    def value(self, name: str) -> float:
-        """The value of a measure."""
-        return next(m.value for m in self.measures if m.name == name)
+    measures: dict[str, float]
+    """Values by name, in the order of `MEANINGS`; infinite where there is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """A bound that was not kept."""
-
-    name: str
-    found: float | str | None
-    """None where it is not finite."""
-    bound: float | str
-
-    def __str__(self) -> str:
-        found = "not finite" if self.found is None else self.found
-        found = f"{found:.3g}" if isinstance(found, float) else found
-        if isinstance(self.bound, str):
-            return f"{self.name} is {found}, expected {self.bound}"
-        return f"{self.name} is {found}, expected at most {self.bound:g}"
-
-
-def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Report:
+def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Summary:
     """Measures and outcome of the steps of one run; period is the frame interval [s]."""
     counted = [s for s in steps if s.frame.time >= config.after] or list(steps[-1:])
     servo = _series(counted, lambda s: s.servo_error)
@@ -147,20 +117,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Re
         **camera_path.path_measures(steps),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
     }
-    measures = tuple(RunMeasure(name, float(values[name]), *MEANINGS[name]) for name in MEANINGS)
-    return Report(_outcome(steps), measures)
-
-
-def violations(report: Report, expect: dict[str, float | str]) -> list[Violation]:
-    """The bounds that a report does not keep."""
-    missed: list[Violation] = []
-    for name, bound in expect.items():
-        if isinstance(bound, str):
-            if report.outcome.name != bound:
-                missed.append(Violation(name, report.outcome.name, bound))
-        elif not report.value(name) <= bound:
-            missed.append(Violation(name, number(report.value(name)), bound))
-    return missed
+    return Summary(_outcome(steps), {name: float(values[name]) for name in MEANINGS})
 
 
 def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from servo.batch.jobs import Job
-from servo.bench.ranking import compare
-from servo.bench.sequence_jobs import Contender, Generated, Recorded
+from servo.bench.sequence_jobs import Contender, Generated, Recorded, compare
 from servo.papers.claim import (
     COLOURS,
     WORDS,

@@ -116,7 +116,7 @@ class LoopSeries:
             "estimator": self.estimator,
             "seed": self.seed,
             "label": self.label,
-            "measures": {m.name: number(m.value) for m in report.measures},
+            "measures": {name: number(value) for name, value in report.measures.items()},
             "time": [s.frame.time for s in steps],
             "servo_error": [s.servo_error for s in steps],
             "estimated": [float(s.prediction.motion[along]) for s in steps],

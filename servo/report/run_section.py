@@ -9,7 +9,7 @@ import tomli_w
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake
-from servo.output.run_folder import RECORDING, RunReport
+from servo.output.run_folder import RECORDING
 from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
 from servo.report import files
 from servo.report.charts import ERROR_RANGE, Curve, Scale, Shade, curves
@@ -17,6 +17,7 @@ from servo.report.drawing import INK, colour
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
 from servo.scenario.sections import DOES_NOT_REPEAT
+from servo.study.run_report import RunReport
 from sim.types import Array
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded

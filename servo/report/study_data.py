@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from servo.report import files
-from servo.study.perform import CAMERA, CORNERS
-from servo.study.plan import FailureFile, StudyFile
-from servo.study.store import FAILURES, RESULTS, RUNS
+from servo.output import formats
+from servo.study.files import FailureFile, StudyFile
+from servo.study.record import Record, Row, table_of
+from servo.study.scenario_run import CAMERA, CORNERS
+from servo.study.store import FAILURES, RUNS
 from servo.study.units import SUCCESS, Units, values
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
 SERIES = ("servo_error_px", "tracking_error_px", "on_target", *CAMERA, *CORNERS)
-SHEET = "sheet"
 TIME = "time_s"
-NEEDED = ("run", "outcome", SUCCESS)
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +86,9 @@ class StudyResults:
         """Rows with their contact sheets; first those of runs that did not succeed."""
         shown = 0
         for row in sorted(self.rows, key=lambda r: (bool(r[SUCCESS]), r["run"])):
-            kept = _kept(_path(self.folder, row["run"]), [SHEET])
-            picture = kept[0].get(SHEET) if kept else None
-            if picture is not None:
-                yield row, picture
+            record = _record(self.folder / RUNS / f"{row['run']:06}.parquet")
+            if record is not None and record.sheet is not None:
+                yield row, record.sheet
                 shown += 1
                 if shown == most:
                     return
@@ -105,22 +101,30 @@ def load(folder: Path) -> StudyResults:
         Mistake: A file is missing or damaged.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
-    numbers = sorted(int(p.stem) for p in (folder / RUNS).glob("*.parquet") if p.stem.isdecimal())
-    rows: list[Row] = []
-    series: dict[int, Series] = {}
-    broken = 0
-    for number in numbers:
-        kept = _kept(_path(folder, number), None)
-        if kept is None or not all(name in kept[0] for name in NEEDED):
-            broken += 1
-            continue
-        rows.append(kept[0])
-        if kept[1] is not None:
-            series[number] = kept[1]
-    if (folder / RESULTS).exists():
-        rows = files.table(folder / RESULTS).to_pylist()
+    paths = sorted((folder / RUNS).glob("*.parquet"))
+    records = load_records(folder)
+    series = {
+        record.number: Series(record.series[TIME], values)
+        for record in records
+        if TIME in record.series
+        and (values := {name: v for name, v in record.series.items() if name in SERIES})
+    }
+    rows = table_of(records).to_pylist() if records else []
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
-    return StudyResults(folder, plan, rows, series, failed, broken)
+    return StudyResults(folder, plan, rows, series, failed, len(paths) - len(records))
+
+
+def load_records(folder: Path) -> list[Record]:
+    """The records in a study's folder without their contact sheets, in their order.
+
+    Files that are damaged, as after a crash, are left out.
+    """
+    found = (_record(path) for path in sorted((folder / RUNS).glob("*.parquet")))
+    return [dataclasses.replace(record, sheet=None) for record in found if record is not None]
+
+
+def _record(path: Path) -> Record | None:
+    return Record.decoded(formats.content(path))
 
 
 def same(found: Any, value: Any) -> bool:
@@ -132,31 +136,3 @@ def median(rows: list[Row], name: str) -> float:
     """Median of a measure; nan if no run has it."""
     found = values(rows, name)
     return float(np.median(found)) if len(found) else np.nan
-
-
-def _path(folder: Path, number: int) -> Path:
-    return folder / RUNS / f"{number:06}.parquet"
-
-
-def _kept(path: Path, columns: list[str] | None) -> tuple[Row, Series | None] | None:
-    """The short columns of a run's file and its values over time; None if it cannot be read."""
-    try:
-        schema = pq.read_schema(path)
-        every = [n for n in schema.names if n != SHEET] if columns is None else columns
-        table = pq.read_table(path, columns=[n for n in every if n in schema.names])
-    except (ValueError, OSError):  # damaged by a crash
-        return None
-    long = [name for name in (TIME, *SERIES) if name in table.column_names]
-    rows = table.drop_columns(long).to_pylist() if table.num_rows else []
-    arrays = {name: _array(table[name]) for name in long if table.num_rows}
-    time = arrays.pop(TIME, np.zeros(0))
-    alike = {name: found for name, found in arrays.items() if len(found) == len(time) > 0}
-    return (rows[0] if rows else {}), (Series(time, alike) if alike else None)
-
-
-def _array(column: Any) -> NDArray[np.float64]:
-    """The list in the only row (n,)."""
-    listed = column[0]
-    if not listed.is_valid:
-        return np.zeros(0)
-    return np.asarray(listed.values.to_numpy(zero_copy_only=False), float)

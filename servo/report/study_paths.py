@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from servo.report.page import PageImage
 from servo.report.study_data import Row, Series, StudyResults
 from servo.report.words import listed
-from servo.study.perform import CAMERA, CORNERS
+from servo.study.scenario_run import CAMERA, CORNERS
 from sim.camera.camera import CameraConfig
 from sim.types import Array
 from tracking.drawing.figures import DOTS, literal

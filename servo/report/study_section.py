@@ -25,7 +25,8 @@ from servo.report.words import (
     spread,
 )
 from servo.scenario.sections import DOES_NOT_REPEAT
-from servo.study.results import COMPARED, Compared, comparisons, grouped, missed
+from servo.study.bounds import missed_by_cells
+from servo.study.results import COMPARED, Compared, comparisons, grouped
 
 MOST_SHEETS = 24
 MOST_FAILURES = 12
@@ -49,7 +50,7 @@ def section(folder: Path) -> Section:
     """
     study = load(folder)
     plan = study.plan
-    broken = missed(list(study.axes), plan.expect, study.rows)
+    broken = missed_by_cells(grouped(list(study.axes), study.rows), plan.expect)
     blocks = [
         _overview(study, broken),
         *(_shown(study) if study.rows else []),

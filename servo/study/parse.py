@@ -16,6 +16,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
 from servo.scenario import source
 from servo.scenario.catalogue import sentence, shipped, studies
+from servo.scenario.draws import Value
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in
 from servo.scenario.toml import assignment, is_number
@@ -29,7 +30,9 @@ from servo.study.axes import (
     flat,
     named_of,
 )
-from servo.study.plan import Base, Study
+from servo.study.bounds import SUCCESS_RATE
+from servo.study.plan import Study
+from servo.study.scenario_run import StudiedScenario
 
 KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
@@ -37,14 +40,25 @@ SEEDS = 3
 MOST_RUNS = 1_000_000
 MOST_CHECKED = 2000
 MOST_SCENARIOS = 1000
+TRACKERS = "trackers"
+"""Axis of the trackers that a command gives."""
 COUNTABLE = 10**15
 """Larger numbers of runs are not written out."""
-SUCCESS = "success_rate"
 
 
-def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> Study:
-    """A study by its shipped name or by the path of a TOML file, with changed settings of all runs,
-    as for --set, and with seeds 0, 1, ... up to a number instead of those of the file.
+def load(
+    name: str,
+    changes: Sequence[str] = (),
+    seeds: int | None = None,
+    trackers: dict[str, dict[str, Value]] | None = None,
+) -> Study:
+    """A study by its shipped name or by the path of a TOML file.
+
+    Args:
+        name: Of the study.
+        changes: Settings of all runs, as for --set.
+        seeds: Replaces the seeds of the file by 0, 1, ... up to this number.
+        trackers: Settings of trackers by their names, which replace the axis `tracker.kind`.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
@@ -69,6 +83,8 @@ def load(name: str, changes: Sequence[str] = (), seeds: int | None = None) -> St
         if seeds > MOST_RUNS:
             raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
+    if trackers is not None:
+        table = table | {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
     study = _study(table, changed, bases, path, place)
     _check(study, place)
     return study
@@ -99,20 +115,26 @@ def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[
 
 
 def _study(
-    table: dict[str, Any], changed: dict[str, Any], bases: tuple[Base, ...], path: Path, place: str
+    table: dict[str, Any],
+    changed: dict[str, Any],
+    bases: tuple[StudiedScenario, ...],
+    path: Path,
+    place: str,
 ) -> Study:
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
     named = named_of(_table(table.get("named", {}), f"{place}: named"), place)
     groups = tuple(Axis(key, tuple(groups)) for key, groups in named.items())
+    files = digests(named_in(table, *(base.table for base in bases)))
+    bases = tuple(
+        replace(base, study=path.name, changes=changed, named=named, files=files) for base in bases
+    )
     study = Study(
         name=path.stem,
         title=sentence(path.read_text(encoding="utf-8-sig")),
         table=table,
         bases=bases,
-        changes=changed,
-        files=digests(named_in(table, *(base.table for base in bases))),
+        files=files,
         axes=(*groups, *axes),
-        named=named,
         draws=draws,
         seeds=_seeds(table.get("seeds", SEEDS), place),
         compare=None,
@@ -142,21 +164,24 @@ def _check(study: Study, place: str) -> None:
     """Parse the first MOST_VALUES samples and the first MOST_CHECKED cells, so that a wrong setting
     is reported before hours of running.
     """
-    cells = itertools.islice(replace(study, seeds=study.seeds[:1]).runs(), MOST_CHECKED)
-    for run in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
-        table = run.table  # its mistakes name their place already
+    cells = itertools.islice(replace(study, seeds=study.seeds[:1]).jobs(), MOST_CHECKED)
+    for job in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
+        base = job.subject
+        assert isinstance(base, StudiedScenario)
+        # Mistakes of this table name their place already.
+        table = base.table_of(job.seed, job.settings)
         try:
-            check_expect(parse_scenario(table, run.base.name, run.base.place, run.base.table))
+            check_expect(parse_scenario(table, base.name, base.place, base.table))
         except Mistake as error:
-            _check_base(run.base, place)
-            settings = study.changes | run.settings
+            _check_base(base, place)
+            settings = base.changes | job.settings
             where = ", ".join(f"{key} = {value}" for key, value in settings.items())
             raise Mistake(
                 f"{place}: where {where}: {error}" if where else f"{place}: {error}"
             ) from None
 
 
-def _check_base(base: Base, place: str) -> None:
+def _check_base(base: StudiedScenario, place: str) -> None:
     """Refuse a scenario that is wrong even without the study's changes."""
     try:
         check_expect(parse_scenario(base.table, base.name, base.place))
@@ -164,18 +189,18 @@ def _check_base(base: Base, place: str) -> None:
         raise Mistake(str(error) if base.place == place else f"{place}: {error}") from None
 
 
-def _bases(given: Any, path: Path, place: str) -> tuple[Base, ...]:
+def _bases(given: Any, path: Path, place: str) -> tuple[StudiedScenario, ...]:
     names: list[Any] = shipped() if given == ALL else given if isinstance(given, list) else [given]
     if not names or not all(isinstance(n, str) for n in names):
         raise Mistake(f'{place}: scenario should name a scenario, several in a list, or "*"')
     if len(names) > MOST_SCENARIOS:
         raise Mistake(f"{place}: scenario has {len(names):,} names; the limit is {MOST_SCENARIOS}")
-    bases: dict[Path, Base] = {}
+    bases: dict[Path, StudiedScenario] = {}
     for name in names:
         beside = path.parent / name
         at = str(beside) if name.endswith(".toml") and beside.is_file() else name
         try:
-            base = Base(at, *source.read(at))
+            base = StudiedScenario(at, *source.read(at))
             file = source.path_of(at).resolve()
         except Mistake as error:
             raise Mistake(f"{place}: scenario: {error}") from None
@@ -197,13 +222,13 @@ def _seeds(given: Any, place: str) -> tuple[int, ...]:
 
 
 def _expect(given: Any, place: str) -> dict[str, float]:
-    known = (SUCCESS, *MEANINGS)
+    known = (SUCCESS_RATE, *MEANINGS)
     for name, bound in _table(given, f"{place}: expect").items():
         if name not in known:
             raise Mistake(f"{place}: expect: {unknown(name, known)}")
         if not is_number(bound):
             raise Mistake(f"{place}: expect.{name} = {bound!r}: a bound is a finite number")
-        if name == SUCCESS and not 0 <= bound <= 1:
+        if name == SUCCESS_RATE and not 0 <= bound <= 1:
             raise Mistake(f"{place}: expect.{name} = {bound!r}: a share is from 0 to 1")
     return dict(given)
 

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.run_measures import MEANINGS
-from servo.study.parse import SUCCESS
-from servo.study.perform import Row
+from servo.study.bounds import SUCCESS_RATE
 from servo.study.plan import Study
+from servo.study.record import Row
+from servo.study.scenario_run import MEASURED
 from servo.study.units import Units
 from tracking.files.csv_text import csv_text
 from tracking.statistics.comparisons import Interval, McNemar, cells, holm, titles
 
-AVERAGED = (*MEANINGS, "track_ms")
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")
 _Held = dict[Any, dict[tuple[Any, ...], bool]]
 """Whether runs succeeded, by unit and by what else distinguishes them."""
@@ -38,7 +37,7 @@ class Cell:
     def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> Cell:
         """The cell of some rows, at least one; `drawn`: whether the seeds draw settings."""
         units = Units.of(rows, settings, drawn)
-        found = {name: units.mean(name) for name in AVERAGED}
+        found = {name: units.mean(name) for name in MEASURED}
         means = {name: mean for name, mean in found.items() if mean is not None}
         return Cell(settings, len(rows), units.name, units.mean("success"), means)
 
@@ -104,20 +103,6 @@ def comparisons(
     ]
 
 
-def missed(keys: Sequence[str], expect: dict[str, float], rows: Iterable[Row]) -> list[str]:
-    """A sentence for each bound that is missed by a group of rows with the same values of axes."""
-    sentences: list[str] = []
-    for settings, group in grouped(keys, rows):
-        for name, bound in expect.items():
-            found = _mean(group, "success" if name == SUCCESS else name)
-            least = name == SUCCESS
-            if not (found >= bound if least else found <= bound):
-                where = ", ".join(f"{k} = {v}" for k, v in settings.items()) or "all runs"
-                words = "at least" if least else "at most"
-                sentences.append(f"{where}: {name} is {found:.3g}, expected {words} {bound:g}")
-    return sentences
-
-
 def cells_csv(study: Study, found: Sequence[Cell]) -> str:
     """The cells as CSV: axes, runs, unit, and success rate and means with 95 % intervals."""
     keys = [axis.key for axis in study.every_axis]
@@ -126,11 +111,11 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
             *(cell.settings[k] for k in keys),
             cell.runs,
             cell.unit,
-            *cells([cell.success, *map(cell.means.get, AVERAGED)]),
+            *cells([cell.success, *map(cell.means.get, MEASURED)]),
         ]
         for cell in found
     ]
-    return csv_text([*keys, "runs", "unit", *titles([SUCCESS, *AVERAGED])], lines)
+    return csv_text([*keys, "runs", "unit", *titles([SUCCESS_RATE, *MEASURED])], lines)
 
 
 def _rate(held: _Held) -> float:
@@ -146,9 +131,3 @@ def _mcnemar(first: _Held, second: _Held) -> McNemar:
             pair = [float(np.mean([held[unit][at] for at in both])) for held in (first, second)]
             rates.append((pair[0], pair[1]))
     return McNemar.of(*np.array(rates, float).reshape(-1, 2).T)
-
-
-def _mean(rows: Sequence[Row], name: str) -> float:
-    """Mean of a measure over the runs that have it; infinite if none has."""
-    found = [row[name] for row in rows if row.get(name) is not None]
-    return float(np.mean(found)) if found else np.inf

@@ -1,147 +1,214 @@
 """The folder of a study, in which finished runs stay when a process is killed.
 
-`study.json` describes the study. Each finished run is a Parquet file of one row, which is written
-under another name, flushed to the disk and renamed. A file that is not the row of its run counts as
-missing.
+`study.json` describes the study. The record of each finished run is a Parquet file of one row,
+written under another name, flushed to the disk and renamed. A file that is not the record of its
+job counts as missing. One process writes at a time.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import pyarrow as pa
+from filelock import FileLock, Timeout
 
-from servo.mistake import Mistake, Refused
-from servo.output.result_folder import check_versions, only_writer
-from servo.study.perform import Row, RunFiles, version_columns
-from servo.study.plan import FailureFile, Run, Study, StudyFile
+from servo.mistake import Mistake, Refused, unwritable
+from servo.output.formats import OtherFormat
+from servo.output.versions import versions
+from servo.study.failure import Failure
+from servo.study.files import FailureFile, StudyFile
+from servo.study.job import Job
+from servo.study.record import Record
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
 RUNS = "runs"
 FAILURES = "failures"
 RESULTS = "results.parquet"
+LOCK = ".lock"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
 """Keys of study.json that must not differ between the sessions of one study."""
+GOES_ON = "the same command goes on from there"
 
 
 @contextmanager
-def opened(folder: Path, study: Study, described: StudyFile) -> Generator[Store]:
-    """The store of a study in a folder, which is made if it is not there; one process may write
-    into it until the block ends.
+def opened(folder: Path, described: StudyFile) -> Generator[Store]:
+    """The store in a folder, which is made if it is not there; locked until the block ends.
+
+    Nothing is written into a folder that belongs to something else.
+
+    Args:
+        folder: The study's folder.
+        described: The study, as this session begins it.
 
     Raises:
-        Mistake: The folder cannot be written or holds something else, or another process is
-            writing into it.
+        Mistake: The folder cannot be written or holds something else, results of other versions
+            are in it, or another process is writing into it.
     """
-    with only_writer(folder, StudyFile, "sweep", own=(RUNS, FAILURES)) as before:
-        yield Store(folder, study, before, described)
+    try:
+        if folder.is_dir():
+            _described(folder, described.holds)
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / LOCK)
+        lock.acquire(blocking=False)
+    except Timeout:
+        raise Mistake(f"{folder}: another command is writing into this folder") from None
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    try:
+        before = _described(folder, described.holds)
+        if before is not None:
+            _check_same(folder, before, described)
+        store = Store(folder)
+        with store.on_disk(described.FILE):
+            if before is None:
+                described.write(folder)
+            for part in (RUNS, FAILURES):
+                atomic.folder(folder, part)
+        yield store
+    finally:
+        lock.release()
+
+
+def _described(folder: Path, holds: str) -> StudyFile | None:
+    """The description that a folder's first session wrote."""
+    path = folder / StudyFile.FILE
+    if not path.exists():
+        if any(not _of_the_beginning(there) for there in folder.iterdir()):
+            raise Mistake(
+                f"{folder}: there is something in this folder, but no {path.name} of `servobench "
+                f"{holds}`; choose another folder with --out"
+            )
+        return None
+    try:
+        return StudyFile.read(path)
+    except OtherFormat as error:
+        raise Mistake(f"{error.fact}; choose another folder with --out") from None
+    except Mistake:
+        raise Mistake(
+            f"{path}: this file is damaged, so the results beside it cannot be identified; "
+            "choose another folder with --out"
+        ) from None
+
+
+def _of_the_beginning(path: Path) -> bool:
+    """Whether a first session that was killed early may have left this."""
+    empty = path.name in (RUNS, FAILURES) and path.is_dir() and not any(path.iterdir())
+    return empty or path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
+
+
+def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
+    if before.holds != now.holds:
+        raise Mistake(
+            f"{folder}: this folder holds results of another command; choose another folder with "
+            "--out"
+        )
+    for what in DECIDE:
+        if as_json(getattr(before, what)) != as_json(getattr(now, what)):
+            raise Mistake(
+                f"{folder}: this folder holds another study (its {what} differs); choose another "
+                "folder with --out"
+            )
+    for name, version in now.versions.items():
+        if before.versions.get(name) != version:
+            raise Mistake(
+                f"{folder}: this was begun with {name} {before.versions.get(name)}, but {version} "
+                "is installed: the numbers could not be compared; choose another folder with --out"
+            )
 
 
 class Store:
     """A study's folder, for one writer."""
 
-    def __init__(
-        self, folder: Path, study: Study, before: StudyFile | None, now: StudyFile
-    ) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._study = study
-        self._files = RunFiles(study)
+        self.done: set[str] = set()
+        """Keys of the jobs that have a record."""
         self.damaged: list[Path] = []
-        """Files that do not hold the run of their name; these runs are repeated."""
-        self._compare(before, now)
-        with self._on_disk("the folder"):
-            for part in (RUNS, FAILURES):
-                atomic.folder(folder, part)
-        self._done = self._checked()
+        """Files that do not hold the record of their name; these jobs are done again."""
 
-    def _compare(self, before: StudyFile | None, now: StudyFile) -> None:
-        if before is None:
-            with self._on_disk(now.FILE):
-                now.write(self.folder)
-            return
-        for what in DECIDE:
-            if as_json(getattr(before, what)) != as_json(getattr(now, what)):
-                raise Mistake(
-                    f"{self.folder}: this folder holds another study (its {what} differs); "
-                    "choose another folder with --out"
-                )
-        check_versions(self.folder, before.versions, now.versions)
+    def find(self, jobs: Iterable[Job]) -> None:
+        """Look for the records of jobs, which are then in `done` or `damaged`."""
+        there = set((self.folder / RUNS).rglob("*.parquet"))
+        for job in jobs if there else ():
+            path = self._path(job)
+            if path in there:
+                if self.record(job) is None:
+                    self.damaged.append(path)
+                else:
+                    self.done.add(job.key)
 
-    def _checked(self) -> set[int]:
-        """Numbers of the runs whose file is whole and holds their row."""
-        there = {path.name for path in (self.folder / RUNS).glob("*.parquet")}
-        done: set[int] = set()
-        runs = (r for r in self._study.runs() if _name(r.number) in there) if there else ()
-        for run in runs:
-            path = self.folder / RUNS / _name(run.number)
-            table = self._files.read(path)
-            if table is not None and self._files.fits(table, run):
-                done.add(run.number)
-            else:
-                self.damaged.append(path)
-            there.remove(path.name)
-        self.damaged += [self.folder / RUNS / name for name in sorted(there)]
-        return done
+    def record(self, job: Job) -> Record | None:
+        """The record of a job; None if there is none, or its file is damaged or another job's."""
+        try:
+            # Read into memory first: the file could change while it is parsed.
+            raw = self._path(job).read_bytes()
+        except OSError:
+            return None
+        return Record.decoded(raw, as_json(job.describe()))
 
-    def done(self) -> set[int]:
-        """Numbers of the runs that are finished."""
-        return set(self._done)
-
-    def add(self, row: Row) -> None:
-        """Store the row of a finished run.
+    def add(self, job: Job, record: Record) -> None:
+        """Keep the record of a job.
 
         Raises:
             Mistake: The worker has other versions.
             Refused: The disk is full, or the file cannot be written.
         """
-        number = int(row["run"])
-        for column, here in version_columns().items():
-            if row.get(column) != here:
-                name = column.removeprefix("version_")
+        for name, here in versions().items():
+            there = record.versions.get(name)
+            if there != here:
                 raise Mistake(
-                    f"a worker has {name} {row.get(column)}, but {here} is installed here: the "
-                    "numbers could not be compared; install the same on every worker"
+                    f"a worker has {name} {there}, but {here} is installed here: the numbers could "
+                    "not be compared; install the same on every worker"
                 )
-        path = self.folder / RUNS / _name(number)
-        encoded = self._files.encoded(row)
+        path = self._path(job)
+        encoded = record.encoded(as_json(job.describe()))
         try:
-            with self._on_disk(f"run {number}"):
-                atomic.write(path.parent, path.name, encoded)
-            self._done.add(number)
+            with self.on_disk(f"run {job.key}"):
+                atomic.write(self.folder, f"{RUNS}/{job.key}.parquet", encoded)
+            self.done.add(job.key)
         except KeyboardInterrupt:
             if path.is_file() and path.read_bytes() == encoded:  # interrupted after the renaming
-                self._done.add(number)
+                self.done.add(job.key)
             raise
         with suppress(OSError):
-            self._failure(number).unlink()
+            self.failure_path(job).unlink()
 
-    def fail(self, run: Run, error: str, command: str) -> Path:
-        """Store why a run failed; the next session runs it again.
+    def fail(self, job: Job, failure: Failure) -> Path:
+        """Keep why a job failed; the next session does it again.
 
         Raises:
             Refused: As for `add`.
         """
-        path = self._failure(run.number)
-        with self._on_disk(f"run {run.number}"):
-            return FailureFile.of(run, error, command).write(path.parent, path.name)
+        if failure.full:
+            raise Refused(f"{failure.reason}; what is in {self.folder} is whole; {GOES_ON}")
+        with self.on_disk(f"run {job.key}"):
+            found = FailureFile.of(job, failure.error)
+            return found.write(self.folder, f"{FAILURES}/{job.key}.json")
 
-    def table(self, numbers: Iterable[int]) -> pa.Table:
-        """The table of finished runs, a row for each, in their order.
+    def records(self, jobs: Iterable[Job], *, series: bool = False) -> list[Record]:
+        """The records of the jobs that have one, in the order of the jobs.
+
+        Args:
+            jobs: All that may have one.
+            series: Whether they keep their series; contact sheets are left out.
 
         Raises:
-            Refused: A file has changed since it was checked.
+            Refused: A file has changed since it was found.
         """
-        tables: list[pa.Table] = []
-        for number in sorted(numbers):
-            path = self.folder / RUNS / _name(number)
-            table = self._files.read(path)
-            if table is None:
-                raise Refused(f"{path}: this file was changed; the same command repeats the run")
-            tables.append(table)
-        return pa.concat_tables(tables)
+        found: list[Record] = []
+        for job in jobs:
+            if job.key in self.done:
+                record = self.record(job)
+                if record is None:
+                    path = self._path(job)
+                    again = "the same command repeats the run"
+                    raise Refused(f"{path}: this file was changed; {again}")
+                kept = record.series if series else {}
+                found.append(dataclasses.replace(record, sheet=None, series=kept))
+        return found
 
     def write(self, name: str, content: bytes | str) -> Path:
         """Write another file of the study; its path.
@@ -149,14 +216,12 @@ class Store:
         Raises:
             Refused: As for `add`.
         """
-        with self._on_disk(name):
+        with self.on_disk(name):
             return atomic.write(self.folder, name, content)
 
-    def _failure(self, number: int) -> Path:
-        return self.folder / FAILURES / f"{number:06}.json"
-
     @contextmanager
-    def _on_disk(self, what: str) -> Generator[None]:
+    def on_disk(self, what: str) -> Generator[None]:
+        """Turn an error of the disk in the block into a sentence; `what` is written there."""
         try:
             yield
         except OSError as error:
@@ -165,6 +230,9 @@ class Store:
                 "whole, and the same command goes on from it"
             ) from None
 
+    def failure_path(self, job: Job) -> Path:
+        """The file that says why a job failed."""
+        return self.folder / FAILURES / f"{job.key}.json"
 
-def _name(number: int) -> str:
-    return f"{number:06}.parquet"
+    def _path(self, job: Job) -> Path:
+        return self.folder / RUNS / f"{job.key}.parquet"

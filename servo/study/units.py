@@ -14,7 +14,7 @@ import numpy as np
 
 from servo.loop.run_measures import MEANINGS
 from servo.study.axes import SCENARIO
-from servo.study.perform import TIMED
+from servo.study.scenario_run import TIMES
 from sim.types import Array
 from tracking.statistics.comparisons import Interval, mean_of
 
@@ -22,7 +22,7 @@ Row = dict[str, Any]
 SUCCESS = "success"
 SIGNED = ("detour_m",)
 """Measures that may be below 0."""
-UNTIMED = tuple(name for name in MEANINGS if name not in TIMED)
+UNTIMED = tuple(name for name in MEANINGS if name not in TIMES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import psutil
 
-from servo.batch.cluster import carry_out
-from servo.batch.local_cluster import local
 from servo.study import store
+from servo.study.cluster.local import local
+from servo.study.cluster.tasks import carry_out
+from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.perform import perform
-from servo.study.plan import StudyFile
 
 MEGA = 2**20
 SHORT = ["run.duration=0.2", "tracker.kind=frozen"]
@@ -29,22 +28,22 @@ def say(line):
 
 
 def timed(run):
-    """A run's row, the seconds it took, and its worker with the memory it has then."""
+    """A run's record, the seconds it took, and its worker with the memory it has then."""
     began = time.perf_counter()
-    row = perform(run)
-    return row, time.perf_counter() - began, os.getpid(), psutil.Process().memory_info().rss
+    record = run.run(Path())
+    return record, time.perf_counter() - began, os.getpid(), psutil.Process().memory_info().rss
 
 
 def carried(study, workers, kept):
     """Wall-clock seconds, seconds inside runs, and memory [MB] of client and workers by run."""
     memory, inside = [], 0.0
-    runs = list(study.runs())
+    runs = list(study.jobs())
     with local(workers) as cluster:
         list(carry_out(cluster, runs[:workers], timed))  # imports, compiled loops
         began = time.perf_counter()
-        for _, ended in carry_out(cluster, runs, timed):
-            row, seconds, worker, rss = ended.value
-            kept.add(row)
+        for job, ended in carry_out(cluster, runs, timed):
+            record, seconds, worker, rss = ended
+            kept.add(job, record)
             inside += seconds
             memory.append((psutil.Process().memory_info().rss / MEGA, worker, rss / MEGA))
         return time.perf_counter() - began, inside, memory
@@ -55,7 +54,7 @@ def scaling(folder, seeds):
     walls = {}
     for workers in (1, 2, 2, 1):
         place = folder / f"{workers}-{len(walls)}"
-        with store.opened(place, study, StudyFile.of(study, "")) as kept:
+        with store.opened(place, StudyFile.of(study, "")) as kept:
             wall, inside, _ = carried(study, workers, kept)
         walls.setdefault(workers, []).append(wall)
         share = 100 * (1 - inside / (wall * workers))
@@ -66,7 +65,7 @@ def scaling(folder, seeds):
 
 def memory(folder, seeds):
     study = load("particles", SHORT, seeds)
-    with store.opened(folder / "memory", study, StudyFile.of(study, "")) as kept:
+    with store.opened(folder / "memory", StudyFile.of(study, "")) as kept:
         _, _, found = carried(study, 2, kept)
     workers = {worker for _, worker, _ in found}
     for count in (len(found) // 10, len(found) // 2, len(found)):

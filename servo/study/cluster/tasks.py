@@ -16,7 +16,7 @@ import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
-from servo.batch.workers import Ended, Lost, failed
+from servo.study.failure import ClusterLost, Failure
 
 DEATHS = 2
 """Most workers that may die at a task; after one more, the task has failed."""
@@ -48,17 +48,17 @@ class Cluster:
     name: str
     """Name for messages."""
     watch: Callable[[int], None]
-    """Called every `TICK` with the number of workers; raises Lost if none come."""
+    """Called every `TICK` with the number of workers; raises ClusterLost if none come."""
 
     def workers(self) -> int:
         """Number of workers now.
 
         Raises:
-            Lost: A worker runs several tasks at once.
+            ClusterLost: A worker runs several tasks at once.
         """
         threads: Any = self.client.nthreads()  # a coroutine only in asynchronous clients
         if max(threads.values(), default=1) > 1:
-            raise Lost(
+            raise ClusterLost(
                 f"{self.name}: a worker has several threads, but a renderer needs a process of its "
                 "own; start the workers with --nthreads 1"
             )
@@ -75,17 +75,18 @@ def silence() -> Generator[None]:
 
 
 Task = TypeVar("Task")
+Done = TypeVar("Done")
 
 
 def carry_out(
-    cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Any]
-) -> Iterator[tuple[Task, Ended]]:
+    cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Done]
+) -> Iterator[tuple[Task, Done | Failure]]:
     """Do tasks, as many at once as there are workers; yields each task when it ends.
 
     The task of a worker that dies is done by another worker.
 
     Raises:
-        Lost: The scheduler has stopped, or has had no workers for a long time.
+        ClusterLost: The scheduler has stopped, or has had no workers for a long time.
     """
     waiting = iter(tasks)
     session = uuid.uuid4().hex
@@ -115,7 +116,7 @@ def carry_out(
                 yield task, _result(future, cluster.name)
             top_up()
     except (OSError, CancelledError) as error:
-        raise Lost(f"{cluster.name} is gone") from error
+        raise ClusterLost(f"{cluster.name} is gone") from error
     finally:
         for _, future in under_way.values():
             future.cancel()
@@ -130,19 +131,18 @@ def _ready(ended: as_completed) -> list[Future[Any]]:
     return ended.next_batch(block=False)
 
 
-def _result(future: Future[Any], name: str) -> Ended:
+def _result(future: Future[Any], name: str) -> Any:
     if future.status == "finished":
-        return Ended(future.result())
+        return future.result()
     if future.status != "error":  # "cancelled", but not by us
-        raise Lost(f"{name} is gone")
+        raise ClusterLost(f"{name} is gone")
     error: Any = future.exception()
     if isinstance(error, KilledWorker):
-        return Ended(
-            None,
+        return Failure(
             f"{DEATHS + 1} workers died during this task, one after the other: there is too "
             "little memory, or they were killed\n",
         )
-    return failed(error)
+    return Failure.of(error)
 
 
 def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:

@@ -17,9 +17,9 @@ from distributed import Client, LocalCluster, Status
 from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
-from servo.batch.cluster import ONE_THREAD, TICK, Cluster, silence
-from servo.batch.workers import Lost
 from servo.mistake import Mistake, Refused
+from servo.study.cluster.tasks import ONE_THREAD, TICK, Cluster, silence
+from servo.study.failure import ClusterLost
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
@@ -120,7 +120,7 @@ class _Replacement:
         dead = [name for name, nanny in nannies if nanny.status in (Status.closed, Status.failed)]
         spent = self.replaced + len(dead) > MOST_REPLACED * self.workers
         if (spent or self.without > LONGEST_START) and not there:
-            raise Lost(
+            raise ClusterLost(
                 "the worker processes end before they can work; there may be too little memory, "
                 "or too few processes or open files allowed (ulimit -a)"
             )

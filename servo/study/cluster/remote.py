@@ -13,10 +13,10 @@ from distributed import Client
 from distributed.security import Security
 from distributed.utils import LoopRunner, sync
 
-from servo.batch import cluster
-from servo.batch.cluster import TICK, Cluster, silence
-from servo.batch.workers import Lost
 from servo.mistake import Mistake
+from servo.study.cluster import tasks
+from servo.study.cluster.tasks import TICK, Cluster, silence
+from servo.study.failure import ClusterLost
 
 PLAIN = "tcp"
 ENCRYPTED = "tls"
@@ -52,7 +52,7 @@ def remote(text: str) -> Generator[Cluster]:
 
     Raises:
         Mistake: There is no scheduler at the address, or it has no workers.
-        Lost: Its workers run several tasks at once.
+        ClusterLost: Its workers run several tasks at once.
     """
     address = check_address(text)
     with silence():
@@ -75,7 +75,7 @@ def remote(text: str) -> Generator[Cluster]:
 
 @dataclass(slots=True)
 class _Watch:
-    """Raises `Lost` when a scheduler has had no worker for `PATIENCE`."""
+    """Raises `ClusterLost` when a scheduler has had no worker for `PATIENCE`."""
 
     name: str
     without: float = 0.0
@@ -83,8 +83,8 @@ class _Watch:
 
     def __call__(self, there: int) -> None:
         self.without = 0.0 if there else self.without + TICK
-        if self.without >= cluster.PATIENCE:
-            raise Lost(f"{self.name} has had no worker for {cluster.PATIENCE:g} s")
+        if self.without >= tasks.PATIENCE:
+            raise ClusterLost(f"{self.name} has had no worker for {tasks.PATIENCE:g} s")
 
 
 def security_of(address: str) -> Security:
@@ -117,15 +117,15 @@ async def _reach(address: str, security: Security) -> Client:
     client: Any = Client(
         address,
         security=security,
-        timeout=CONNECTING * cluster.PATIENCE,
+        timeout=CONNECTING * tasks.PATIENCE,
         asynchronous=True,
         set_as_default=False,
     )
-    said = f"nothing answered within {cluster.PATIENCE:g} s"
+    said = f"nothing answered within {tasks.PATIENCE:g} s"
     try:
-        async with asyncio.timeout(cluster.PATIENCE):
+        async with asyncio.timeout(tasks.PATIENCE):
             await client
-            said = f"it had no worker for {cluster.PATIENCE:g} s"
+            said = f"it had no worker for {tasks.PATIENCE:g} s"
             await client.wait_for_workers(1)
         return client
     except Exception as error:  # anything may answer there

@@ -1,0 +1,96 @@
+"""Bounds that runs must keep. A value that is missing or infinite misses every upper bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tracking.files.json_text import number
+
+SUCCESS_RATE = "success_rate"
+"""The only bound from below: the share of runs that succeed."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissedBound:
+    """A bound that a run did not keep."""
+
+    name: str
+    found: float | str | None
+    """None where there is no finite value."""
+    bound: float | str
+
+    def __str__(self) -> str:
+        found = "not finite" if self.found is None else self.found
+        found = f"{found:.3g}" if isinstance(found, float) else found
+        if isinstance(self.bound, str):
+            return f"{self.name} is {found}, expected {self.bound}"
+        return f"{self.name} is {found}, expected at most {self.bound:g}"
+
+
+def is_kept(value: float | None, bound: float) -> bool:
+    """Return whether a value keeps an upper bound; a missing or infinite one does not."""
+    return value is not None and np.isfinite(value) and value <= bound
+
+
+def missed_bounds(
+    outcome: str, measures: Mapping[str, float | None], expect: Mapping[str, float | str]
+) -> tuple[MissedBound, ...]:
+    """Return the bounds that a run does not keep.
+
+    Args:
+        outcome: Name of the run's outcome.
+        measures: Its measures by name.
+        expect: Upper bounds by measure, and the expected `outcome`.
+    """
+    found: list[MissedBound] = []
+    for name, bound in expect.items():
+        if isinstance(bound, str):
+            if outcome != bound:
+                found.append(MissedBound(name, outcome, bound))
+        elif not is_kept(value := measures[name], bound):
+            found.append(MissedBound(name, None if value is None else number(value), bound))
+    return tuple(found)
+
+
+def missed_by_cells(
+    cells: Iterable[tuple[Mapping[str, Any], Sequence[Mapping[str, Any]]]],
+    expect: Mapping[str, float],
+) -> list[str]:
+    """Return a sentence for each bound that a cell misses.
+
+    An upper bound is on the mean over all runs of the cell, which is infinite if one run has no
+    finite value.
+
+    Args:
+        cells: Axis values of each cell, and the rows of its runs.
+        expect: Upper bounds by measure, and the least `success_rate`.
+    """
+    sentences: list[str] = []
+    for settings, rows in cells:
+        where = ", ".join(f"{k} = {v}" for k, v in settings.items()) or "all runs"
+        for name, bound in expect.items():
+            if name == SUCCESS_RATE:
+                rate = float(np.mean([row["success"] for row in rows]))
+                if rate < bound:
+                    sentences.append(f"{where}: {name} is {rate:.3g}, expected at least {bound:g}")
+                continue
+            finite = [value for row in rows if (value := _finite(row.get(name))) is not None]
+            without = len(rows) - len(finite)
+            mean = float(np.mean(finite)) if finite and not without else None
+            if is_kept(mean, bound):
+                continue
+            found = (
+                f"is {mean:.3g}"
+                if mean is not None
+                else f"has no finite value in {without} of {len(rows)} runs"
+            )
+            sentences.append(f"{where}: {name} {found}, expected at most {bound:g}")
+    return sentences
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None else number(value)

@@ -1,0 +1,10 @@
+"""Work distributed over processes with Dask, on this machine or on an existing cluster."""
+
+from importlib import import_module
+
+from servo.mistake import Mistake
+
+try:
+    import_module("dask.config")  # reads the user's files, such as ~/.config/dask/tls.yaml
+except ValueError as error:
+    raise Mistake(f"Dask's settings cannot be read: {error}") from None

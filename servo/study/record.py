@@ -1,0 +1,188 @@
+"""The record of a run: what ran, what came out, and the row that keeps it in a file.
+
+A row is a Parquet table with a column for each setting and measure; its long columns are lists.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from servo.output.versions import versions
+from servo.study.bounds import MissedBound
+from tracking.files.json_text import number
+
+Row = dict[str, Any]
+"""The cells of a record by column."""
+SCENARIO = "scenario"
+SEQUENCE = "sequence"
+SHEET = "sheet"
+MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))
+"""Numbers are texts here, because a bound on the outcome is a word."""
+VERSION = "version_"
+ABOUT = b"servobench"
+"""Key of the file's metadata: what decides the record, and which columns are settings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """A finished run of a scenario in the closed loop, or of a tracker on a sequence."""
+
+    number: int = 0
+    """Place in its study, from 0."""
+    subject: str
+    """Name of the scenario or the sequence."""
+    subject_is: str = SCENARIO
+    seed: int
+    settings: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What distinguishes the run from others of its study: values of axes and draws by key."""
+    command: str = ""
+    """Repeats the run alone."""
+    outcome: str
+    """Name of the outcome."""
+    success: bool
+    """Whether it ended as expected."""
+    measures: dict[str, float]
+    """Values by name; nan or infinite where there is no value."""
+    missed: tuple[MissedBound, ...] = ()
+    repeats: bool = True
+    """Whether a repetition gives the same numbers."""
+    versions: dict[str, str] = field(default_factory=versions)
+    """Those that decide the numbers."""
+    series: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
+    """Values over time, or curves, by name."""
+    sheet: bytes | None = None
+    """A contact sheet as JPEG."""
+    seconds: float = np.nan
+    """Wall-clock time; nan in a record that was read from a file."""
+
+    @property
+    def row(self) -> Row:
+        """The short columns of its row; a measure without a finite value is None."""
+        return {
+            "run": self.number,
+            self.subject_is: self.subject,
+            "seed": self.seed,
+            **self.settings,
+            "repeats": self.repeats,
+            "outcome": self.outcome,
+            "success": self.success,
+            "missed": [
+                {"name": m.name, "found": _text(m.found), "bound": _text(m.bound)}
+                for m in self.missed
+            ],
+            **{name: number(value) for name, value in self.measures.items()},
+            **version_columns(self.versions),
+        }
+
+    def encoded(self, job: Mapping[str, Any]) -> bytes:
+        """The file of its row; `job` describes what decides it."""
+        table = table_of([self])
+        for name, values in self.series.items():
+            table = table.append_column(name, pa.array([values], pa.list_(_type_of(values))))
+        table = table.append_column(SHEET, pa.array([self.sheet], pa.binary()))
+        about = {
+            "job": job,
+            "subject_is": self.subject_is,
+            "settings": list(self.settings),
+            "measures": list(self.measures),
+            "versions": self.versions,
+            "command": self.command,
+        }
+        return parquet(table.replace_schema_metadata({ABOUT: json.dumps(about).encode()}))
+
+    @classmethod
+    def decoded(cls, raw: bytes, job: Mapping[str, Any] | None = None) -> Self | None:
+        """The record in a file; None if the file is damaged, or of another job than a given one."""
+        try:
+            table = pq.read_table(pa.BufferReader(raw), page_checksum_verification=True)
+            about = json.loads((table.schema.metadata or {}).get(ABOUT, b"{}"))
+            if table.num_rows != 1 or (job is not None and about["job"] != job):
+                return None
+            kind = about["subject_is"]
+            keys = {"run", kind, "seed", "repeats", "outcome", "success", "missed", SHEET}
+            keys |= {*about["settings"], *about["measures"]}
+            keys |= {*version_columns(about["versions"])}
+            long = [name for name in table.column_names if name not in keys]
+            row = table.drop_columns(long).to_pylist()[0]
+            return cls(
+                number=row["run"],
+                subject=row[kind],
+                subject_is=kind,
+                seed=row["seed"],
+                settings={key: row[key] for key in about["settings"]},
+                command=about["command"],
+                outcome=row["outcome"],
+                success=row["success"],
+                measures={k: np.nan if row[k] is None else row[k] for k in about["measures"]},
+                missed=tuple(MissedBound(**m) for m in row["missed"]),
+                repeats=row["repeats"],
+                versions=about["versions"],
+                series={n: table[n][0].values.to_numpy(zero_copy_only=False) for n in long},
+                sheet=row[SHEET],
+            )
+        # A file of zeros after a crash, flipped bits, or a file of another program.
+        except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError, KeyError):
+            return None
+
+
+def table_of(records: Sequence[Record]) -> pa.Table:
+    """The rows of some records, at least one, as a table; values of mixed types are texts."""
+    rows = [record.row for record in records]
+    first = records[0]
+    types = {
+        "run": pa.int64(),
+        first.subject_is: pa.string(),
+        "seed": pa.int64(),
+        **{key: _type(row[key] for row in rows) for key in first.settings if key != SCENARIO},
+        "repeats": pa.bool_(),
+        "outcome": pa.string(),
+        "success": pa.bool_(),
+        "missed": MISSED,
+        **dict.fromkeys(first.measures, pa.float64()),
+        **dict.fromkeys(version_columns(first.versions), pa.string()),
+    }
+    schema = pa.schema(list(types.items()))
+    return pa.Table.from_pylist(
+        [{name: _cell(row[name], kind) for name, kind in types.items()} for row in rows], schema
+    )
+
+
+def parquet(table: pa.Table) -> bytes:
+    """A table as a Parquet file with checksums."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, write_page_checksum=True)
+    return sink.getvalue().to_pybytes()
+
+
+def version_columns(found: Mapping[str, str]) -> dict[str, str]:
+    """Versions by the name of their column."""
+    return {f"{VERSION}{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
+
+
+def _text(value: float | str | None) -> str | None:
+    return None if value is None else str(value)
+
+
+def _cell(value: Any, kind: pa.DataType) -> Any:
+    return value if kind != pa.string() or value is None else str(value)
+
+
+def _type(values: Iterable[Any]) -> pa.DataType:
+    kinds = {type(v) for v in values}
+    if kinds == {bool}:
+        return pa.bool_()
+    if kinds == {int}:
+        return pa.int64()
+    return pa.float64() if kinds <= {int, float} else pa.string()
+
+
+def _type_of(values: NDArray[Any]) -> pa.DataType:
+    return pa.from_numpy_dtype(values.dtype)

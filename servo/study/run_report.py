@@ -1,0 +1,93 @@
+"""The report of a run: its record with all settings, for the page about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from servo.loop.run_measures import MEANINGS
+from servo.loop.step import Scene
+from servo.mistake import Mistake
+from servo.output.formats import Made, Number
+from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
+from servo.study.bounds import MissedBound
+from servo.study.record import Record
+from sim.models.target import dimensions
+from tracking.files.json_text import as_json, number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunReport(Made):
+    """Outcome, measures, bounds and settings of a run."""
+
+    FILE: ClassVar[str] = "report.json"
+    KIND: ClassVar[str] = "run"
+
+    scenario: str
+    seed: int
+    outcome: str
+    """The name of an `Outcome`."""
+    measures: dict[str, Number | None]
+    """Values of the measures by name; None if there is no finite value."""
+    units: dict[str, str]
+    """Units of the measures by name."""
+    expect: dict[str, Number | str]
+    """The scenario's bounds for its tracker."""
+    missed: list[MissedBound]
+    """The bounds that were not kept."""
+    features: dict[str, str]
+    """Units of the features by name."""
+    feed_forward: list[str]
+    """Features for which the target's motion is drawn."""
+    settings: dict[str, Any]
+    """All settings of the run, including defaults and the target's rectangle."""
+    table: dict[str, Any]
+    """The scenario's TOML table, including changes."""
+    rates: dict[str, Number] = field(default_factory=dict)
+    """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
+    unjudged: str = ""
+    """Why there is no verdict, where the bounds are made for another tracker."""
+
+    @staticmethod
+    def of(record: Record, scenario: Scenario, scene: Scene) -> RunReport:
+        """The report of a run."""
+        features = scene.features
+        settings = scenario.settings()
+        settings["target"] |= {"outline": dimensions(scene.outline)}
+        return RunReport(
+            command=record.command,
+            versions=record.versions,
+            scenario=record.subject,
+            seed=record.seed,
+            outcome=record.outcome,
+            measures={name: number(record.measures[name]) for name in MEANINGS},
+            units={name: unit for name, (unit, _) in MEANINGS.items()},
+            expect=scenario.expect,
+            missed=list(record.missed),
+            features=dict(zip(features.names, features.units, strict=True)),
+            feed_forward=list(features.feed_forward),
+            settings=as_json(settings),
+            table=_table(scenario),
+            rates=scenario.rates_changed,
+            unjudged=scenario.unjudged,
+        )
+
+
+def _table(scenario: Scenario) -> dict[str, Any]:
+    """The scenario's table; if Python changed a setting, a table of all settings."""
+    settings = scenario.settings()
+    try:
+        same = scenarios.parse(scenario.table, scenario.name, scenario.name).settings() == settings
+    except Mistake:
+        same = False
+    return as_json(
+        scenario.table if same else _without_none(settings | {"expect": scenario.expect})
+    )
+
+
+def _without_none(value: Any) -> Any:
+    """A value without settings that are None: TOML has no null, and None is their default."""
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return [_without_none(item) for item in value] if isinstance(value, list) else value

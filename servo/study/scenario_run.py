@@ -1,0 +1,234 @@
+"""Runs of scenarios in the closed loop: their subjects, and their records."""
+
+from __future__ import annotations
+
+import copy
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from servo.loop.check_expect import check_expect
+from servo.loop.measured_run import measured_run
+from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise
+from servo.loop.step import Step
+from servo.mistake import Mistake
+from servo.output.formats import command_line
+from servo.scenario import load as scenarios
+from servo.scenario.draws import Value
+from servo.scenario.load import Scenario, Table
+from servo.scenario.named_files import digest_of
+from servo.scenario.toml import assignment, put
+from servo.study.axes import SCENARIO, Named
+from servo.study.bounds import missed_bounds
+from servo.study.job import Job
+from servo.study.record import Record
+from sim.kinds import UnknownKind
+from tracking.drawing.contact_sheet import page, tile
+from tracking.drawing.picture_bytes import encoded
+from tracking.sequences.sources import Picture
+
+TILES = 8
+JPEG_QUALITY = 80
+CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
+"""The camera's place in the target's frame: x along the nose, y to its right, z into the table."""
+CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
+"""Projected corners of the target's reference rectangle."""
+TRACK_MS = "track_ms"
+"""The tracker's time for a picture, median [ms]: a measure of records only."""
+MEASURED = (*MEANINGS, TRACK_MS)
+"""The measures of a record."""
+TIMES = (TIMED, TRACK_MS)
+"""Measured times, which differ when a run is repeated."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedScenario:
+    """A subject: a scenario as it was loaded, with its seed."""
+
+    scenario: Scenario
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario."""
+        return self.scenario.name
+
+    def describe(self) -> dict[str, Any]:
+        """The scenario's table."""
+        return {"scenario": self.name, "table": self.scenario.table}
+
+    def perform(self, job: Job, folder: Path) -> Record:
+        """Run the scenario."""
+        del folder
+        return _performed(job, self.scenario)
+
+
+@dataclass(frozen=True, slots=True)
+class StudiedScenario:
+    """A subject: a scenario that a study changes, parsed where it is run."""
+
+    name: str
+    """Shipped name, or path of a TOML file."""
+    table: Table
+    place: str
+    """Its file, for messages."""
+    study: str = ""
+    """The study's file, for messages."""
+    changes: dict[str, Value] = field(default_factory=dict[str, Value])
+    """Settings that all runs of the study have in common."""
+    named: Named = field(default_factory=dict[str, dict[str, dict[str, Value]]])
+    """Groups of settings that values of axes name, by axis and name."""
+    files: dict[str, str] = field(default_factory=dict[str, str])
+    """Digests of the files that the study names, by path."""
+
+    def describe(self) -> dict[str, Any]:
+        """The scenario's table, and what the study changes in it."""
+        return {"scenario": self.name, "table": self.table, "changes": self.changes}
+
+    def table_of(self, seed: int, settings: dict[str, Value]) -> Table:
+        """The scenario's table with all changes of one run."""
+        table = copy.deepcopy(self.table)
+        table.pop("sweep", None)
+        for key, value in _ordered(self.changes | self._own(settings)).items():
+            put(table, key, value, self.study)
+        put(table, "run.seed", seed, self.study)
+        return table
+
+    def parsed(self, seed: int, settings: dict[str, Value]) -> Scenario:
+        """The scenario of one run.
+
+        Raises:
+            Mistake: A setting is not valid.
+        """
+        table = self.table_of(seed, settings)
+        scenario = scenarios.parse(table, self.name, self.place, self.table)
+        check_expect(scenario)
+        return scenario
+
+    def command(self, seed: int, settings: dict[str, Value]) -> str:
+        """The command that repeats one run alone."""
+        changes = _ordered(self.changes | self._own(settings))
+        return command_line(
+            "run", self.name, seed=seed, set=[f"{k}={_toml(v)}" for k, v in changes.items()]
+        )
+
+    def perform(self, job: Job, folder: Path) -> Record:
+        """Run the scenario of a job; it was right where the study began.
+
+        Raises:
+            Mistake: This machine lacks a package, or a file differs.
+        """
+        del folder
+        for path, digest in self.files.items():
+            if digest_of(path) != digest:
+                raise Mistake(
+                    f"on {platform.node()}, the file {path} is not the one that the study began "
+                    "with"
+                )
+        try:
+            scenario = self.parsed(job.seed, job.settings)
+        except Mistake as error:
+            if not isinstance(error.__cause__, UnknownKind):
+                raise
+            raise Mistake(f"the worker on {platform.node()} lacks a package: {error}") from error
+        return _performed(job, scenario)
+
+    def _own(self, settings: dict[str, Value]) -> dict[str, Value]:
+        """The settings of one run, those of named groups one by one."""
+        found: dict[str, Value] = {}
+        for key, value in settings.items():
+            if key != SCENARIO:
+                found |= self.named[key][str(value)] if key in self.named else {key: value}
+        return found
+
+
+def record_of(
+    job: Job,
+    scenario: Scenario,
+    steps: Sequence[Step],
+    seconds: float = np.nan,
+    sheet: bytes | None = None,
+) -> Record:
+    """Return the record of a run from its steps.
+
+    Args:
+        job: What was run.
+        scenario: As it was run.
+        steps: All of them; they need no pictures.
+        seconds: Wall-clock time.
+        sheet: The run's contact sheet as JPEG.
+    """
+    summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    outcome = summary.outcome.name
+    expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
+    track_ms = 1e3 * float(np.median([s.seconds.track for s in steps]))
+    return Record(
+        number=job.number,
+        subject=job.subject.name,
+        seed=job.seed,
+        settings=job.settings,
+        command=job.command,
+        outcome=outcome,
+        success=outcome == expected,
+        measures=summary.measures | {TRACK_MS: track_ms},
+        missed=missed_bounds(outcome, summary.measures, scenario.expect),
+        repeats=scenario.run.repeats,
+        series=_series(steps),
+        sheet=sheet,
+        seconds=seconds,
+    )
+
+
+def _performed(job: Job, scenario: Scenario) -> Record:
+    began = time.perf_counter()
+    last = scenario.frames - 1
+    shown = set(np.linspace(0, last, TILES).astype(int)) if job.pictured else set()
+    tiles: list[Any] = []
+
+    def keep(step: Step) -> None:
+        if step.frame.index in shown:
+            tiles.append(_tile(step))
+
+    steps = measured_run(scenario, keep)[0]
+    sheet = encoded(page(tiles), JPEG_QUALITY) if tiles else None
+    return record_of(job, scenario, steps, time.perf_counter() - began, sheet)
+
+
+def _ordered(settings: dict[str, Value]) -> dict[str, Value]:
+    """Settings with kinds and presets first: a change of kind clears the kind's other settings."""
+    return dict(sorted(settings.items(), key=lambda item: not item[0].endswith(".kind")))
+
+
+def _toml(value: Value) -> str:
+    """A value as TOML in one line; a text that --set would read as itself stays without quotes."""
+    if isinstance(value, str) and assignment(f"key={value}") == ("key", value):
+        return value
+    # Inside two lists everything is written as a value, never as a table of its own.
+    lines = tomli_w.dumps({"key": [[value]]}).strip().split("\n")
+    return " ".join(line.strip() for line in lines).removeprefix("key = [ [ ")[: -len(", ], ]")]
+
+
+def _series(steps: Sequence[Step]) -> dict[str, NDArray[Any]]:
+    """Values over time, in the precision of the files."""
+    errors = np.array([s.tracking_error for s in steps])
+    places = np.array([s.T_object_camera.translation for s in steps])
+    corners = np.array([s.truth.corners.ravel() for s in steps])
+    columns = {
+        **dict(zip((*CAMERA, *CORNERS), np.hstack([places, corners]).T, strict=True)),
+        "time_s": [s.frame.time for s in steps],
+        "servo_error_px": [s.servo_error for s in steps],
+        "tracking_error_px": errors,
+    }
+    floats = {name: np.asarray(values, np.float32) for name, values in columns.items()}
+    return {**floats, "on_target": errors <= CONVERGED_PX}
+
+
+def _tile(step: Step) -> Any:
+    picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
+    return tile(picture, step.truth.corners, step.estimate.outline(step.region))
