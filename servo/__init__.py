@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from servo.loop.episode import Episode, run
-    from servo.loop.loop import Loop
+    from servo.loop.loop import Loop, Running
     from servo.loop.step import Step
     from servo.mistake import Mistake
     from servo.parts import Controller, Estimator, FeatureSet, Task
@@ -48,6 +48,7 @@ __all__ = [
     "Record",
     "Region",
     "Run",
+    "Running",
     "Scenario",
     "Sight",
     "State",
@@ -65,7 +66,7 @@ __all__ = [
 ]
 HOMES = {
     "servo.loop.episode": ("Episode", "run"),
-    "servo.loop.loop": ("Loop",),
+    "servo.loop.loop": ("Loop", "Running"),
     "servo.loop.step": ("Step",),
     "servo.mistake": ("Mistake",),
     "servo.scenario.load": ("Scenario", "load"),

@@ -48,10 +48,13 @@ except ModuleNotFoundError as error:
 ID = "servobench/Servo-v0"
 OBSERVATIONS = ("features", "picture", "both")
 ACTIONS = ("twist", "residual")
-LARGEST = 10.0
-"""Values of the features are cut at this."""
+LARGEST_FEATURE = 10.0
+"""Values of the observation "features" are cut at this: errors are of the order of 1 at the most,
+and a network should not see one that exploded."""
 LAST_SEED = 2**31
-LEVEL = [0, 1, 2, 5]
+"""A seed that is drawn is below this."""
+LEVEL_DOF = [0, 1, 2, 5]
+"""Parts of the twist of a law that does not say which it moves: vx, vy, vz, wz."""
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
@@ -112,12 +115,12 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def _law_moves(self) -> list[int]:
         moves = getattr(self._base.controller, "moves", None)
         six = self._features >= len(DOF)
-        return LEVEL if moves is None else np.flatnonzero(moves(six=six)).tolist()
+        return LEVEL_DOF if moves is None else np.flatnonzero(moves(six=six)).tolist()
 
     def _space(self) -> spaces.Space[Any]:
         camera = self._base.camera
         length = 2 * self._features + len(DOF) + len(self._moves) + 1
-        own = spaces.Box(-LARGEST, LARGEST, (length,), np.float32)
+        own = spaces.Box(-LARGEST_FEATURE, LARGEST_FEATURE, (length,), np.float32)
         picture = spaces.Box(0, 255, (camera.height, camera.width, 3), np.uint8)
         both = spaces.Dict({"features": own, "picture": picture})
         return {"features": own, "picture": picture, "both": both}[self._observation]
@@ -142,16 +145,16 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if scenario.run.seed != drawn:
             raise Mistake("options: the seed of a run is given as reset(seed=...)")
         self._episode = Episode(scenario, steered=True, kept=self._kept)
-        self._done = np.zeros(len(self._moves))
+        self._action = np.zeros(len(self._moves))
         step = self._look()
         seen = self._observed(step)
         if seen not in self.observation_space:
             self._end()
             raise Mistake("options: observations would have another shape; make an environment")
-        return seen, self._told(step) | {"seed": drawn, "drawn": scenario.drawn}
+        return seen, self._info(step) | {"seed": drawn, "drawn": scenario.drawn}
 
     def _scenario(self, seed: int, options: Any) -> Scenario:
-        """The scenario with a seed's draws."""
+        """Return the scenario with a seed's draws."""
         name, overrides, settings = self._given
         if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
             raise Mistake(f"options: expected settings by name, got {options!r}")
@@ -174,12 +177,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """
         if self._episode is None:
             raise Mistake("step: there is no run; call reset first")
-        done = np.clip(numbers(action, "step", len(self._done)), -1.0, 1.0)
+        clipped = np.clip(numbers(action, "step", len(self._moves)), -1.0, 1.0)
         twist = np.array(self._now.command.twist) if self._residual else np.zeros(6)
-        twist[self._moves] += self._reach * done
-        self._done = done
-        with self._episode.naming_parts():
-            self._episode.move(self._now, twist)
+        twist[self._moves] += self._reach * clipped
+        self._action = clipped
+        self._episode.move(self._now, twist)
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
@@ -188,7 +190,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         seen = self._observed(step)
         if lost or over:
             self._end()
-        return seen, reward, lost, over and not lost, self._told(step)
+        return seen, reward, lost, over and not lost, self._info(step)
 
     @property
     def frames(self) -> int:
@@ -197,8 +199,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def _look(self) -> Step:
         assert self._episode is not None
-        with self._episode.naming_parts():
-            self._now = self._episode.look()
+        self._now = self._episode.look()
         if self.render_mode == "human":
             self._window = self._window or View(ID)
             self._window.show(annotated(self._now))
@@ -210,7 +211,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         inside = np.all((centre >= 0) & (centre <= size)) and step.truth.depth > 0
         return bool(step.estimate.status is Status.LOST or not inside)
 
-    def _told(self, step: Step) -> dict[str, Any]:
+    def _info(self, step: Step) -> dict[str, Any]:
         return {
             "time_s": step.frame.time,
             "servo_error_px": step.servo_error,
@@ -219,8 +220,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         }
 
     def _observed(self, step: Step) -> Any:
-        """Features: k errors and k parts of the target's own motion as the estimator has it, over
-        `FeatureSet.scales`; the camera's measured twist (6); the last action; whether it is seen.
+        """Return the observation. Its features: k errors and k parts of the target's own motion as
+        the estimator has it, over `FeatureSet.scales`; the camera's measured twist (6); the last
+        action; whether it is seen.
         """
         picture = step.frame.image
         if self._observation == "picture":
@@ -230,14 +232,20 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             step.error / scales,
             step.prediction.motion / scales,
             step.twist_measured,
-            self._done,
+            self._action,
             [step.seen],
         )
-        own = np.nan_to_num(np.concatenate(parts)).clip(-LARGEST, LARGEST).astype(np.float32)
+        own = (
+            np.nan_to_num(np.concatenate(parts))
+            .clip(-LARGEST_FEATURE, LARGEST_FEATURE)
+            .astype(np.float32)
+        )
         return own if self._observation == "features" else {"features": own, "picture": picture}
 
     def render(self) -> Any:
-        """The picture of now with truth (white), goal (red) and estimate, in mode "rgb_array"."""
+        """Return the picture of now with truth (white), goal (red) and estimate, in mode
+        "rgb_array".
+        """
         if not hasattr(self, "_now"):
             raise Mistake("render: there is no run; call reset first")
         return annotated(self._now) if self.render_mode == "rgb_array" else None

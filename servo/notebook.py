@@ -28,7 +28,7 @@ class Advance(Protocol):
 
 @contextmanager
 def progress(title: str, total: int) -> Generator[Advance]:
-    """A progress bar where this runs in a notebook, until the block ends; elsewhere nothing."""
+    """Show a progress bar until the block ends, if this runs in a notebook."""
     if not in_notebook():
         yield _nothing
         return
@@ -64,12 +64,12 @@ def _bar(title: str, done: int, total: int, note: str) -> str:
 
 
 def frame_of(table: pa.Table) -> Any:
-    """A table as a DataFrame where pandas is installed, else as it is."""
+    """Return a table as a DataFrame where pandas is installed, else as it is."""
     return table if find_spec("pandas") is None else table.to_pandas()
 
 
 def html_table(table: Table) -> str:
-    """A table as HTML."""
+    """Return a table as HTML."""
 
     def row(cells: Any, tag: str) -> str:
         return f"<tr>{''.join(f'<{tag}>{_text(c)}</{tag}>' for c in cells)}</tr>"
@@ -83,12 +83,12 @@ def _text(cell: Cell) -> str:
 
 
 def html_picture(png: bytes) -> str:
-    """A PNG picture as HTML."""
+    """Return a PNG picture as HTML."""
     return f'<img style="max-width:100%" src="data:image/png;base64,{_base64(png)}">'
 
 
 def html_film(mp4: bytes) -> str:
-    """A film as HTML."""
+    """Return a film as HTML."""
     source = f"data:video/mp4;base64,{_base64(mp4)}"
     return f'<video controls loop style="max-width:100%" src="{source}"></video>'
 

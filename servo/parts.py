@@ -49,23 +49,23 @@ class FeatureSet(Protocol):
         ...
 
     def values(self, sight: Sight) -> Array:
-        """The features (k,)."""
+        """Return the features (k,)."""
         ...
 
     def matrix(self, sight: Sight) -> Array:
-        """The interaction matrix (k, 6): ds/dt = L v for a target that stands still."""
+        """Return the interaction matrix (k, 6): ds/dt = L v for a target that stands still."""
         ...
 
     def error(self, values: Array, goal: Array) -> Array:
-        """The error (k,): values minus goal, angles wrapped."""
+        """Return the error (k,): values minus goal, angles wrapped."""
         ...
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Which features (k,) are measured; the others are left as they are."""
+        """Return which features (k,) are measured; the others are left as they are."""
         ...
 
     def scales(self, goal: Array) -> Array:
-        """What estimators divide the features by (k,), at a goal (k,); 1 for angles. Their
+        """Return what estimators divide the features by (k,), at a goal (k,); 1 for angles. Their
         constants then hold for any target and depth.
         """
         ...
@@ -90,7 +90,7 @@ class Estimator(Protocol):
         ...
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction after a frame.
+        """Return the prediction after a frame.
 
         Args:
             error: Feature error e_k (k,); nan for features that were not measured.
@@ -100,7 +100,7 @@ class Estimator(Protocol):
         ...
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction after a frame in which the target was not seen.
+        """Return the prediction after a frame in which the target was not seen.
 
         Its error is zero where the estimator predicts none: nothing is servoed then.
         """
@@ -123,8 +123,8 @@ class NeedsTruth(Protocol):
     """An estimator that knows the truth, for comparison: a simulation only has it."""
 
     def give(self, motion: Array) -> None:
-        """The true de/dt (k,) of the target's own motion while the next command acts, over
-        `FeatureSet.scales`; before each `update` or `skip`.
+        """Take the true de/dt (k,) of the target's own motion while the next command acts, over
+        `FeatureSet.scales`; called before each `update` or `skip`.
         """
         ...
 
@@ -163,7 +163,7 @@ class Controller(Protocol):
         ...
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """The twist to ask for now.
+        """Return the twist to ask for now.
 
         Args:
             seen: The target, None where it was not seen.

@@ -103,8 +103,8 @@ class Sight:
 
 
 def pose_in_plane(points: Array, normal: Array) -> Pose:
-    """The pose of a rectangle whose corners (4, 3) [m] lie in a plane with this normal (3,): origin
-    in its centre, x towards the second and third corner, z along the normal.
+    """Return the pose of a rectangle whose corners (4, 3) [m] lie in a plane with this normal (3,):
+    origin in its centre, x towards the second and third corner, z along the normal.
     """
     z = normal / np.linalg.norm(normal)
     ahead = points[1] + points[2] - points[0] - points[3]
@@ -139,14 +139,14 @@ class Prediction:
     """Innovation squared over its variance (k,), 1 on average where the filter fits; or nan."""
 
     def times(self, scales: Array) -> Prediction:
-        """The same in other units: multiplied by scales (k,)."""
+        """Return the same in other units: multiplied by scales (k,)."""
         return Prediction(
             self.error * scales, self.motion * scales, self.innovation * scales, self.nis
         )
 
     @staticmethod
     def unmeasured(error: Array, motion: Array) -> Prediction:
-        """Without innovations."""
+        """Return a prediction without innovations."""
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none)
 

@@ -107,7 +107,7 @@ TRACKERS = {
     "a black picture of 160 x 120 px made update raise ZeroDivisionError: ": Fragile,
     "the status is LOCKED two seconds after the target has gone": changed(status=Status.LOCKED),
     "start took a region of 0 x 20 px; raise a ValueError": AnyRegion,
-    "build(rng) gave Namespace, which has no method start": lambda rng: Namespace(),
+    "build returned Namespace, which has no method start": lambda rng: Namespace(),
 }
 
 

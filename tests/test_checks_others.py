@@ -60,11 +60,11 @@ FEATURES = {
     "feed_forward names features that are none": {"feed_forward": ("z",)},
     "sole_dof maps names of features to some of vx, vy": {"sole_dof": {"x": "ux"}},
     "noise is not 2 numbers above 0": {"noise": np.zeros(2)},
-    "values are (3,); they should be (2,)": {"values": lambda self, sight: np.zeros(3)},
-    "the matrix is (6, 2), not (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
+    "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},
+    "matrix returned (6, 2); it should be (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
     "error(s, s) is [1. 1.]; it should be zero": {"error": lambda self, s, g: np.ones(2)},
-    "known is not 2 flags": {"known": lambda self, sight: True},
-    "scales are not 2 numbers above 0": {"scales": lambda self, goal: np.zeros(2)},
+    "known returned (); it should be (2,)": {"known": lambda self, sight: True},
+    "scales returned [0. 0.]; all must be above 0": {"scales": lambda self, goal: np.zeros(2)},
     "its values change by": {"matrix": lambda self, s: 1.01 * Centre.matrix(self, s)},
 }
 
@@ -98,10 +98,10 @@ def predicted(error):
 
 
 OTHER_PARTS = {
-    "skip before any update returned NoneType, not a Prediction": (
+    "skip returned NoneType, not a Prediction": (
         check_estimator, estimator(skip=lambda r: None)),
-    "update: error is [0. 0. 0.]; it should be 4 finite numbers": (
-        check_estimator, estimator(update=predicted(lambda r: np.zeros(3)))),
+    "error is (3,); it should be (4,), as many as features": (
+        check_estimator, estimator(update=lambda r: Prediction.unmeasured(*np.zeros((2, 3))))),
     "nothing was measured, so the innovation is nan": (
         check_estimator, estimator(skip=lambda r: Prediction(*np.zeros((4, 4))))),
     "the same errors gave other estimates the second time": (
@@ -115,7 +115,7 @@ OTHER_PARTS = {
         lambda rng: SimpleNamespace(
             start=lambda t: None, aim=lambda g: None,
             command=lambda *a: Command(np.random.default_rng().random(6))))),
-    "at(-0.1) returned NoneType, not a Pose": (
+    "at returned NoneType, not a Pose": (
         check_motion, config_for(lambda rng: SimpleNamespace(at=lambda t: None))),
     "at(-0.1) is no pose": (check_motion, config_for(
         lambda rng: SimpleNamespace(at=lambda t: Pose(2 * np.eye(3), np.zeros(3))))),
@@ -128,10 +128,10 @@ OTHER_PARTS = {
         check_disturbance, config_for(lambda rng: SimpleNamespace(at=lambda t: Effect()))),
     "it does something before time 0": (check_disturbance, config_for(
         lambda rng: SimpleNamespace(props=(), at=lambda t: Effect(gain=2.0)))),
-    "build(rng) gave NoneType; return a Design": (check_robot, config_for(lambda rng: None)),
+    "build returned NoneType; return a Design": (check_robot, config_for(lambda rng: None)),
     "a home has 2 joints; the robot has 6": (check_robot, config_for(
         lambda rng: dataclasses.replace(gantry.Config().build(rng), homes=((0.0, 0.0),)))),
-    "build(rng) gave NoneType; return a Target": (check_target, config_for(lambda rng: None)),
+    "build returned NoneType; return a Target": (check_target, config_for(lambda rng: None)),
     "the outline is not level": (check_target, config_for(
         lambda rng: dataclasses.replace(
             car.Config().build(rng), outline=rectangle(np.zeros(3), 0.2, 0.1) + np.eye(4, 3)))),

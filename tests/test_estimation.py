@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from servoing import begun, own, plane_of, posture_of, task
 
-from servo.controllers._under_way import UnderWay
+from servo.controllers._pending_commands import PendingCommands
 from servo.controllers.ibvs import Config as Ibvs
 from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
 from servo.features.moments import NOISE
@@ -166,7 +166,7 @@ def turning(interval, rate, latency=0):
     law.start(task(seen_from(DOWN, Pose.planar(0, 0, 0)), listener, latency=latency))
     for _ in range(int(0.8 * rate)):
         law.command(seen_from(camera, Pose.planar(0.05, 0.02, 0.0)), posture_of(twist), dt)
-        law._under_way.add(twist)
+        law._pending.add(twist)
         camera = camera @ exp_se3(twist * dt)
     change = np.diff(listener.given, axis=0) / dt
     past = np.array([o.past for o in listener.owns[1:]]) - change
@@ -202,7 +202,7 @@ def test_after_a_gap_only_the_last_matrix_is_known():
 
 def test_what_limits_let_through_is_under_way():
     x, y = np.eye(6)[:2]
-    commands = UnderWay(3)
+    commands = PendingCommands(3)
     for twist in (0.4 * x, 0.4 * x + 0.1 * y, 0.1 * x, -0.4 * x):
         commands.add(twist)
     as_asked = [twist for twist, _ in commands.coming(posture_of(np.zeros(6)), DT)]

@@ -1,8 +1,12 @@
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 from servoing import METRIC, begun, own
 
 from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
+from servo.estimators._error_filter import ErrorFilters
 from servo.estimators._kalman import between
 from servo.estimators.difference import Difference
 from servo.estimators.jump import Cusum
@@ -54,11 +58,7 @@ def test_no_difference_spans_a_gap():
 def test_kalman_agrees_with_the_textbook_written_out():
     z, given, errors = measurements()
     rho, sQ, sR = 0.5, 2e-4, 1e-3
-    estimator = begun(
-        kalman_cv.Config(rho=rho, state_variance=sQ, measure_variance=sR, noise="difference").build(
-            RNG
-        )
-    )
+    estimator = begun(kalman_cv.Config(rho=rho, ratio=sQ / sR, noise="difference").build(RNG))
     estimator.update(errors[0], own(given[0]), 1 / 30)
     F, H, Q = np.array([[1, 1], [0, rho]]), np.array([[1.0, 0.0]]), np.diag([0, sQ])
     x, P = np.stack([z[1], np.zeros(4)]), np.diag([sR, sQ / (1 - rho**2)])
@@ -98,11 +98,7 @@ def test_kalman_with_acceleration_agrees_with_the_textbook_written_out():
     estimator = begun(
         begun(
             kalman_ca.Config(
-                rho=rho,
-                state_variance=sQ,
-                acceleration_variance=sA,
-                measure_variance=sR,
-                noise="difference",
+                rho=rho, ratio=sQ / sR, acceleration_ratio=sA * T**2 / sR, noise="difference"
             ).build(RNG)
         )
     )
@@ -199,10 +195,16 @@ def test_filters_on_the_error_pass_the_wrap_and_coast(kind):
 
 
 def test_the_mixture_is_as_smooth_as_the_smooth_model_and_as_fast_as_the_other():
-    smooth, mixed = (
-        [o.motion[0] for o in follow(begun(kind.Config(acceleration=1e-3).build(RNG)), STEP)]
-        for kind in (error_kalman, imm)
+    def smooth_motion(dt, jump=0.0):
+        model = error_kalman.motion(dt, jump)
+        less = np.diag([1.0, 1e-3 / error_kalman.ACCELERATION_AT_30_HZ])
+        return replace(model, Q=model.Q @ less, P=model.P @ less)
+
+    filters = (
+        ErrorFilters(smooth_motion, predicts=True),
+        imm.Imm((smooth_motion, partial(smooth_motion, jump=imm.JUMP))),
     )
+    smooth, mixed = ([o.motion[0] for o in follow(begun(f), STEP)] for f in filters)
     assert np.std(mixed[40:59]) < 3 * np.std(smooth[40:59])
     late_smooth, late_mixed = (np.linalg.norm(np.add(m[60:80], 0.1)) for m in (smooth, mixed))
     assert late_mixed < 0.6 * late_smooth

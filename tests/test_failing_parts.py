@@ -3,17 +3,21 @@
 import dataclasses
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from servo.loop.episode import Episode, run
-from servo.loop.part_failed import PartFailed
+from servo.estimators.none import Nothing
+from servo.features.moments import MomentFeatures, Scaling
+from servo.loop.episode import run
+from servo.loop.part import PartFailed
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from servo.types import Command
+from servo.testing import check_tracker
+from servo.types import Command, Prediction
 from sim.types import Pose
-from tracking.types import Estimate, State, Status, unknown_covariance
+from tracking.types import Estimate, State, Status, check_region, unknown_covariance
 
 SHORT = ["run.duration=0.2", "estimator.kind=none", "expect={}"]
 
@@ -23,7 +27,7 @@ class Given:
     """A `Config` that builds what it was given."""
 
     make: object
-    kind: str = "odd"
+    kind: ClassVar[str] = "odd"
 
     def build(self, rng):
         return self.make(rng)
@@ -63,30 +67,35 @@ def at(pose):
     return {"motion": Given(lambda rng: SimpleNamespace(at=lambda t: pose(t)))}
 
 
-HEIGHT = np.array([0.0, 0.0, 0.0])
+ORIGIN = np.array([0.0, 0.0, 0.0])
 FAILURES = {
     "tracker 'odd': RuntimeError: no weights": tracker(start=raises(RuntimeError("no weights"))),
     "tracker 'odd': KeyError: 'x'": tracker(update=raises(KeyError("x"))),
     "tracker 'odd': the network gave nothing": tracker(
         update=raises(ValueError("the network gave nothing"))),
-    "tracker 'odd': update returned NoneType instead of an Estimate": tracker(lambda e: None),
-    "tracker 'odd': update returned x = nan, y = 1.0, theta = 0.0, scale = 1.0, distance = 0.0; "
-    "all must be finite numbers, and the scale above 0": tracker(
+    "tracker 'odd': update returned NoneType; return an Estimate": tracker(lambda e: None),
+    "tracker 'odd': the state is State(x=nan, y=1.0, theta=0.0, scale=1.0); its numbers must be "
+    "finite, scale above 0": tracker(
         lambda e: dataclasses.replace(e, state=State(float("nan"), 1.0))),
-    "tracker 'odd': update returned x = 1.0, y = 1.0, theta = 0.0, scale = -1.0, distance = 0.0; "
-    "all must be finite numbers, and the scale above 0": tracker(
+    "tracker 'odd': the state is State(x=1.0, y=1.0, theta=0.0, scale=-1.0); its numbers must be "
+    "finite, scale above 0": tracker(
         lambda e: dataclasses.replace(e, state=State(1.0, 1.0, 0.0, -1.0))),
-    "tracker 'odd': update returned the status 'LOST'": tracker(
+    "tracker 'odd': the distance is 1.5; it goes from 0 to 1": tracker(
+        lambda e: dataclasses.replace(e, distance=1.5)),
+    "tracker 'odd': build returned SimpleNamespace, which has no method start": {
+        "tracker": Given(lambda rng: SimpleNamespace())},
+    "tracker 'odd': the status is 'LOST'; use tracking.types.Status": tracker(
         lambda e: dataclasses.replace(e, status="LOST")),
-    "tracker 'odd': update returned corners that are not four points (4, 2) of finite numbers":
+    "tracker 'odd': the corners are not four points (4, 2) of finite numbers":
         tracker(lambda e: dataclasses.replace(e, corners=np.full((4, 2), np.nan))),
-    "controller 'odd': command returned list instead of a Command": controller([0.0] * 6),
+    "controller 'odd': command returned list; return a Command": controller([0.0] * 6),
     "controller 'odd': the twist is [nan  0.  0.  0.  0.  0.]; it should be six finite numbers":
         controller(Command(np.array([np.nan, 0, 0, 0, 0, 0]))),
     "controller 'odd': the twist is [0. 0. 0.]; it should be six finite numbers":
         controller(Command(np.zeros(3))),
     "motion 'odd': the target's position is [ 0. nan  0.], its rotation ": at(
-        lambda t: Pose(np.eye(3), HEIGHT if t < 0.05 else np.array([0.0, np.nan, 0.0]))),
+        lambda t: Pose(np.eye(3), ORIGIN if t < 0.05 else np.array([0.0, np.nan, 0.0]))),
+    "motion 'odd': at returned NoneType, not a Pose": at(lambda t: None),
     "still: robot: wrong base": {"robot": Given(raises(ValueError("wrong base")).__get__(0))},
     "target 'odd': TypeError: no mesh": {"target": Given(raises(TypeError("no mesh")).__get__(0))},
 }  # fmt: skip
@@ -121,19 +130,72 @@ def test_parts_that_share_a_module_are_told_apart():
     assert isinstance(failed.value.__cause__, ZeroDivisionError)
 
 
-@pytest.mark.parametrize("part", ["features", "estimator"])
-def test_numbers_that_are_not_finite_are_their_parts(part, monkeypatch):
-    with Episode(load("still", SHORT)) as episode:
-        if part == "features":
-            found = episode.loop.features.values
-            monkeypatch.setattr(
-                type(episode.loop.features), "values", lambda self, sight: found(sight) * np.nan
-            )
-        else:
-            monkeypatch.setattr(
-                type(episode.loop._estimator),
-                "update",
-                lambda self, e, own, dt: dataclasses.replace(self.skip(own, dt), error=e * np.nan),
-            )
-        with pytest.raises(PartFailed, match=rf"^{part} '(moments|none)': gave the values \[nan"):
-            list(episode)
+def test_features_that_are_not_finite_are_named():
+    class Lost(MomentFeatures):
+        def values(self, sight):
+            return super().values(sight) * np.nan
+
+    odd = Given(lambda outline: Lost(Scaling.METRIC, 0.1))
+    with pytest.raises(PartFailed) as failed:
+        list(run(dataclasses.replace(load("still", SHORT), features=odd)))
+    assert str(failed.value).startswith(
+        "features 'odd': values returned [nan nan nan nan]; all must"
+    )
+
+
+def test_an_estimate_that_is_not_finite_is_named():
+    class Lost(Nothing):
+        def update(self, error, own, dt):
+            return Prediction.unmeasured(error * np.nan, error)
+
+    with pytest.raises(PartFailed) as failed:
+        list(run(dataclasses.replace(load("still", SHORT), estimator=Given(lambda rng: Lost()))))
+    assert str(failed.value) == (
+        "estimator 'odd': update: error is [nan nan nan nan]; it should be 4 finite numbers"
+    )
+
+
+def test_an_exception_of_the_estimator_is_its_own_though_the_law_calls_it():
+    class Broken(Nothing):
+        def update(self, error, own, dt):
+            raise KeyError("gain")
+
+    with pytest.raises(PartFailed, match=r"^estimator 'odd': KeyError: 'gain'$"):
+        list(run(dataclasses.replace(load("still", SHORT), estimator=Given(lambda rng: Broken()))))
+
+
+class Single(Still):
+    """A tracker that reports numbers in single precision, as a network does."""
+
+    def start(self, frame, region, state):
+        check_region(frame, region, state)
+        self.state = State(*np.float32([state.x, state.y, state.theta, state.scale]))
+
+    def update(self, frame, ego=None):
+        bright = frame.image.max() > 200
+        status = Status.LOCKED if bright else Status.LOST
+        return Estimate(self.state, unknown_covariance(), np.float32(0.5), status)
+
+
+def test_the_loop_takes_single_precision_as_the_check_of_trackers_does():
+    single = Given(lambda rng: Single())
+    check_tracker(single)
+    steps = list(run(dataclasses.replace(load("still", SHORT), tracker=single)))
+    assert type(steps[-1].estimate.state.x) is np.float32
+    assert len(steps) == 6
+
+
+@dataclass(frozen=True)
+class Backend:
+    """A `Config` with a setting that happens to be called kind."""
+
+    kind: str = "csrt"
+
+    def build(self, rng):
+        return type("Broken", (Still,), {"update": raises(RuntimeError("no weights"))})()
+
+
+def test_a_setting_called_kind_does_not_rename_the_part():
+    with pytest.raises(PartFailed) as failed:
+        list(run(dataclasses.replace(load("still", SHORT), tracker=Backend())))
+    assert str(failed.value) == (f"tracker '{__name__}:Backend': RuntimeError: no weights")

@@ -29,10 +29,9 @@ def test_ideal_feed_forward_knows_the_motion_while_its_command_acts():
         )
     scene, first = steps[0].scene, steps[0]
     loop = Loop(scenario, scene.camera, scene.outline)
-    loop.start(first.frame, scene.region, first.true_state)
     with pytest.raises(ValueError) as refused:
-        loop.step(first.frame, first.posture)
+        loop.start(first.frame, scene.region, first.true_state)
     assert str(refused.value) == (
-        "this estimator needs the true motion of the target (motion_true), which only a simulation "
+        "this estimator needs the true motion of the target (true_motion), which only a simulation "
         "knows; with a real camera choose another one, such as kalman_cv"
     )

@@ -1,5 +1,7 @@
 """A loop that sees through a distorting lens, the pictures behind it, and renderers of others."""
 
+from dataclasses import dataclass, replace
+
 import cv2
 import numpy as np
 import pytest
@@ -57,16 +59,21 @@ class Painter:
         Painter.closed += 1
 
 
+@dataclass(frozen=True)
 class Perfect:
-    """A tracker that knows the truth."""
+    """A tracker that knows the truth of the worlds in the list."""
 
-    def __init__(self, world):
-        self.world = world
-        self.first = world.truth().size
+    worlds: list
+
+    def build(self, rng):
+        return self
+
+    def start(self, frame, region, state):
+        pass
 
     def update(self, _frame, _ego=None):
-        truth = self.world.truth()
-        state = State(*truth.centre.tolist(), truth.theta, truth.size / self.first)
+        truth = self.worlds[0].truth()
+        state = State(*truth.centre.tolist(), truth.theta, truth.size / self.worlds[1])
         return Estimate(state, unknown_covariance(), 0.0, Status.LOCKED)
 
 
@@ -74,8 +81,10 @@ class Perfect:
 @pytest.mark.parametrize("goal", [(0, 0), (70, -40), (-90, 60)])
 def test_with_a_perfect_tracker_the_goal_is_reached(lens, goal):
     more = [f"goal.x={goal[0]}", f"goal.y={goal[1]}", "run.duration=9.0", "start.x=20"]
-    with Episode(load("still", [*changes_for(lens), *more]), renderer=Painter) as episode:
-        episode.loop.tracker = Perfect(episode.world)
+    worlds = []
+    scenario = replace(load("still", [*changes_for(lens), *more]), tracker=Perfect(worlds))
+    with Episode(scenario, renderer=Painter) as episode:
+        worlds += [episode.world, episode.world.truth().size]
         end = [step.light() for step in episode][-1]
     assert end.servo_error < 0.15
     assert abs(np.degrees(end.truth.theta - end.goal_theta)) < 0.05

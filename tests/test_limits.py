@@ -58,7 +58,7 @@ def test_the_walk_finds_the_numbers():
         "RunConfig.duration",
         "GoalConfig.depth_to",
         "ibvs.Config.acceleration",
-        "kalman_cv.Config.measure_variance",
+        "kalman_cv.Config.ratio",
     ):
         assert any(one.endswith(name) for one in found), name
     assert sum(name.endswith("ibvs.Config.weights") for name in found) == 6
@@ -87,12 +87,11 @@ ABSURD = {
     "controller.acceleration=5e-324": (
         "controller.acceleration = 5e-324: input should be greater than or equal to 0.001"
     ),
-    "estimator={noise='difference', measure_variance=5e-324}": (
-        "estimator.measure_variance = 5e-324: input should be greater than or equal to "
-        "0.000000000001"
+    "estimator={noise='difference', ratio=5e-324}": (
+        "estimator.ratio = 5e-324: input should be greater than or equal to 0.000000001"
     ),
-    "estimator={kind='imm', jump=1e308}": (
-        "estimator.jump = 1e+308: input should be less than or equal to 1000000000"
+    "estimator={kind='kalman_ca', acceleration_ratio=1e308}": (
+        "estimator.acceleration_ratio = 1e+308: input should be less than or equal to 1000000000"
     ),
     "controller.coast=1e308": (
         "controller.coast = 1e+308: input should be less than or equal to 3600"

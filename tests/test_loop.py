@@ -15,12 +15,13 @@ def test_it_asks_for_what_the_episode_asked_for():
         steps = list(episode)
     scene, first = steps[0].scene, steps[0]
     loop = Loop(scenario, scene.camera, scene.outline)
-    loop.start(first.frame, scene.region, first.true_state)
+    running = loop.start(first.frame, scene.region, first.true_state)
     for step in steps:
-        command = loop.step(step.frame, step.posture)
+        command = running.step(step.frame, step.posture)
         np.testing.assert_array_equal(command.twist, step.command.twist)
-        assert loop.estimate.state == step.estimate.state
-        np.testing.assert_array_equal(loop.motion_measured, step.motion_measured)
+        decision = running.decision
+        assert decision.estimate.state == step.estimate.state
+        np.testing.assert_array_equal(decision.motion_measured, step.motion_measured)
 
 
 def test_a_region_that_is_none_is_refused():

@@ -64,8 +64,8 @@ def test_a_command_acts_the_latency_after_its_estimate_from_the_next_tick_on():
 def test_the_law_learns_of_what_is_under_way():
     postures = []
     with Episode(load("line", ["run.tracker_ms=40", "run.duration=0.5"])) as episode:
-        real = episode.loop.decide
-        episode.loop.decide = lambda p, *a: postures.append(p) or real(p, *a)
+        real = episode.running.decide
+        episode.running.decide = lambda o, p, *a: postures.append(p) or real(o, p, *a)
         steps = list(episode)
     twists = [s.command.twist for s in decided(steps)]
     third = postures[2]  # picture 2 at 66.7 ms; its command acts from 150 ms on, that before 108.3
@@ -115,8 +115,8 @@ def test_one_frame_of_delay_costs_a_predicting_estimator_nothing():
 def test_pictures_arrive_late_and_in_order():
     shown = []
     with Episode(load("line", ["run.jitter_ms=60", "run.duration=3.0"], seed=4)) as episode:
-        real = episode.loop.track
-        episode.loop.track = lambda f, p: shown.append(f.index) or real(f, p)
+        real = episode.running.track
+        episode.running.track = lambda f, p: shown.append(f.index) or real(f, p)
         steps = list(episode)
     assert shown == sorted(set(shown))
     ages = np.array([s.age for s in decided(steps)])
@@ -138,7 +138,7 @@ def test_a_frame_that_is_not_later_is_refused():
     with Episode(load("line", ["run.duration=0.1"])) as episode:
         step = next(iter(episode))
         with pytest.raises(ValueError, match=r"expected a frame later than 0.0 s, got one of 0.0"):
-            episode.loop.step(step.frame, step.posture)
+            episode.running.step(step.frame, step.posture)
 
 
 @pytest.mark.parametrize("offset", [-50.0, -33.4, -10.0, 20.0])
@@ -147,8 +147,8 @@ def test_a_wrong_stamp_pairs_a_picture_with_another_moment(offset):
     postures = []
     changes = f"believed.clock_offset_ms={offset}", "run.tracker_ms=33", "run.duration=1.5"
     with Episode(load("sine", [*changes, "start.x=-20"])) as episode:
-        real = episode.loop.track
-        episode.loop.track = lambda f, p: postures.append((f, p)) or real(f, p)
+        real = episode.running.track
+        episode.running.track = lambda f, p: postures.append((f, p)) or real(f, p)
         steps = list(episode)
     own = [s.posture.T_base_camera.translation for s in steps]
     for frame, posture in postures[10:-3]:
@@ -180,8 +180,8 @@ def test_a_dropped_frame_neither_displaces_a_picture_nor_takes_time():
             frame = look()
             return replace(frame, fresh=frame.index not in (2, 5, 8, 9))
 
-        shown, track = [], episode.loop.track
-        episode.loop.track = lambda f, p: shown.append(f.index) or track(f, p)
+        shown, track = [], episode.running.track
+        episode.running.track = lambda f, p: shown.append(f.index) or track(f, p)
         episode.world.look = dropping
         steps = list(episode)
     # Picture 1 is taken at 33 ms and done at 93, when only the dropped frame 2 has come: nothing

@@ -27,12 +27,12 @@ def estimator_of(run):
     kf = run["kf"]
     constants = {
         "rho": kf["rho"],
-        "state_variance": kf["sigma_state"],
-        "measure_variance": kf["sigma_measure"],
+        "ratio": kf["sigma_state"] / kf["sigma_measure"],
         "noise": "difference",
     }
     if run["comp"] == "kf_ca":
-        constants["acceleration_variance"] = kf["sigma_state2"]
+        ratio = kf["sigma_state2"] / kf["sigma_measure"]
+        constants["acceleration_ratio"] = ratio / run["hz"] ** 2
         return kalman_ca.Config(**constants).build(rng)
     return kalman_cv.Config(**constants).build(rng)
 

@@ -13,7 +13,7 @@ from rich.markup import escape
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
 from servo.loop.episode import Episode
-from servo.loop.part_failed import PartFailed
+from servo.loop.part import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
 from servo.output.formats import command_line
@@ -93,20 +93,19 @@ def _written(
     """The steps without pictures, and how long each took to write [s]."""
     steps: list[Step] = []
     writing: list[float] = []
-    with episode.naming_parts():
-        try:
-            with progress_bar(console) as progress:
-                name = escape(episode.scenario.name)
-                task = progress.add_task(name, total=episode.frames, note=COMPILING)
-                for step in episode:
-                    note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
-                    progress.update(task, advance=1, note=note)
-                    steps.append(step.light())
-                    began = time.perf_counter()
-                    output.add(step)
-                    writing.append(time.perf_counter() - began)
-        finally:
-            output.close()
+    try:
+        with progress_bar(console) as progress:
+            name = escape(episode.scenario.name)
+            task = progress.add_task(name, total=episode.frames, note=COMPILING)
+            for step in episode:
+                note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+                progress.update(task, advance=1, note=note)
+                steps.append(step.light())
+                began = time.perf_counter()
+                output.add(step)
+                writing.append(time.perf_counter() - began)
+    finally:
+        output.close()
     return steps, writing
 
 

@@ -18,7 +18,7 @@ from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.region_choice import region_of
 from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
 from servo.cli.track_summary import print_track
-from servo.loop.part_failed import PartFailed, naming_parts
+from servo.loop.part import Part, PartFailed
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
@@ -100,11 +100,9 @@ def run(request: TrackRequest) -> int:
         region, start = _placement(request, truth)
     except ValueError as error:
         raise Mistake(str(error)) from None
-    tracker = config.build(np.random.default_rng(request.seed))
-    part = {"tracker": (config, tracker)}
-    shots = naming_parts(
-        itertools.islice(follow(tracker, pictures, region, start), request.frames), part
-    )
+    part = Part("tracker", config)
+    tracker = part.guarded(part.build(np.random.default_rng(request.seed)))
+    shots = _shots(itertools.islice(follow(tracker, pictures, region, start), request.frames))
     kind = settings["kind"]
     name = request.name_with(kind)
     first = _first(request, shots, name)
@@ -130,6 +128,16 @@ def run(request: TrackRequest) -> int:
     if files.refused is not None:
         raise files.refused
     return code or (REFUSED if source.end is not None and source.end.lost else 0)
+
+
+def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
+    """Yield the shots; a ValueError of source or tracker is the user's mistake."""
+    try:
+        yield from shots
+    except Mistake:
+        raise
+    except ValueError as error:
+        raise Mistake(str(error)) from None
 
 
 def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:

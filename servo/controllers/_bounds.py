@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from servo.controllers._limits import DesiredTwist
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.geometry import inverse_if_strong
@@ -14,9 +15,9 @@ from sim.types import Array, Camera, Posture
 SINGULAR = 0.01
 """Singular values of a robot's Jacobian below this share of the largest count as zero."""
 STEP = 1e-6
-"""Step of the differences that tell how a lens bends normalised coordinates."""
+"""Step of the differences by which the bending of a lens is linearised."""
 NEVER = 1e30
-"""A bound that is none, as DAQP has it."""
+"""DAQP takes a bound of this size for none."""
 SIDES = (*[("view left", "view right")] * 4, *[("view top", "view bottom")] * 4)
 
 
@@ -42,26 +43,31 @@ class Bounds:
         )
 
     def excess(self, v: Array) -> Array:
-        """How far a twist (6,) is outside (m,): below a lower bound negative, inside zero."""
+        """Return by how much a twist (6,) is outside (m,): below a lower bound negative, inside
+        zero.
+        """
         at = self.A @ v
         return at - at.clip(self.lower, self.upper)
 
     def names_at(self, sides: Array) -> tuple[str, ...]:
-        """Names of the upper bounds where sides (m,) are positive, of the lower where negative."""
+        """Return the names of the upper bounds where sides (m,) are positive, of the lower where
+        negative.
+        """
         found = (self.names[i][int(sides[i] > 0)] for i in np.flatnonzero(sides))
         return tuple(dict.fromkeys(found))
 
 
 def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
-    """Of each part of the twist by itself [m/s, rad/s]: the box around all twists that are slow
-    enough.
+    """Return those of each part of the twist by itself [m/s, rad/s]: the box around all twists that
+    are slow enough.
     """
     most = np.repeat([fastest, fastest_turn], 3)
     return Bounds(np.eye(6), -most, most, (("speed", "speed"),) * 6)
 
 
 def joint_bounds(posture: Posture, way: Array, margin: float, gain: float) -> Bounds | None:
-    """Of the joint rates J# v that drives make of a twist; a joint that stands always keeps them.
+    """Return those of the joint rates J# v that drives make of a twist; a joint that stands always
+    keeps them.
 
     Args:
         posture: The robot.
@@ -86,34 +92,35 @@ def joint_bounds(posture: Posture, way: Array, margin: float, gain: float) -> Bo
 
 
 def _inverse_of(J: Array) -> Array:
-    """J# (n, 6), without what is singular."""
+    """Return J# (n, 6), without its singular part."""
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
 
 
 def view_bounds(
-    seen: Sight, way: Array, target: Array, camera: Camera, margin: float, gain: float
+    desired: DesiredTwist, seen: Sight, camera: Camera, margin: float, gain: float
 ) -> Bounds:
-    """Of the target's corners, towards the sides of the picture [px/s].
+    """Return those of the target's corners, towards the sides of the picture [px/s].
 
     Args:
-        seen: The target.
-        way: What the camera still moves (6,) before the twist acts [m, rad].
-        target: The target's own motion, as the twist (6,) of a camera that sees it move so.
+        desired: What the law asks for, and what it knows.
+        seen: The target, with its corners.
         camera: Picture and lens.
         margin: Way to the sides that is kept [px].
         gain: How fast a corner may use up the rest [1/s].
     """
     pixels = camera.to_pixels(corners_of(seen))
     A = _pixel_rows(seen, camera)
-    at = pixels.T.ravel() + A @ way
-    drift = A @ target
+    at = pixels.T.ravel() + A @ desired.way
+    drift = A @ desired.target
     size = np.repeat([camera.width, camera.height], 4)
     return Bounds(A, gain * (margin - at) - drift, gain * (size - margin - at) - drift, SIDES)
 
 
 def _pixel_rows(seen: Sight, camera: Camera) -> Array:
-    """Interaction matrix (8, 6) of the corners in the picture [px]: four rows of u, four of v."""
+    """Return the interaction matrix (8, 6) of the corners in the picture [px]: four rows of u, four
+    of v.
+    """
     rows = corner_rows(seen)
     if camera.distortion is None:
         return np.concatenate([camera.fx * rows[0], camera.fy * rows[1]])

@@ -12,17 +12,18 @@ from sim.geometry import inverse_if_strong
 from sim.types import Array
 
 RANK_TOLERANCE = 1e-6
-"""Singular values below this share of the largest count as zero."""
+"""Singular values below this share of the largest count as zero: far above rounding, far below
+what features of different units differ by."""
 
 
 @dataclass(frozen=True, slots=True)
 class Inverse:
-    """What takes a wanted de/dt to a camera twist."""
+    """The map from a desired de/dt to a camera twist."""
 
     pseudo: Array
-    """L# (6, 4): of all twists that give the wanted de/dt, the one least in weighted norm."""
+    """L# (6, k): of all twists that give the desired de/dt, the one least in weighted norm."""
     L: Array
-    """The interaction matrix (4, 6) itself."""
+    """The interaction matrix (k, 6) itself."""
     moves: NDArray[np.bool_]
     """Degrees of freedom (6,) that may move."""
 
@@ -35,14 +36,14 @@ class Inverse:
 
     @staticmethod
     def of(L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array) -> Inverse:
-        """The inverse over some features and some degrees of freedom.
+        """Return the inverse over some features and some degrees of freedom.
 
         W (L W)+ minimises |W^-1 v|: a degree of freedom with a small weight moves little, with the
         weight zero not at all. Only the ratios of the weights matter.
 
         Args:
-            L: Interaction matrix (4, 6).
-            rows: Features (4,) that are known; the others get no say.
+            L: Interaction matrix (k, 6).
+            rows: Features (k,) that are known; the others are left out.
             moves: Degrees of freedom (6,) that may move.
             weights: Weights (6,) of the degrees of freedom.
         """
@@ -55,7 +56,7 @@ class Inverse:
 
 
 def _pinv(A: Array) -> Array:
-    """The pseudo-inverse; of a square matrix that is strong enough, the plain inverse."""
+    """Return the pseudo-inverse; of a square matrix that is strong enough, the plain inverse."""
     if A.size == 0:
         return A.T
     if A.shape[0] == A.shape[1]:

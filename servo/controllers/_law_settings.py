@@ -93,13 +93,15 @@ class LawSettings:
             )
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """The degrees of freedom (6,) that may move, where six can be controlled or only four."""
+        """Return the degrees of freedom (6,) that may move, where six can be controlled or only
+        four.
+        """
         chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
         return np.array([name in chosen for name in DOF])
 
 
 def adaptive_gain(config: LawSettings, ahead: Array) -> float:
-    """lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf, as in ViSP.
+    """Return lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf, as in ViSP.
 
     Args:
         config: l0 is its gain, linf its gain_far, l0' its gain_slope.

@@ -16,21 +16,22 @@ of Chaumette and Marchand 2001)."""
 
 
 def level(posture: Posture) -> Array:
-    """The turn (6,), per unit of gain, of the optical axis towards straight down: z x down."""
+    """Return the turn (6,), per unit of gain, of the optical axis to straight down: z x down."""
     x, y, _ = posture.down.tolist()
     return np.array([0.0, 0.0, 0.0, -y, x, 0.0])
 
 
 def centre(posture: Posture) -> Array:
-    """The twist (6,), per unit of gain, that takes all limited joints to the middles of their
-    ranges.
+    """Return the twist (6,), per unit of gain, that takes all limited joints to the middles of
+    their ranges.
     """
     limited, away, half = _ranges(posture)
     return -posture.jacobian[:, limited] @ (away * half)
 
 
 def avoid_limits(posture: Posture) -> Array:
-    """The twist (6,), per unit of gain, that takes joints away from limits that they are near to.
+    """Return the twist (6,), per unit of gain, that takes joints away from limits that they are
+    near to.
 
     The negative gradient of h = sum max(0, |away| - FAR)^2 / 2, over the joints' ranges (Chaumette
     and Marchand 2001).
@@ -41,7 +42,9 @@ def avoid_limits(posture: Posture) -> Array:
 
 
 def _ranges(posture: Posture) -> tuple[NDArray[np.intp], Array, Array]:
-    """Which joints are limited, how far they are from their middles (-1..1), half their ranges."""
+    """Return the joints that are limited, their distances from the middles (-1..1), and half their
+    ranges.
+    """
     limited = np.flatnonzero(np.isfinite(posture.lower) & np.isfinite(posture.upper))
     low = posture.lower[limited]
     high = posture.upper[limited]
@@ -53,5 +56,5 @@ TASKS = {"level": level, "avoid_limits": avoid_limits, "centre": centre}
 
 
 def twist_of(tasks: tuple[Secondary, ...], posture: Posture) -> Array:
-    """The sum (6,) of the tasks' twists, per unit of gain."""
+    """Return the sum (6,) of the tasks' twists, per unit of gain."""
     return sum((TASKS[name](posture) for name in tasks), start=np.zeros(6))

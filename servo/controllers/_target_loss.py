@@ -33,12 +33,12 @@ class TargetLoss:
         self._unseen = self._turned = 0.0
 
     def seen(self) -> Mode:
-        """The target is there."""
+        """Take the target for seen."""
         self._unseen = self._turned = 0.0
         return Mode.SERVOING
 
     def wait(self, dt: float) -> Mode:
-        """It has not been seen for another interval [s]."""
+        """Take the target for not seen for another interval [s]."""
         self._unseen += dt
         if self._unseen <= self._coast:
             return Mode.COASTING
@@ -48,8 +48,8 @@ class TargetLoss:
         return Mode.SEARCHING
 
     def search(self, dt: float) -> Array:
-        """The next camera twist (6,) along a spiral r = b phi, at constant speed in the image's
-        plane.
+        """Return the next camera twist (6,) along a spiral r = b phi, at constant speed in the
+        image's plane.
         """
         b = PITCH / (2 * np.pi)
         phi = self._turned

@@ -17,7 +17,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Hold:
-        """The controller; draws nothing."""
+        """Return the controller; it draws nothing."""
         return Hold()
 
 
@@ -32,5 +32,5 @@ class Hold:
         """Go on with another goal."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """No motion."""
+        """Ask for no motion."""
         return Command(np.zeros(6), mode=Mode.HOLDING)

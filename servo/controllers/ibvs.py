@@ -17,20 +17,19 @@ from typing import final
 
 import numpy as np
 
-from servo.controllers._guard import Allowed, Guard, Wanted
 from servo.controllers._inverse import Inverse
 from servo.controllers._law_settings import LawSettings, adaptive_gain
-from servo.controllers._limits import Limits
+from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits
+from servo.controllers._pending_commands import PendingCommands
 from servo.controllers._secondary import twist_of
 from servo.controllers._target_loss import TargetLoss
-from servo.controllers._under_way import UnderWay
 from servo.mistake import unknown
 from servo.parts import FeatureSet, Task
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.types import Array, Posture
 
 FORESEEN = 3.0
-"""Frames for which the matrix is taken to go on changing as it did."""
+"""Frames for which the matrix is taken to go on changing as it did; chosen by hand."""
 PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an", "theta")}}
 """The law as Teuliere, Marchand and Eck print it."""
 
@@ -40,37 +39,39 @@ class Config(LawSettings):
     """The control law."""
 
     def build(self, rng: np.random.Generator) -> Ibvs:
-        """The controller; draws nothing."""
+        """Return the controller; it draws nothing."""
         return Ibvs(self)
 
 
-def _fed_forward(config: Config, features: FeatureSet) -> Array:
-    """1 for the features (k,) whose target motion is compensated, 0 for the others."""
+def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
+    """Return 1 for the features (k,) whose target motion is compensated, 0 for the others.
+
+    Raises:
+        ValueError: There is no such feature.
+    """
     names = features.names
-    chosen = config.feed_forward
-    for name in chosen or ():
-        if name not in names and chosen == PRESETS["paper"]["feed_forward"]:
-            fed = ", ".join(chosen or ())
-            raise ValueError(
-                f'controller.feed_forward: {fed} (as in preset = "paper") are '
-                f"features of 'moments'; there is {', '.join(names)}"
-            )
-        if name not in names:
-            raise ValueError(f"controller.feed_forward: {unknown(name, names, 'feature')}")
-    fed = features.feed_forward if chosen is None else chosen
-    return np.array([float(name in fed) for name in names])
+    chosen = features.feed_forward if config.feed_forward is None else config.feed_forward
+    missing = next((name for name in chosen if name not in names), None)
+    if missing is not None and chosen == PRESETS["paper"]["feed_forward"]:
+        raise ValueError(
+            f'controller.feed_forward: {", ".join(chosen)} (as in preset = "paper") are '
+            f"features of 'moments'; there is {', '.join(names)}"
+        )
+    if missing is not None:
+        raise ValueError(f"controller.feed_forward: {unknown(missing, names, 'feature')}")
+    return np.array([float(name in chosen) for name in names])
 
 
 @final
 class Ibvs:
     """The law, and what it must remember between frames."""
 
-    def __init__(self, config: Config, guard: Guard | None = None) -> None:
+    def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:
         """Build it; a guard may change each twist that follows what is seen."""
-        self._config = (c := config)
+        self._config = config
         self._guard = guard
         self._tilt_seen = False
-        self._weights = np.array(c.weights)
+        self._weights = np.array(config.weights)
 
     def start(self, task: Task) -> None:
         """Begin a task.
@@ -91,7 +92,7 @@ class Ibvs:
         self._matrix_seen = self._goal_matrix
         self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)
         self._limits = Limits(c.fastest, c.fastest_turn, c.acceleration, c.acceleration_turn)
-        self._under_way = UnderWay(task.latency)
+        self._pending = PendingCommands(task.latency)
         self._before: Array | None = None
         self._change: Array | None = None
         self._first: Array | None = None
@@ -103,8 +104,8 @@ class Ibvs:
         self._goal_matrix = self._features.matrix(goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """The twist for what is seen now; where it is not seen, the estimated motion, then
-        none, or a search.
+        """Return the twist for what is seen now; where it is not seen, that of the estimated
+        motion, then none, or that of a search.
         """
         self._see(seen)
         error = self._features.error(self._seen, self._goal)
@@ -120,7 +121,7 @@ class Ibvs:
         predicted = predicted.times(scales)
         asked = self._twist(predicted, mode, posture, dt, seen)
         twist, saturated = self._limits.apply(asked.twist, dt)
-        self._under_way.add(twist)
+        self._pending.add(twist)
         return Command(
             twist,
             saturated or bool(asked.limits),
@@ -151,14 +152,15 @@ class Ibvs:
             self._change = self._matrix_seen - before
 
     def _own(self, posture: Posture, dt: float) -> OwnMotion:
-        """What the camera does to the features, over their scales; the matrix is taken in the
-        middle of each interval, where its change is known: going on as it did for those to come.
+        """Return what the camera does to the features, over their scales. The matrix is taken in
+        the middle of each interval, where its change is known: going on as it did for those to
+        come.
         """
         L = self._matrix_seen / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
         coming = list[Array]()
         begins = 0.0
-        pieces = self._under_way.coming(posture, dt)
+        pieces = self._pending.coming(posture, dt)
         for twist, share in pieces:
             coming.append((L + min(begins + share / 2, FORESEEN) * change) @ twist)
             begins += share
@@ -168,12 +170,12 @@ class Ibvs:
 
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
-    ) -> Allowed:
-        """The twist that the law asks for, before limits of speed; a guard has approved it."""
+    ) -> LimitedTwist:
+        """Return the twist of the law before limits of speed; a guard has limited it."""
         if mode is Mode.HOLDING:
-            return Allowed(np.zeros(6))
+            return LimitedTwist(np.zeros(6))
         if mode is Mode.SEARCHING:
-            return Allowed(self._loss.search(dt))
+            return LimitedTwist(self._loss.search(dt))
         c = self._config
         inverse = self._inverse()
         ahead = inverse.pseudo @ predicted.error
@@ -187,16 +189,17 @@ class Ibvs:
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
         if self._guard is None:
-            return Allowed(twist)
+            return LimitedTwist(twist)
         L = (inverse.L / self._scales[:, None])[self._known]
-        pieces = self._under_way.coming(posture, dt)
+        pieces = self._pending.coming(posture, dt)
         way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
         moves = inverse.moves & (self._weights > 0)
-        return self._guard.allowed(Wanted(twist, target, L, moves, way, seen, posture, dt))
+        return self._guard.limited(DesiredTwist(twist, target, L, moves, way, seen, posture, dt))
 
     def _inverse(self) -> Inverse:
-        """Over the known features and the degrees of freedom that may move: while the depth or the
-        angle is not known, the part of the twist that it alone controls is zero.
+        """Return the inverse over the known features and the degrees of freedom that may move:
+        while the depth or the angle is not known, the part of the twist that it alone controls is
+        zero.
         """
         six = self._tilt_seen and len(self._known) >= len(DOF)
         moves = self._config.moves(six=six)

@@ -3,10 +3,10 @@
 
 With v* the twist that `ibvs` asks for, and L the interaction matrix of the features:
 
-    minimise |L (v - v*)|^2 + damping |v - v*|^2, so that
+    minimise |L (v - v*)|^2 + DAMPING |v - v*|^2, so that
     |v_i| <= fastest, |w_i| <= fastest_turn                                          (speed)
-    joint_gain (lower - q) <= J# v <= joint_gain (upper - q), and the joints' rates  (joints)
-    dh/dt >= -view_gain h, for the way h of each corner to each side of the picture  (view)
+    JOINT_GAIN (lower - q) <= J# v <= JOINT_GAIN (upper - q), and the joints' rates  (joints)
+    dh/dt >= -VIEW_GAIN h, for the way h of each corner to each side of the picture  (view)
 
 Where nothing limits it, v is v*. With the last line h is a control barrier function: it decays
 exponentially at most, and stays positive. Speed and joints are hard limits, which a camera that
@@ -36,8 +36,8 @@ from numpy.typing import NDArray
 
 from servo.controllers import ibvs
 from servo.controllers._bounds import Bounds, joint_bounds, speed_bounds, view_bounds
-from servo.controllers._guard import Allowed, Wanted
-from servo.controllers._limits import excess
+from servo.controllers._law_settings import LawSettings
+from servo.controllers._limits import DesiredTwist, LimitedTwist, excess
 from servo.parts import Task
 from sim.types import Array
 
@@ -47,26 +47,27 @@ DAMPING = 1e-3
 """Weight of a change of the twist, over that of a change of the features."""
 EXACT = 1e-9
 """Largest excess over a bound that rounding explains."""
+VIEW_GAIN = 5.0
+"""How fast a corner may use up its way to a side [1/s]; at most the frame rate counts. Chosen by
+hand: a way is used up to 1 % in a second."""
+JOINT_MARGIN = 0.02
+"""Way to the joints' limits that is kept [m or rad]; the robot itself stops at 0.01."""
+JOINT_GAIN = 5.0
+"""How fast a joint may use up its way to a limit [1/s]; at most the frame rate counts. The robot
+slows the whole motion from 8 on, so the programme acts first."""
 LEAVING = 1.0
 """A corner that is faster than the view allows by more than this violates it [px/s]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(ibvs.Config):
+class Config(LawSettings):
     """The law of `ibvs`, and its limits."""
 
     margin: Annotated[float, Ge(0), Le(1e4)] = 10.0
     """Way between the target's corners and the sides of the picture that is kept [px]."""
-    view_gain: Annotated[float, Ge(0.01), Le(1000)] = 5.0
-    """How fast a corner may use up its way to a side [1/s]; at most the frame rate counts."""
-    joint_margin: Annotated[float, Ge(0), Le(10)] = 0.02
-    """Way to the joints' limits that is kept [m or rad]; the robot itself stops at 0.01."""
-    joint_gain: Annotated[float, Ge(0.01), Le(1000)] = 5.0
-    """How fast a joint may use up its way to a limit [1/s]; at most the frame rate counts. The
-    robot slows the whole motion from 8 on."""
 
     def build(self, rng: np.random.Generator) -> ibvs.Ibvs:
-        """The controller; draws nothing."""
+        """Return the controller; it draws nothing."""
         return ibvs.Ibvs(self, Programme(self))
 
 
@@ -75,7 +76,9 @@ class Programme:
     """The quadratic programme of a frame."""
 
     def __init__(self, config: Config) -> None:
-        self._config = config
+        self._margin = config.margin
+        self._fastest = config.fastest
+        self._fastest_turn = config.fastest_turn
         self._speed = speed_bounds(config.fastest, config.fastest_turn)
 
     def start(self, task: Task) -> None:
@@ -85,7 +88,7 @@ class Programme:
             ValueError: The margin leaves nothing of the picture.
         """
         self._camera = task.camera
-        margin = self._config.margin
+        margin = self._margin
         width = task.camera.width
         height = task.camera.height
         if margin >= min(width, height) / 2:
@@ -94,49 +97,50 @@ class Programme:
                 f"{height} px; it should be less than {min(width, height) / 2:g}"
             )
 
-    def allowed(self, wanted: Wanted) -> Allowed:
-        """The twist that changes the features most nearly as wanted, inside the limits."""
-        fast = max(1.0, excess(wanted.twist, self._config.fastest, self._config.fastest_turn))
-        law = wanted.twist / fast
+    def limited(self, desired: DesiredTwist) -> LimitedTwist:
+        """Return the twist that changes the features most nearly as desired, inside the limits."""
+        fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
+        law = desired.twist / fast
         limits = ("speed",) * (fast > 1.0)
-        hard, view = self._bounds(wanted)
+        hard, view = self._bounds(desired)
         bounds = hard if view is None else hard + view
         over = bounds.excess(law)
         # What is not a number passes: the loop then names the part that it came from.
-        if not (wanted.moves.any() and (np.abs(over) > EXACT).any()):
-            return Allowed(law, limits)
+        if not (desired.moves.any() and (np.abs(over) > EXACT).any()):
+            return LimitedTwist(law, limits)
         sense = np.zeros(len(over), np.intc)
         sense[len(hard.A) :] = SOFT
-        change, active = _change(wanted, bounds, law, sense)
+        change, active = _change(desired, bounds, law, sense)
         names = dict.fromkeys((*limits, *bounds.names_at(active)))
         if view is None:
-            return Allowed(law + change, tuple(names))
+            return LimitedTwist(law + change, tuple(names))
         left = view.excess(law + change)
         violated = view.names_at(left * (np.abs(left) > LEAVING))
-        return Allowed(law + change, tuple(names), violated)
+        return LimitedTwist(law + change, tuple(names), violated)
 
-    def _bounds(self, wanted: Wanted) -> tuple[Bounds, Bounds | None]:
-        """Hard bounds, and those of the view where the target is seen with its corners."""
-        c = self._config
-        seen = wanted.seen
-        rate = 1 / wanted.dt
+    def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds | None]:
+        """Return the hard bounds, and those of the view where the target's corners are seen."""
+        seen = desired.seen
+        rate = 1 / desired.dt
         view = None
-        gains = min(c.joint_gain, rate), min(c.view_gain, rate)
-        joints = joint_bounds(wanted.posture, wanted.way, c.joint_margin, gains[0])
+        joints = joint_bounds(
+            desired.posture, desired.way, JOINT_MARGIN, gain=min(JOINT_GAIN, rate)
+        )
         if seen is not None and seen.corners is not None:
-            view = view_bounds(seen, wanted.way, wanted.target, self._camera, c.margin, gains[1])
+            view = view_bounds(desired, seen, self._camera, self._margin, min(VIEW_GAIN, rate))
         return self._speed if joints is None else self._speed + joints, view
 
 
 def _change(
-    wanted: Wanted, bounds: Bounds, law: Array, sense: NDArray[np.intc]
+    desired: DesiredTwist, bounds: Bounds, law: Array, sense: NDArray[np.intc]
 ) -> tuple[Array, Array]:
-    """The least change (6,) of a twist with which it keeps its bounds, and their multipliers (m,).
+    """Return the least change (6,) of a twist with which it keeps its bounds, and their multipliers
+    (m,).
 
     Where DAQP finds none, the camera stands; it then keeps all hard bounds.
     """
-    L = wanted.L[:, wanted.moves]
-    A = np.ascontiguousarray(bounds.A[:, wanted.moves])
+    L = desired.L[:, desired.moves]
+    A = np.ascontiguousarray(bounds.A[:, desired.moves])
     n = L.shape[1]
     at = bounds.A @ law
     H = L.T @ L + DAMPING * np.eye(n)
@@ -146,5 +150,5 @@ def _change(
     if flag <= 0:
         return -law, bounds.excess(law)
     change = np.zeros(6)
-    change[wanted.moves] = found
+    change[desired.moves] = found
     return change, info["lam"]

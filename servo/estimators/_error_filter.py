@@ -1,5 +1,5 @@
-"""What the filters on the error itself share: the camera's motion is a known input, and the noise
-is on the position.
+"""Kalman filters of the error itself: the camera's motion is a known input, and the noise is on the
+position.
 
 For each feature, with T the frame interval, u the de/dt that the camera causes, m the state of the
 target's motion (M its transition, r what it adds to the error in a frame), and n the tracker's
@@ -50,12 +50,14 @@ class JumpTest(Protocol):
     """Decides when a feature's filter no longer fits."""
 
     def jumped(self, normalised: Array) -> Flags:
-        """For each feature (k,), from innovations over their standard deviations."""
+        """Return for each feature (k,) whether it jumped, from innovations over their standard
+        deviations.
+        """
         ...
 
 
 def model_of(motion: TargetModel, dt: float) -> Model:
-    """The filter of (e, m, n) at a frame interval [s], for a measurement of variance 1."""
+    """Return the filter of (e, m, n) at a frame interval [s], for a measurement of variance 1."""
     n = len(motion.r) + 2
     F = _diagonal(1.0, motion.M, PERSISTENT)
     F[0, 1:-1] = motion.r
@@ -66,12 +68,12 @@ def model_of(motion: TargetModel, dt: float) -> Model:
 
 
 def models(motion_at: Callable[[float], TargetModel]) -> Callable[[float], Model]:
-    """The model at an interval [s], kept for the next time."""
+    """Return the model at an interval [s], kept for the next time."""
     return cache(lambda dt: model_of(motion_at(dt), dt))
 
 
 def _diagonal(error: float, motion: Array, noise: float) -> Array:
-    """The block-diagonal matrix of the three parts of the state."""
+    """Return the block-diagonal matrix of the three parts of the state."""
     found = np.diag([error, *np.zeros(len(motion)), noise])
     found[1:-1, 1:-1] = motion
     return found
@@ -88,7 +90,7 @@ class ErrorFilters:
         predicts: bool = False,
         test: JumpTest | None = None,
     ) -> None:
-        """Filters that begin with the first measurement.
+        """Build filters that begin with the first measurement.
 
         Args:
             motion_at: The target's motion at an interval between pictures [s].
@@ -107,7 +109,7 @@ class ErrorFilters:
         self._filters: Filters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first error starts the filter of a feature."""
+        """Predict and correct; the first error starts the filter of a feature."""
         if self._filters is None:
             self._filters = Filters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -138,7 +140,7 @@ class ErrorFilters:
             self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction, less certain with each frame."""
+        """Return the prediction, less certain with each frame."""
         if self._filters is None:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -156,7 +158,7 @@ class ErrorFilters:
         f.covariance = np.where(self._begun[:, None, None], f.covariance, P)
 
     def _gap(self, f: Filters, error: Array, seen: Flags) -> Array:
-        """Measured minus expected (k,), angles wrapped; zero where nothing was measured."""
+        """Return measured minus expected (k,), angles wrapped; zero where nothing was measured."""
         expected = f.expected
         return self._features.error(np.where(seen, error, expected), expected)
 
@@ -169,8 +171,8 @@ class ErrorFilters:
 def look_ahead(
     x: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
 ) -> tuple[Array, Array]:
-    """Error (k,) when the command asked for now begins to act, and the target's mean motion (k,)
-    while it does, from states x (k, n) as of the frame.
+    """Return the error (k,) when the command asked for now begins to act, and the target's mean
+    motion (k,) while it does, from states x (k, n) as of the frame.
     """
     parts = [model] * len(own.coming)
     if own.durations is not None:

@@ -1,4 +1,4 @@
-"""What the Kalman estimators of the paper share: the plain difference as ViSP filters it."""
+"""Kalman filters of the plain difference, as ViSP has them, and constants of both rates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
-Variance = Annotated[float, Ge(1e-12), Le(1e12)]
 Ratio = Annotated[float, Ge(1e-9), Le(1e9)]
 """Of a variance to the measurement's."""
 Memory = Annotated[float, Ge(0), Le(0.999)]
@@ -24,28 +23,17 @@ Noise = Literal["position", "difference"]
 
 
 def between(at_30_hz: float, at_5_hz: float, dt: float) -> float:
-    """A constant for a frame interval [s]: a power of it through what was tuned at two rates."""
+    """Return a constant for a frame interval [s]: a power of it through what was tuned at two
+    rates.
+    """
     return float(at_30_hz * (30 * dt) ** (np.log(at_5_hz / at_30_hz) / np.log(30 / 5)))
 
 
 def difference_variance(variance: float, dt: float) -> float:
-    """Variance of the difference of two measurements of this variance, an interval [s] apart, over
-    that interval [1/s^2].
+    """Return the variance of the difference of two measurements of this variance, an interval [s]
+    apart, over that interval [1/s^2].
     """
     return float(2 * variance / dt**2)
-
-
-def check_noise(noise: Noise, config: object, *variances: str) -> None:
-    """Refuse variances that a filter of the error does not have.
-
-    Raises:
-        ValueError: One is given.
-    """
-    for name in variances:
-        if noise == "position" and getattr(config, name) is not None:
-            raise ValueError(
-                f'{name} needs noise = "difference"; with noise = "position" only ratios count'
-            )
 
 
 @final
@@ -55,7 +43,7 @@ class DifferenceFilters:
     """
 
     def __init__(self, model_at: Callable[[float, float], Model]) -> None:
-        """Filters that begin with the first difference.
+        """Build filters that begin with the first difference.
 
         Args:
             model_at: The model at an interval between pictures [s], for a feature that is measured
@@ -74,7 +62,9 @@ class DifferenceFilters:
         self._filters: Filters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first measurement starts the filter of a feature and is its own estimate."""
+        """Predict and correct; the first measurement starts the filter of a feature and is its own
+        estimate.
+        """
         if self._filters is None:
             self._filters = Filters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -87,13 +77,13 @@ class DifferenceFilters:
         y = z - f.expected
         nis = y**2 / (f.S * self._relative)
         f.update(y, measured)
-        f.x[first, 0] = z[first]
+        f.x[first, 0] = z[first]  # the first measurement is its own estimate
         self._begun |= fresh
         y, nis = (np.where(measured, values, np.nan) for values in (y, nis))
         return Prediction(shown, f.x[:, 0].copy(), y, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction; the next measurement needs two frames in a row."""
+        """Return the prediction; the next measurement needs two frames in a row."""
         self._difference.forget()
         zero = np.zeros(len(self._begun))
         if self._filters is None:

@@ -20,7 +20,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Plain:
-        """The estimator; draws nothing."""
+        """Return the estimator; it draws nothing."""
         return Plain()
 
 
@@ -37,8 +37,9 @@ class Difference:
         self.value = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
-        """The difference (k,) after a frame, and for which features it is new: those that were
-        measured, not nan, in this frame and in the last one. The others keep theirs, at first zero.
+        """Return the difference (k,) after a frame, and for which features it is new: those that
+        were measured, not nan, in this frame and in the last one. The others keep theirs, at first
+        zero.
         """
         seen = np.isfinite(error)
         fresh = seen & np.isfinite(self._last)
@@ -48,7 +49,7 @@ class Difference:
         return self.value, fresh
 
     def forget(self) -> None:
-        """The target was not seen: the next difference begins anew."""
+        """Begin the next difference anew: the target was not seen."""
         self._last = np.full(len(self._features.names), np.nan)
 
 
@@ -61,11 +62,11 @@ class Plain:
         self._difference = Difference(features)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The last measurement."""
+        """Return the last measurement."""
         motion, _ = self._difference.measure(error, own.past, dt)
         return Prediction.unmeasured(np.nan_to_num(error), motion)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The last measurement, kept."""
+        """Return the last measurement, kept."""
         self._difference.forget()
         return Prediction.unmeasured(np.zeros_like(self._difference.value), self._difference.value)

@@ -10,18 +10,19 @@ predicting where the target is not seen. The motion of the target, with T the fr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Le
 
 from servo.estimators._error_filter import ErrorFilters, TargetModel
-from servo.estimators._kalman import Ratio, between
+from servo.estimators._kalman import between
 
-AT_30_HZ = 0.03
-AT_5_HZ = 2.0
-"""Tuned noise of the acceleration: a slow camera sees a faster changing velocity."""
-
+# Var(w2) T^4 / R, tuned on the scenarios at both rates: a slow camera sees a velocity that changes
+# faster from picture to picture.
+ACCELERATION_AT_30_HZ = 0.03
+ACCELERATION_AT_5_HZ = 2.0
+RHO = 0.95
+"""Memory of the acceleration from picture to picture, up to `SLOWEST` apart; chosen by hand on the
+same scenarios."""
 SLOWEST = 0.2
 """Interval [s] above which a past acceleration says little: the memory then falls with its square,
 or else each reversal is taken for the beginning of a faster drive."""
@@ -29,25 +30,23 @@ or else each reversal is taken for the beginning of a faster drive."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Constants of the filter."""
-
-    rho: Annotated[float, Ge(0), Le(0.999)] = 0.95
-    """Memory of the acceleration from picture to picture, up to 0.2 s apart."""
-    acceleration: Ratio | None = None
-    """Noise of the acceleration over the measurement's, per frame: Var(w2) T^4 / R; by default
-    what suits the camera's rate."""
-    velocity: Annotated[float, Ge(0), Le(1e9)] = 0.0
-    """Noise of the velocity over the measurement's, per frame: Var(w1) T^2 / R."""
+    """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
-        """The estimator; draws nothing."""
-        return ErrorFilters(self.motion, predicts=True)
+        """Return the estimator; it draws nothing."""
+        return ErrorFilters(motion, predicts=True)
 
-    def motion(self, dt: float) -> TargetModel:
-        """How a target moves, at a frame interval [s]."""
-        s = (self.acceleration or between(AT_30_HZ, AT_5_HZ, dt)) / dt**4
-        Q = np.diag([self.velocity / dt**2, s])
-        rho = self.rho * min(1.0, (SLOWEST / dt) ** 2)
-        P = np.diag([0.0, s / (1 - rho**2)])
-        M = np.array([[1.0, dt], [0.0, rho]])
-        return TargetModel(M, np.array([dt, dt**2 / 2]), Q, P)
+
+def motion(dt: float, jump: float = 0.0) -> TargetModel:
+    """Return the model of the target's motion.
+
+    Args:
+        dt: Frame interval [s].
+        jump: Noise of the velocity over the measurement's, per frame: Var(w1) T^2 / R.
+    """
+    s = between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / dt**4
+    Q = np.diag([jump / dt**2, s])
+    rho = RHO * min(1.0, (SLOWEST / dt) ** 2)
+    P = np.diag([0.0, s / (1 - rho**2)])
+    M = np.array([[1.0, dt], [0.0, rho]])
+    return TargetModel(M, np.array([dt, dt**2 / 2]), Q, P)

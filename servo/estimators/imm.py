@@ -8,45 +8,47 @@ counts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Annotated, final
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import final
 
 import numpy as np
-from annotated_types import Ge, Le
 
-from servo.estimators import error_kalman
-from servo.estimators._error_filter import look_ahead, models
+from servo.estimators._error_filter import TargetModel, look_ahead, models
 from servo.estimators._filters import Filters, Flags, Level
-from servo.estimators._kalman import Ratio
+from servo.estimators.error_kalman import motion
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
+# Both were chosen by hand on the scenarios whose target reverses or weaves.
+JUMP = 0.3
+"""Noise of the velocity of a manoeuvring target over the measurement's, per frame."""
+STAY = 0.95
+"""Probability that a target drives on as it does, from frame to frame."""
+IMPOSSIBLE = 1e-300
+"""Likelihood of a model that fits not at all: both may, and their sum must not be zero."""
+
 
 @dataclass(frozen=True, slots=True)
-class Config(error_kalman.Config):
-    """Constants of the smooth model, and the noise of the manoeuvring one."""
+class Config:
+    """Nothing to set."""
 
-    jump: Ratio = 0.3
-    """Noise of the velocity of a manoeuvring target over the measurement's, per frame."""
-    stay: Annotated[float, Ge(0.5), Le(0.9999)] = 0.95
-    """Probability that a target drives on as it does, from frame to frame."""
-
-    def build(self, rng: np.random.Generator) -> Imm:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The estimator; draws nothing."""
-        return Imm(self)
+    def build(self, rng: np.random.Generator) -> Imm:
+        """Return the estimator; it draws nothing."""
+        return Imm((motion, partial(motion, jump=JUMP)))
 
 
 @final
 class Imm:
     """Two models for each feature, mixed for each by itself; arrays begin with the model (2,)."""
 
-    def __init__(self, config: Config) -> None:
-        self._model_at = tuple(
-            models(c.motion) for c in (config, replace(config, velocity=config.jump))
-        )
-        go = 1 - config.stay
-        self._switch = np.array([[config.stay, go], [go, config.stay]])
+    def __init__(self, motions: tuple[Callable[[float], TargetModel], ...]) -> None:
+        """Build it from the smooth and the manoeuvring motion, each at an interval [s]."""
+        self._model_at = tuple(models(each) for each in motions)
+        go = 1 - STAY
+        self._switch = np.array([[STAY, go], [go, STAY]])
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
@@ -58,7 +60,7 @@ class Imm:
         self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The first error starts the filters of a feature."""
+        """Mix, predict and correct; the first error starts the filters of a feature."""
         if not self._filters:
             self._filters = tuple(Filters(at(dt), len(error)) for at in self._model_at)
         seen = np.isfinite(error)
@@ -72,7 +74,7 @@ class Imm:
         spread = (self._mu * (S + (each - expected) ** 2 / self._level.value)).sum(axis=0)
         level = self._level.value
         nis = self._level.learn((z - expected) ** 2 / spread, measured)
-        fits = self._mu * np.exp(-(y**2) / (2 * S * level)) / np.sqrt(S) + 1e-300
+        fits = self._mu * np.exp(-(y**2) / (2 * S * level)) / np.sqrt(S) + IMPOSSIBLE
         self._mixed = self._mu
         self._mu = np.where(measured, fits / fits.sum(axis=0), self._mu)
         for f, gap in zip(self._filters, y, strict=True):
@@ -88,7 +90,7 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The prediction, less certain with each frame."""
+        """Return the prediction, less certain with each frame."""
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -118,5 +120,5 @@ class Imm:
 
 
 def _where(flags: Flags, a: Array, b: Array) -> Array:
-    """Rows of a where the flags (k,) are set, else those of b."""
+    """Return the rows of a where the flags (k,) are set, else those of b."""
     return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)

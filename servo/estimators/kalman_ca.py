@@ -21,19 +21,17 @@ from servo.estimators._kalman import (
     Memory,
     Noise,
     Ratio,
-    Variance,
     between,
-    check_noise,
     difference_variance,
 )
 from servo.parts import Estimator
 from sim.types import Array
 
+# sQ / sR and sQ2 T^2 / sR, tuned at both rates: a slow camera sees a faster changing velocity.
 VELOCITY_AT_30_HZ = 0.06
 VELOCITY_AT_5_HZ = 1.0
 ACCELERATION_AT_30_HZ = 3e-3
 ACCELERATION_AT_5_HZ = 0.1
-"""Tuned sQ / sR and sQ2 T^2 / sR: a slow camera sees a faster changing velocity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,31 +46,26 @@ class Config:
     """sQ2 T^2 / sR, per frame; by default what suits the camera's rate."""
     noise: Noise = "position"
     """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
-    state_variance: Variance | None = None
-    """sQ, per frame [(1/s)^2], with noise = "difference"; by default from the ratio."""
-    acceleration_variance: Variance | None = None
-    """sQ2, per frame [(1/s^2)^2], with noise = "difference"; by default from the ratio."""
-    measure_variance: Variance | None = None
-    """sR [(1/s)^2], with noise = "difference"; by default that of a good tracker's differences at
-    the camera's rate."""
-
-    def __post_init__(self) -> None:
-        check_noise(self.noise, self, "state_variance", "acceleration_variance", "measure_variance")
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """The estimator; draws nothing."""
+        """Return the estimator; it draws nothing."""
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """ViSP's filter of a feature that is measured with this variance, at an interval [s]."""
-        sR = self.measure_variance or difference_variance(variance, dt)
+        """Return ViSP's filter of a feature.
+
+        Args:
+            dt: Frame interval [s].
+            variance: Variance of the feature's measurement.
+        """
+        sR = difference_variance(variance, dt)
         rho = self.rho
         T = dt
         ratio, acceleration = self._ratios(dt)
-        sQ = self.state_variance or sR * ratio
-        sQ2 = self.acceleration_variance or sR * acceleration / T**2
+        sQ = sR * ratio
+        sQ2 = sR * acceleration / T**2
         s = sQ / (1 - rho**2)
         P = np.array(
             [
@@ -84,7 +77,7 @@ class Config:
         return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
 
     def motion(self, dt: float) -> TargetModel:
-        """The same model for a filter of the error, at a frame interval [s]."""
+        """Return the same model for a filter of the error, at a frame interval [s]."""
         sR = difference_variance(1.0, dt)
         M = self._F(dt)
         ratio, acceleration = self._ratios(dt)

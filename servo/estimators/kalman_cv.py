@@ -23,17 +23,16 @@ from servo.estimators._kalman import (
     Memory,
     Noise,
     Ratio,
-    Variance,
     between,
-    check_noise,
     difference_variance,
 )
 from servo.parts import Estimator
 
 RHO = 0.6
+"""Memory of the velocity's change from frame to frame, tuned with the ratios."""
+# sQ / sR, tuned at both rates: a slow camera sees a faster changing velocity.
 RATIO_AT_30_HZ = 0.04
 RATIO_AT_5_HZ = 3.0
-"""Tuned sQ / sR: a slow camera sees a faster changing velocity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,33 +45,36 @@ class Config:
     """sQ / sR, per frame; by default what suits the camera's rate."""
     noise: Noise = "position"
     """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
-    state_variance: Variance | None = None
-    """sQ, per frame [(1/s)^2], with noise = "difference"; by default from the ratio."""
-    measure_variance: Variance | None = None
-    """sR [(1/s)^2], with noise = "difference"; by default that of a good tracker's differences at
-    the camera's rate."""
-
-    def __post_init__(self) -> None:
-        check_noise(self.noise, self, "state_variance", "measure_variance")
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """The estimator; draws nothing."""
+        """Return the estimator; it draws nothing."""
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """ViSP's filter of a feature that is measured with this variance, at an interval [s]."""
-        sR = self.measure_variance or difference_variance(variance, dt)
+        """Return ViSP's filter of a feature.
+
+        Args:
+            dt: Frame interval [s].
+            variance: Variance of the feature's measurement.
+        """
+        sR = difference_variance(variance, dt)
         rho = self.rho
-        sQ = self.state_variance or sR * (self.ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt))
+        sQ = sR * (self.ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt))
         F = np.array([[1.0, 1.0], [0.0, rho]])
         P = np.diag([sR, sQ / (1 - rho**2)])
         return Model(F, np.zeros(2), np.eye(2)[0], np.diag([0.0, sQ]), sR, P)
 
 
 def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
-    """The same model for a filter of the error, at a frame interval [s]."""
+    """Return the same model for a filter of the error.
+
+    Args:
+        dt: Frame interval [s].
+        rho: As in `Config`.
+        ratio: As in `Config`.
+    """
     ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
     sQ = ratio * difference_variance(1.0, dt)
     M = np.array([[1.0, 1.0], [0.0, rho]])

@@ -17,7 +17,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Nothing:
-        """The estimator; draws nothing."""
+        """Return the estimator; it draws nothing."""
         return Nothing()
 
 
@@ -30,9 +30,9 @@ class Nothing:
         self._zero = np.zeros(len(features.names))
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """No motion."""
+        """Return no motion."""
         return Prediction.unmeasured(np.nan_to_num(error), self._zero)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """No motion."""
+        """Return no motion."""
         return Prediction.unmeasured(self._zero, self._zero)

@@ -20,7 +20,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, rng: np.random.Generator) -> Ideal:
-        """The estimator; draws nothing."""
+        """Return the estimator; it draws nothing."""
         return Ideal()
 
 
@@ -33,15 +33,15 @@ class Ideal:
         self._motion = np.zeros(len(features.names))
 
     def give(self, motion: Array) -> None:
-        """The true de/dt (k,) of the target's own motion while the next command acts, over the
+        """Take the true de/dt (k,) of the target's own motion while the next command acts, over the
         features' scales.
         """
         self._motion = motion
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """The truth, and the error as it was seen."""
+        """Return the truth, and the error as it was seen."""
         return Prediction.unmeasured(np.nan_to_num(error), self._motion)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """The truth."""
+        """Return the truth."""
         return Prediction.unmeasured(np.zeros_like(self._motion), self._motion)

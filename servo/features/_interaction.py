@@ -39,7 +39,7 @@ class Spread:
 
     @staticmethod
     def of(m: Moments, plane: Plane) -> Spread:
-        """Of these moments, in this plane."""
+        """Return those of these moments, in this plane."""
         n20 = 4 * m.mu20 / m.area
         n11 = 4 * m.mu11 / m.area
         n02 = 4 * m.mu02 / m.area
@@ -52,7 +52,7 @@ class Spread:
 
 
 def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
-    """Row (6,) of xn = an xg."""
+    """Return the row (6,) of xn = an xg."""
     A = plane.A
     B = plane.B
     xn = an * m.xg
@@ -64,7 +64,7 @@ def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
 
 
 def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
-    """Row (6,) of yn = an yg."""
+    """Return the row (6,) of yn = an yg."""
     A = plane.A
     B = plane.B
     xn = an * m.xg
@@ -76,7 +76,7 @@ def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
 
 
 def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
-    """Row (6,) of an = K / sqrt(a)."""
+    """Return the row (6,) of an = K / sqrt(a)."""
     A = plane.A
     B = plane.B
     C = plane.C
@@ -86,7 +86,7 @@ def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
 
 
 def row_theta(m: Moments, plane: Plane) -> Row:
-    """Row (6,) of theta = atan2(2 mu11, mu20 - mu02) / 2.
+    """Return the row (6,) of theta = atan2(2 mu11, mu20 - mu02) / 2.
 
     Raises:
         ValueError: The shape is round, so it has no orientation.
@@ -119,7 +119,7 @@ def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
 
 
 def interaction(m: Moments, plane: Plane, scale: float) -> Array:
-    """The matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a).
+    """Return the matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a).
 
     The row of theta is zero for a round shape.
     """

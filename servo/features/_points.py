@@ -17,14 +17,14 @@ class OfCorners:
     sole_dof: Mapping[str, str] = {}
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Corners are known where angle and size are."""
+        """Return eight flags: corners are known where angle and size are."""
         return np.full(8, sight.angle_known and sight.size_known)
 
     def scales(self, goal: Array) -> Array:
-        """1."""
+        """Return ones (8,): corners need no scale."""
         return np.ones(8)
 
 
 def whole_turn(angles: Array) -> Array:
-    """Angles [rad] wrapped to [-pi, pi)."""
+    """Return the angles [rad] wrapped to [-pi, pi)."""
     return (angles + np.pi) % (2 * np.pi) - np.pi

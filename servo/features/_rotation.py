@@ -22,29 +22,29 @@ class WithRotation:
     """What feature sets share that end in theta u of c*Rc."""
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (6,); of the two rotation vectors of a rotation, the nearer one."""
+        """Return e = s - s* (6,); of the two rotation vectors of a rotation, the nearer one."""
         turn = nearest_turn(values[3:], goal[3:])
         return np.concatenate([values[:3], turn]) - goal
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """A similarity has no tilt."""
+        """Return six flags: a similarity has no tilt."""
         angle = sight.angle_known
         size = sight.size_known
         tilt = sight.tilt_known
         return np.array([True, True, size, tilt, tilt, angle])
 
     def scales(self, goal: Array) -> Array:
-        """1."""
+        """Return ones (6,)."""
         return np.ones(6)
 
 
 def theta_u(R: Array) -> Array:
-    """Rotation vector (3,) [rad] of a rotation, by up to half a turn."""
+    """Return the rotation vector (3,) [rad] of a rotation, by up to half a turn."""
     return Rotation.from_matrix(R).as_rotvec()
 
 
 def rotation_rows(w: Array) -> Array:
-    """Lw (3, 3): d(theta u)/dt of c*Rc over the camera's angular velocity.
+    """Return Lw (3, 3): d(theta u)/dt of c*Rc over the camera's angular velocity.
 
     Malis, Chaumette and Boudet 1999 (2 1/2 D visual servoing, IEEE Transactions on Robotics and
     Automation 15), equation 12. No closed loop can see an error in it, as Lw^-1 theta u = theta u.
@@ -60,8 +60,8 @@ def rotation_rows(w: Array) -> Array:
 
 
 def nearest_turn(w: Array, other: Array) -> Array:
-    """The rotation vector (3,) of the same rotation as w that is nearest to another: at half a turn
-    the axis changes its sign, but nothing jumps.
+    """Return the rotation vector (3,) of the same rotation as w that is nearest to another: at half
+    a turn the axis changes its sign, but nothing jumps.
     """
     angle = float(np.linalg.norm(w))
     if angle == 0.0:

@@ -23,7 +23,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, outline: Array) -> HybridFeatures:
-        """The features of any target."""
+        """Return the features of any target."""
         return HybridFeatures()
 
 
@@ -42,14 +42,14 @@ class HybridFeatures(WithRotation):
     noise = np.array(NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """s (6,)."""
+        """Return s (6,)."""
         X, Y, Z = sight.pose.translation.tolist()
         goal = sight.aim.pose
         turn = theta_u(goal.rotation @ sight.pose.rotation.T)
         return np.array([X / Z, Y / Z, log(Z / goal.translation[2]), *turn])
 
     def matrix(self, sight: Sight) -> Array:
-        """L (6, 6)."""
+        """Return L (6, 6)."""
         X, Y, Z = sight.pose.translation
         x = X / Z
         y = Y / Z

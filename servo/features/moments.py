@@ -50,7 +50,7 @@ class Config:
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
 
     def build(self, outline: Array) -> MomentFeatures:
-        """The features of a target whose reference rectangle has these corners (4, 3) [m]."""
+        """Return the features of a target whose reference rectangle has corners (4, 3) [m]."""
         root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         return MomentFeatures(self.scaling, root_area)
 
@@ -77,34 +77,34 @@ class MomentFeatures:
         self.noise = NOISE
 
     def values(self, sight: Sight) -> Array:
-        """s (4,)."""
+        """Return s (4,)."""
         return of_moments(sight.moments, self.scale)
 
     def matrix(self, sight: Sight) -> Array:
-        """L (4, 6)."""
+        """Return L (4, 6)."""
         return interaction(sight.moments, sight.plane, self.scale)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (4,). Moments do not distinguish front from back: theta is wrapped to a half
-        turn.
+        """Return e = s - s* (4,). Moments do not distinguish front from back: theta is wrapped to a
+        half turn.
         """
         e = values - goal
         e[3] = half_turn(e[3])
         return e
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """A round shape has no angle."""
+        """Return four flags: a round shape has no angle."""
         angle = sight.angle_known and oriented(sight.moments)
         return np.array([True, True, sight.size_known, angle])
 
     def scales(self, goal: Array) -> Array:
-        """The goal's an for xn, yn and an; 1 for theta."""
+        """Return the goal's an for xn, yn and an; 1 for theta."""
         an = goal[2]
         return np.array([an, an, an, 1.0])
 
 
 def of_moments(m: Moments, scale: float) -> Array:
-    """The features (4,) of a silhouette; scale is K."""
+    """Return the features (4,) of a silhouette; scale is K."""
     an = scale / sqrt(m.area)
     theta = atan2(2 * m.mu11, m.mu20 - m.mu02) / 2
     return np.array([an * m.xg, an * m.yg, an, theta])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, final
+from typing import final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.mistake import Mistake
 from servo.sight.point_rows import point_rows
 from servo.types import CameraImage, Sight
 from sim.types import Array
@@ -24,15 +25,11 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Where the pixels' interaction matrix is taken."""
-
-    matrix: Literal["current", "desired", "mean"] = "desired"
-    """At the picture of now, at the goal's, or the mean of both; controller.matrix says nothing
-    here."""
+    """Nothing to set; the pixels' interaction matrix is taken at the goal."""
 
     def build(self, outline: Array) -> PhotometricFeatures:
-        """The features of any picture."""
-        return PhotometricFeatures(self.matrix)
+        """Return the features of any picture."""
+        return PhotometricFeatures()
 
 
 @final
@@ -51,52 +48,45 @@ class PhotometricFeatures:
     noise = np.full(6, 1e-4)
     uses_pictures = True
 
-    def __init__(self, matrix: str) -> None:
-        self._where = matrix
+    def __init__(self) -> None:
         self._goal: Sight | None = None
-        self._goal_matrix = self._goal_inverse = np.zeros((0, 6))
+        self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """s (6,)."""
+        """Return s (6,)."""
         goal = sight.aim
         if goal is not self._goal:
             L = brightness_matrix(_picture(goal), _depth(goal))
             self._goal = goal
-            self._goal_matrix = L
             self._goal_inverse = np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(np.float64)
         e = (brightness(_picture(sight)) - brightness(_picture(goal))).ravel()
-        if self._where == "desired":
-            return self._goal_inverse @ e
-        chosen = brightness_matrix(_picture(sight), _depth(sight))
-        if self._where == "mean":
-            chosen = (chosen + self._goal_matrix) / 2
-        return np.linalg.lstsq(chosen, e, rcond=RANK_TOLERANCE)[0].astype(np.float64)
+        return self._goal_inverse @ e
 
     def matrix(self, sight: Sight) -> Array:
-        """The identity (6, 6)."""
+        """Return the identity (6, 6)."""
         return np.eye(6)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (6,)."""
+        """Return e = s - s* (6,)."""
         return values - goal
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """All."""
+        """Return six flags: all are known."""
         return np.full(6, True)
 
     def scales(self, goal: Array) -> Array:
-        """1."""
+        """Return ones (6,)."""
         return np.ones(6)
 
 
 def brightness(picture: CameraImage) -> Array:
-    """Grey values (h, w) of the pixels that count."""
+    """Return the grey values (h, w) of the pixels that count."""
     return _inside(_grey(picture))
 
 
 def brightness_matrix(picture: CameraImage, depth: float) -> Array:
-    """The interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the rows of
-    the pixels as points (Collewet and Marchand 2011, equation 9).
+    """Return the interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the
+    rows of the pixels as points (Collewet and Marchand 2011, equation 9).
 
     Args:
         picture: What is seen.
@@ -127,7 +117,7 @@ def _grey(picture: CameraImage) -> Array:
 
 def _inside(whole: Array) -> Array:
     if min(whole.shape) <= 2 * BORDER:
-        raise ValueError(
+        raise Mistake(
             f"a picture of {whole.shape[1]} x {whole.shape[0]} px is too small for features made "
             f"of pixels, which leave out {BORDER} px at each side"
         )

@@ -21,7 +21,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, outline: Array) -> PointFeatures:
-        """The features of any target."""
+        """Return the features of any target."""
         return PointFeatures()
 
 
@@ -40,13 +40,13 @@ class PointFeatures(OfCorners):
     noise = np.full(8, NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """s (8,)."""
+        """Return s (8,)."""
         return corners_of(sight).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """L (8, 6), with the depth of each corner."""
+        """Return L (8, 6), with the depth of each corner."""
         return np.stack(corner_rows(sight), axis=1).reshape(8, 6)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (8,)."""
+        """Return e = s - s* (8,)."""
         return values - goal

@@ -22,7 +22,7 @@ class Config:
     """Nothing to set."""
 
     def build(self, outline: Array) -> PolarFeatures:
-        """The features of any target."""
+        """Return the features of any target."""
         return PolarFeatures()
 
 
@@ -41,12 +41,12 @@ class PolarFeatures(OfCorners):
     noise = np.array(NOISE * 4)
 
     def values(self, sight: Sight) -> Array:
-        """s (8,)."""
+        """Return s (8,)."""
         x, y = corners_of(sight).T
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """L (8, 6): that of the corners, turned into their own directions."""
+        """Return L (8, 6): that of the corners, turned into their own directions."""
         (x, y) = corners_of(sight).T[..., None]
         (Lx, Ly) = corner_rows(sight)
         rho = np.hypot(x, y)
@@ -55,7 +55,7 @@ class PolarFeatures(OfCorners):
         return np.stack([along, around], axis=1).reshape(8, 6)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """e = s - s* (8,), angles wrapped."""
+        """Return e = s - s* (8,), angles wrapped."""
         e = values - goal
         e[1::2] = whole_turn(e[1::2])
         return e

@@ -28,7 +28,7 @@ class Config:
     of the target, so that its centre goes straight in the image."""
 
     def build(self, outline: Array) -> PoseFeatures:
-        """The features of any target."""
+        """Return the features of any target."""
         return PoseFeatures(self.error)
 
 
@@ -50,13 +50,13 @@ class PoseFeatures(WithRotation):
         self._camera_moves = error == "cdMc"
 
     def values(self, sight: Sight) -> Array:
-        """s (6,)."""
+        """Return s (6,)."""
         moved = sight.aim.pose @ sight.pose.inverse()
         t = moved.translation if self._camera_moves else sight.pose.translation
         return np.concatenate([t, theta_u(moved.rotation)])
 
     def matrix(self, sight: Sight) -> Array:
-        """L (6, 6)."""
+        """Return L (6, 6)."""
         R = sight.aim.pose.rotation @ sight.pose.rotation.T
         L = np.zeros((6, 6))
         L[3:, 3:] = rotation_rows(theta_u(R))

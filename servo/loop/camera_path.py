@@ -22,7 +22,7 @@ MEANINGS = {
 
 
 def path_measures(steps: Sequence[Step]) -> dict[str, float]:
-    """The measures of a run's steps, by the names of `MEANINGS`."""
+    """Return the measures of a run's steps, by the names of `MEANINGS`."""
     cameras = [s.T_object_camera for s in steps]
     goal = steps[-1].goal_sight.pose.inverse()
     places = np.array([c.translation for c in cameras])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import cached_property
 from math import radians
 from time import perf_counter
 from typing import Any
@@ -14,12 +13,10 @@ import numpy as np
 
 from servo.loop.goal import Goal
 from servo.loop.loop import Loop
-from servo.loop.part_checks import check_built
-from servo.loop.part_failed import PartFailed, parts_named
+from servo.loop.part import Part, PartFailed
 from servo.loop.step import Scene, Seconds, Step
-from servo.loop.timeline import Taken, Timeline, mean_twist
+from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
-from servo.scenario.catalogue import PLUGINS
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.scenario.sections import StartConfig
@@ -27,7 +24,7 @@ from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 from sim.geometry import exp_so3
 from sim.robot.start_pose import Reach
-from sim.types import Array, Image, Pose, Truth
+from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Unstable, World, WorldParts
 from tracking.types import Region, State
 
@@ -52,27 +49,35 @@ class Episode:
         steered: bool = False,
         kept: dict[str, tuple[Any, Any]] | None = None,
     ) -> None:
-        """Prepare a run; steered: `move` will be given twists; kept: robot and target of an earlier
-        episode, used again where their settings are the same, else replaced by this one's.
+        """Prepare a run.
+
+        Args:
+            scenario: Its settings.
+            renderer: Makes what renders the pictures.
+            steered: Whether `move` will be given twists.
+            kept: Robot and target of an earlier episode, used again where their settings are the
+                same, else replaced by this one's.
         """
         self.scenario = scenario
         self.frames = scenario.frames
-        self._steered = steered
         self._kept = {} if kept is None else kept
-        self._parts: dict[str, tuple[Any, ...]] = {n: (getattr(scenario, n),) for n in PLUGINS}
-        self._parts |= {f"disturbances[{i}]": (d,) for i, d in enumerate(scenario.disturbances)}
-        with ExitStack() as unless_ready, self.naming_parts():
+        with ExitStack() as unless_ready:
             unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world(renderer)
             true = self.world.camera
-            believed = self.world.camera_believed
             outline = self.world.outline
-            self.loop = Loop(scenario, believed, outline, true)
+            with self._refusals():
+                self.loop = Loop(scenario, self.world.camera_believed, outline, true)
             self.goal = Goal(scenario.goal, outline, true, true)
-            self._parts |= self.loop.parts
+            """How the true camera shall see the target."""
             goal = self._picture_at_goal() if self.loop.uses_pictures else None
             self._place_camera(scenario.start)
-            self._begin(goal)
+            first = self.world.look()
+            truth = self.world.truth()
+            self._first: tuple[Frame, Truth] | None = (first, truth)
+            self._truths = {first.index: truth}
+            """The truth of each picture from the one last decided on."""
+            self._start_loop(first, truth, goal, steered=steered)
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
@@ -85,54 +90,53 @@ class Episode:
 
     __exit__ = close
 
-    def naming_parts(self) -> AbstractContextManager[None]:
-        """Turn an exception of a part's code into a sentence that names the part."""
-        return parts_named(self._parts)
-
     def _build_world(self, renderer: MakeRenderer) -> World:
         s = self.scenario
-        motion, robot, target = map(self._build, ("motion", "robot", "target"))
+        motion = self._build(Part("motion", s.motion))
+        robot = self._build(Part("robot", s.robot))
+        target = self._build(Part("target", s.target))
         disturbances = [
-            self._build(f"disturbances[{i}]", f"disturbance {i}")
-            for i in range(len(s.disturbances))
+            self._build(Part(f"disturbances[{i}]", config), f"disturbance {i}")
+            for i, config in enumerate(s.disturbances)
         ]
         sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
-        try:
-            parts = WorldParts(robot, target, motion, disturbances, s.camera, s.believed, s.world)
+        parts = WorldParts(robot, target, motion, disturbances, s.camera, s.believed, s.world)
+        with self._refusals():
             return World(parts, sensor, encoders, renderer)
-        except ValueError as error:
-            raise Mistake(f"{s.name}: {error}") from error
 
-    def _build(self, part: str, draws: str = "") -> Any:
-        """What the `Config` of a part builds; a ValueError is the user's mistake."""
-        config = self._parts[part][0]
-        before, built = self._kept.get(part, (None, None))
+    @contextmanager
+    def _refusals(self, where: str = "") -> Generator[None]:
+        """Name the scenario where its settings are refused: a ValueError is the user's mistake."""
+        try:
+            yield
+        except PartFailed:
+            raise
+        except ValueError as error:
+            raise Mistake(f"{self.scenario.name}: {where}{error}") from error
+
+    def _build(self, part: Part, draws: str = "") -> Any:
+        """Return what a part's `Config` builds."""
+        config = part.config
+        before, built = self._kept.get(part.place, (None, None))
         if before != config:
-            try:
-                built = config.build(stream(self.scenario.run.seed, draws or part))
-            except ValueError as error:
-                raise Mistake(f"{self.scenario.name}: {part}: {error}") from error
+            with self._refusals():
+                built = part.build(stream(self.scenario.run.seed, draws or part.place))
         if type(config).__module__.startswith(DRAW_NOTHING):
-            self._kept[part] = config, built
-        self._parts[part] = config, check_built(part, config, built)
-        return built
+            self._kept[part.place] = config, built
+        return part.guarded(built) if hasattr(built, "at") else built
 
     def _picture_at_goal(self) -> Image:
-        """What the camera sees where it shall be: "teaching by showing"."""
+        """Return the picture that the camera takes where it shall be: "teaching by showing"."""
         self._place_camera(StartConfig())
         return self.world.look().image
 
     def _place_camera(self, start: StartConfig) -> None:
-        name = self.scenario.name
-        try:
+        with self._refusals("start: "):
             reach = self._start(start)
-        except ValueError as error:
-            raise Mistake(f"{name}: start: {error}") from None
-        if not reach:
-            raise Mistake(
-                f"{name}: start: the robot cannot bring the camera where this picture is taken: "
-                f"{reach}"
-            )
+            if not reach:
+                raise ValueError(
+                    f"the robot cannot bring the camera where this picture is taken: {reach}"
+                )
 
     def _start(self, start: StartConfig) -> Reach:
         if start.pose is not None:
@@ -145,74 +149,44 @@ class Episode:
         tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
         return self.world.start(pixel, theta, depth, *tilt)
 
-    def _begin(self, goal: Image | None) -> None:
-        """Take the first frame and start the loop with the region that the scenario gives."""
+    def _start_loop(self, first: Frame, truth: Truth, goal: Image | None, *, steered: bool) -> None:
+        """Start the loop with the region that the scenario gives."""
         scenario = self.scenario
         world = self.world
-        first = world.look()
-        truth = self._truth()
         length, width = np.ptp(world.outline[:, :2], axis=0)
         change = scenario.region
         sides = np.array([length * change.width, width * change.height]) * truth.size
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         region = Region(*sides.tolist(), quad=change.corners(truth))
-        try:
-            self.loop.start(first, region, given, goal)
-        except ValueError as error:
-            raise Mistake(f"{scenario.name}: {error}") from None
-        self._first = (first, truth)
-        self._looked = False
+        with self._refusals():
+            self.running = self.loop.start(first, region, given, goal, self._true_motion)
         self._scene = Scene(
             world.camera,
             world.outline,
             region,
             truth.size,
-            self.loop.features,
+            self.loop.features_of_truth,
             world.period,
             world.model,
         )
+        offset = 1e-3 * scenario.believed.clock_offset_ms
+        schedule = Schedule(scenario.run, world.period, world.ticks, offset, steered)
+        self._timeline = Timeline(schedule, self.running, stream(scenario.run.seed, "transport"))
 
-    def _truth(self) -> Truth:
-        truth = self.world.truth()
-        if not np.isfinite(truth.corners).all():
-            motion = self.scenario.motion
-            pose = truth.T_world_target
-            where = f"the target's position is {pose.translation}, its rotation {pose.rotation}"
-            raise PartFailed.by("motion", motion, f"{where}; all must be finite")
-        return truth
-
-    def _motion_true(self, truth: Truth, begin: float, end: float) -> Array:
-        """True mean de/dt (k,) of the target's own motion between two times [s], seen by a camera
-        that went along with it from a truth until then.
+    def _true_motion(self, picture: int, begin: float, end: float) -> Array:
+        """Return the true mean de/dt (k,) of the target's own motion between two times [s], seen by
+        a camera that goes along with the target from a picture until then.
         """
+        truth = self._truths[picture]
         before, after = map(self.world.target_at, (begin, end))
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
-        goal = self.loop.goal_sight
+        goal = self.running.goal_sight
         return self._scene.true_motion(camera, before, after, goal, end - begin)
 
-    @cached_property
-    def _timeline(self) -> Timeline:
-        run = self.scenario.run
-        world = self.world
-        draws = stream(run.seed, "transport")
-        first = self._first[1]
-        lies = 1e-3 * self.scenario.believed.clock_offset_ms
-        return Timeline(
-            run,
-            self.loop,
-            world.period,
-            world.ticks,
-            draws,
-            first,
-            self._motion_true,
-            lies,
-            steered=self._steered,
-        )
-
     def _goal_sight(self, time: float) -> Sight:
-        """How the target shall be seen, by the true camera."""
-        believed = self.loop.goal_sight
+        """Return how the target shall be seen, by the true camera."""
+        believed = self.running.goal_sight
         world = self.world
         if world.camera_believed is world.camera:
             return believed
@@ -222,29 +196,31 @@ class Episode:
         try:
             return self.world.step(twists)
         except Unstable as error:
-            raise PartFailed.by("robot", self.scenario.robot, str(error)) from error
+            raise Part("robot", self.scenario.robot).failed(str(error)) from error
 
     def __iter__(self) -> Iterator[Step]:
-        with self.naming_parts():
-            for _ in range(self.frames):
-                yield self.move(self.look())
+        for _ in range(self.frames):
+            yield self.move(self.look())
 
     def look(self) -> Step:
-        """Take the next picture, track and decide; the step, before the camera moves on."""
+        """Take the next picture, track and decide; return the step, before the camera moves on."""
         world = self.world
-        loop = self.loop
         timeline = self._timeline
         posture = world.posture()
-        (frame, truth) = self._first
         rendering = 0.0
-        if self._looked:
+        if self._first is None:
             began = perf_counter()
             frame = world.look()
             rendering = perf_counter() - began
-            truth = self._truth()
-        self._looked = True
-        timeline.advance(Taken(frame, world.believed(posture), truth))
-        decision = timeline.decision
+            truth = world.truth()
+            self._truths[frame.index] = truth
+        else:
+            frame, truth = self._first
+            self._first = None
+        timeline.advance(frame, world.believed(posture))
+        latest = timeline.latest
+        decision = latest.decision
+        self._truths = {i: t for i, t in self._truths.items() if i >= latest.picture}
         return Step(
             scene=self._scene,
             frame=frame,
@@ -254,12 +230,12 @@ class Episode:
             goal_theta=self.goal.theta,
             goal_size=self.goal.size(frame.time),
             goal_sight=self._goal_sight(frame.time),
-            estimate=loop.estimate,
-            truth_estimated=decision.truth,
-            age=decision.age,
-            skipped=decision.skipped,
+            estimate=decision.estimate,
+            truth_estimated=self._truths[latest.picture],
+            age=latest.age,
+            skipped=latest.skipped,
             command=decision.command,
-            motion_measured=loop.motion_measured,
+            motion_measured=decision.motion_measured,
             bodies=world.bodies(),
             posture=posture,
             rates=world.robot.rates_measured(world.data),
@@ -278,7 +254,7 @@ class Episode:
         if twist is not None:
             self._timeline.steer(twist)
         acting = self._timeline.acting()
-        command = self._timeline.decision.command
+        command = self._timeline.latest.decision.command
         began = perf_counter()
         limited = self._move(acting)
         seconds = replace(step.seconds, physics=perf_counter() - began)
@@ -288,6 +264,6 @@ class Episode:
 
 
 def run(scenario: Scenario) -> Iterator[Step]:
-    """The steps of one run, from the first frame to the last."""
+    """Yield the steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode

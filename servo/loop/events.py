@@ -28,7 +28,7 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """What is new in a step."""
+    """Return what is new in a step."""
     found: list[Event] = []
     then = before.estimate.status if before else Status.LOCKED
     now = step.estimate.status

@@ -48,7 +48,7 @@ class Goal:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def size(self, time: float) -> float:
-        """Size that the target shall have at a time [s], in px of the image a metre."""
+        """Return the size that the target shall have at a time [s], in px of the image a metre."""
         depth = self._config.depth_at(time)
         if self._camera.distortion is None:
             return self._camera.focal / depth
@@ -58,7 +58,7 @@ class Goal:
         return self._sizes[depth]
 
     def sight(self, time: float) -> Sight:
-        """How the target shall be seen at a time [s]."""
+        """Return the sight that the target shall have at a time [s]."""
         length, width = np.ptp(self._outline[:, :2], axis=0) * self.size(time)
         x, y = self.pixel.tolist()
         return self._to_sight.goal(State(x, y, self.theta), Region(length, width))

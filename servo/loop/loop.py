@@ -3,22 +3,22 @@
 It serves a simulated or a real camera and robot alike:
 
     loop = Loop(scenario, camera, outline)
-    loop.start(frame, region, state)         # the first picture, and the target in it
-    command = loop.step(frame, posture)      # for each picture, the first included
+    running = loop.start(frame, region, state)  # the first picture, and the target in it
+    command = running.step(frame, posture)      # for each picture, the first included
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any
+from typing import Protocol, final
 
 import numpy as np
 
+from servo.contracts import check_followed
 from servo.estimators.difference import Difference
 from servo.loop.goal import Goal
-from servo.loop.part_checks import check_built, check_command, check_estimate, check_known
-from servo.loop.part_failed import parts_named
+from servo.loop.part import Part, PartFailed
 from servo.loop.posture_record import elapsed
 from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
 from servo.scenario.draws import stream
@@ -29,28 +29,52 @@ from sim.types import Array, Camera, Frame, Image, Posture
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
 
 NO_TRUTH = (
-    "this estimator needs the true motion of the target (motion_true), which only a simulation "
+    "this estimator needs the true motion of the target (true_motion), which only a simulation "
     "knows; with a real camera choose another one, such as kalman_cv"
 )
 
 
-class Loop:
-    """Tracker, features, estimator and controller of a scenario."""
+class TrueMotion(Protocol):
+    """The true motion of the target, which a simulation knows."""
+
+    def __call__(self, picture: int, begin: float, end: float) -> Array:
+        """Return the mean de/dt (k,) of the target's own motion between two times [s], as the
+        camera sees it that took the picture of this number.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """A picture, and what the tracker reports of it."""
+
+    frame: Frame
+    estimate: Estimate
+    interval: float
+    """Time since the picture before [s]."""
+    seconds: float
+    """Wall-clock time of the tracker [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the loop made of an observation."""
 
     estimate: Estimate
-    """What the tracker reported last."""
+    """What the tracker reported."""
     sight: Sight | None
-    """The target as it was seen in the last frame; None where it was not."""
-    goal_sight: Sight
-    """How the target shall be seen now."""
-    _shown: Frame | None
+    """The target as it was seen; None where it was not."""
+    command: Command
     motion_measured: Array
-    """de/dt (k,) of the target's own motion over the last frame interval: the difference of two
-    errors minus what the camera caused; nan where it was not measured."""
-    interval: float
-    """Between the last two pictures that the tracker was shown [s]."""
-    seconds: tuple[float, float]
-    """Wall-clock time of tracker and law in the last step [s]."""
+    """de/dt (k,) of the target's own motion over the last interval between pictures: the
+    difference of two errors minus what the camera caused; nan where it was not measured."""
+    seconds: float
+    """Wall-clock time of the law [s]."""
+
+
+@final
+class Loop:
+    """Tracker, features, estimator and controller of a scenario."""
 
     def __init__(
         self, scenario: Scenario, camera: Camera, outline: Array, true: Camera | None = None
@@ -58,47 +82,56 @@ class Loop:
         """Build the parts.
 
         Args:
-            scenario: Which, and with which settings.
+            scenario: Kinds and settings of the parts.
             camera: Intrinsics, as they are believed to be.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m]: level, in
                 the order in which an image with the nose to the right shows them, from the top left
                 clockwise.
-            true: Where they differ, those of the camera that shows the goal (`believed.goal`).
+            true: The camera that shows the goal (`believed.goal`), where it differs.
+
+        Raises:
+            PartFailed: A part cannot be built.
         """
-        self._scenario = scenario
-        self._camera = camera
-        self._outline = outline
-        self._period = 1.0 / scenario.camera.rate
+        self.scenario = scenario
+        self.camera = camera
+        self.outline = outline
         seed = scenario.run.seed
-        believed = scenario.believed
-
-        self.parts: dict[str, tuple[Any, ...]] = {}
-        """Each part with a kind: its `Config`, and what that built."""
-
-        def built(part: str, given: Any) -> Any:
-            config = getattr(scenario, part)
-            made = check_built(part, config, config.build(given))
-            self.parts[part] = config, made
-            return made
-
-        self.tracker: Tracker = built("tracker", stream(seed, "tracker"))
-        self.features: FeatureSet = built("features", outline)
-        self.controller: Controller = built("controller", stream(seed, "controller"))
-        self._estimator: Estimator = built("estimator", stream(seed, "estimator"))
-        self.uses_pictures = bool(getattr(self.features, "uses_pictures", False))
+        tracker = Part("tracker", scenario.tracker)
+        features = Part("features", scenario.features)
+        estimator = Part("estimator", scenario.estimator)
+        controller = Part("controller", scenario.controller)
+        built = features.build(outline)
+        estimates = estimator.build(stream(seed, "estimator"))
+        self.tracker: Tracker = tracker.guarded(tracker.build(stream(seed, "tracker")))
+        self.features: FeatureSet = features.guarded(built)
+        self.features_of_truth: FeatureSet = features.guarded(built, checked=False)
+        """The same for records: values of what the camera cannot see need not be finite."""
+        self.controller: Controller = controller.guarded(
+            controller.build(stream(seed, "controller"))
+        )
+        guarded = estimator.guarded(estimates)
+        self.estimator: Estimator = guarded
+        self.needs_truth: NeedsTruth | None = guarded if isinstance(estimates, NeedsTruth) else None
+        """The estimator, if it must be given the target's true motion."""
+        self.forgets: Forgets | None = guarded if isinstance(estimates, Forgets) else None
+        """The estimator, if it can take back a measurement."""
+        self.uses_pictures = bool(getattr(built, "uses_pictures", False))
         """Whether the features are made of pixels: `start` then needs a picture of the goal."""
+        believed = scenario.believed
         true = true or camera
         pictured = camera if believed.goal == "computed" else true
         seen = true if believed.goal == "pose" else camera
         self.goal = Goal(scenario.goal, outline, pictured, seen, believed.depth_factor)
         """How the target shall be seen."""
 
-    @property
-    def needs_truth(self) -> bool:
-        """Whether `step` must be given the true motion, for the estimator."""
-        return isinstance(self._estimator, NeedsTruth)
-
-    def start(self, frame: Frame, region: Region, state: State, goal: Image | None = None) -> None:
+    def start(
+        self,
+        frame: Frame,
+        region: Region,
+        state: State,
+        goal: Image | None = None,
+        true_motion: TrueMotion | None = None,
+    ) -> Running:
         """Show the target to the tracker in the first picture, and begin the task.
 
         Args:
@@ -107,149 +140,194 @@ class Loop:
             state: Where that is.
             goal: The picture (H, W, 3) that the camera takes at the goal, for features made of
                 pixels.
+            true_motion: The target's true motion, for an estimator that needs it; only a
+                simulation has it.
+
+        Returns:
+            The running loop; its `step` takes this picture too.
 
         Raises:
+            PartFailed: A part raised an exception.
             ValueError: The region is none, or a setting does not fit the features.
         """
-        scenario = self._scenario
-        self._check_pictures()
-        self._goal_picture = None if goal is None else CameraImage(goal, self._camera)
+        return Running(self, frame, (region, state), goal, true_motion)
+
+
+@final
+class Running:
+    """A loop that has been shown its target."""
+
+    def __init__(
+        self,
+        loop: Loop,
+        frame: Frame,
+        target: tuple[Region, State],
+        goal: Image | None,
+        true_motion: TrueMotion | None,
+    ) -> None:
+        """Begin, with the arguments of `Loop.start`; target is the region and its state."""
+        self._loop = loop
+        scenario = loop.scenario
+        region, state = target
+        self._true_motion = true_motion
+        self._check_settings()
+        self._goal_picture = None if goal is None else CameraImage(goal, loop.camera)
         try:
-            self.tracker.start(frame, region, state)
+            loop.tracker.start(frame, region, state)
+        except PartFailed:
+            raise
         except ValueError as error:
             raise ValueError(f"first frame: {error}") from None
         # The tracker has not reported yet what it follows: angle and size wait for that.
-        self.estimate = Estimate(
+        self._estimate = Estimate(
             state, unknown_covariance(), 0.0, Status.LOCKED, follows=(False, False)
         )
         self._to_sight = EstimateToSight(
-            scenario.sight, self._camera, region, self._outline, scenario.believed.depth_factor
+            scenario.sight, loop.camera, region, loop.outline, scenario.believed.depth_factor
         )
+        self._period = 1.0 / scenario.camera.rate
+        self._shown: float | None = None
         self._carried = np.zeros(4)
-        self._shown = None
-        self._is_checked = False
-        self.sight = None
-        self.interval = self._period
-        self.seconds = (0.0, 0.0)
-        self.motion_measured = np.full(len(self.features.names), np.nan)
-        self._estimator.start(self.features)
-        self._difference = Difference(self.features)
+        self._follows_known = False
+        features = loop.features
+        loop.estimator.start(features)
+        self._difference = Difference(features)
         self.goal_sight = self._goal_sight(0.0)
-        self._scales = self.features.scales(self.features.values(self.goal_sight))
-        self.controller.start(
+        """How the target shall be seen now."""
+        self._scales = features.scales(features.values(self.goal_sight))
+        unknown = np.full(len(features.names), np.nan)
+        self.decision = Decision(self._estimate, None, Command(np.zeros(6)), unknown, 0.0)
+        """The last one; before the first picture was decided on, to stand still."""
+        loop.controller.start(
             Task(
                 self.goal_sight,
-                self.features,
-                self._estimator,
-                self._camera,
-                self._outline,
+                features,
+                loop.estimator,
+                loop.camera,
+                loop.outline,
                 scenario.run.latency,
             )
         )
 
-    def _check_pictures(self) -> None:
-        """Refuse what features made of pixels cannot do.
+    def _check_settings(self) -> None:
+        """Refuse settings that cannot go together.
 
         Raises:
-            ValueError: A setting does not fit them.
+            ValueError: The estimator needs the truth and there is none, or features made of pixels
+                shall do what they cannot.
         """
-        if not self.uses_pictures:
-            return
-        if self.needs_truth:
+        loop = self._loop
+        if loop.uses_pictures and loop.needs_truth is not None:
             raise ValueError(
                 "estimator: the true motion of features made of pixels is not known; choose "
                 "another one, such as none"
             )
-        if self._scenario.goal.depth_to is not None:
+        if loop.uses_pictures and loop.scenario.goal.depth_to is not None:
             raise ValueError(
                 "goal.depth_to: features made of pixels are compared with one picture, taken at "
                 "goal.depth, so their goal cannot move"
             )
+        if loop.needs_truth is not None and self._true_motion is None:
+            raise ValueError(NO_TRUTH)
 
-    def step(self, frame: Frame, posture: Posture, motion_true: Array | None = None) -> Command:
+    def step(self, frame: Frame, posture: Posture) -> Command:
         """Track, and decide how the camera shall move.
 
         Args:
             frame: The next picture; one that is not fresh is not shown to the tracker.
             posture: What the robot knows of itself at the time of the picture.
-            motion_true: de/dt (k,) of the target's own motion while this command acts, for an
-                estimator that needs the truth (`needs_truth`).
 
         Raises:
             PartFailed: A part raised an exception, or gave something that has no meaning.
-            ValueError: The estimator needs the truth, or the frame is not later than the last one.
+            ValueError: The frame is not later than the last one.
         """
-        self.track(frame, posture)
-        return self.decide(posture, motion_true)
+        return self.decide(self.track(frame, posture), posture).command
 
-    def track(self, frame: Frame, posture: Posture) -> None:
-        """The first half of `step`: show the tracker a picture. `decide` must follow."""
+    def track(self, frame: Frame, posture: Posture) -> Observation:
+        """Show the tracker a picture: the first half of `step`, for a robot that goes on meanwhile.
+
+        Args:
+            frame: As for `step`.
+            posture: As for `step`.
+
+        Returns:
+            What `decide` takes.
+        """
         began = perf_counter()
-        self._tracked = self.estimate
+        interval = self._period
         if self._shown is not None:
-            self.interval = elapsed(self._shown.time, frame.time, self._period)
-            with parts_named(self.parts):
-                self._track(frame, posture)
-        self._shown = frame
-        self.seconds = perf_counter() - began, 0.0
+            interval = elapsed(self._shown, frame.time, self._period)
+            self._estimate = self._tracked(frame, posture, interval)
+        self._shown = frame.time
+        return Observation(frame, self._estimate, interval, perf_counter() - began)
 
-    def decide(self, posture: Posture, motion_true: Array | None = None) -> Command:
-        """The second half of `step`, as soon as the estimate is there."""
-        began = perf_counter()
-        if isinstance(self._estimator, NeedsTruth):
-            if motion_true is None:
-                raise ValueError(NO_TRUTH)
-            self._estimator.give(motion_true / self._scales)
-        with parts_named(self.parts):
-            command = self._decide(self._shown, posture)
-        self.seconds = self.seconds[0], perf_counter() - began
-        self.motion_measured = self._measured(command)
-        return command
-
-    def _decide(self, frame: Frame | None, posture: Posture) -> Command:
-        if frame is None:
-            raise ValueError("decide: expected a picture by track first, got none")
-        self.estimate = self._tracked
-        if self._scenario.goal.depth_to is not None:
-            self.goal_sight = self._goal_sight(frame.time)
-            self.controller.aim(self.goal_sight)
-        self.sight = self._see(frame, posture) if frame.fresh else None
-        if frame.fresh and self.sight is None and isinstance(self._estimator, Forgets):
-            self._estimator.forget()
-        asked = self.controller.command(self.sight, posture, self.interval)
-        return check_command(asked, self.parts, self.sight)
-
-    def _see(self, frame: Frame, posture: Posture) -> Sight | None:
-        goal = self.goal_sight
-        if self._goal_picture is None:
-            return self._to_sight.see(self.estimate, posture, goal)
-        return replace(goal, picture=CameraImage(frame.image, self._camera), goal=goal)
-
-    def _goal_sight(self, time: float) -> Sight:
-        sight = self.goal.sight(time)
-        return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
-
-    def _track(self, frame: Frame, posture: Posture) -> None:
-        """The next estimate; the tracker does not learn of a dropped frame, its last one stays."""
+    def _tracked(self, frame: Frame, posture: Posture, interval: float) -> Estimate:
+        """Return the next estimate. The tracker does not learn of a dropped frame: its last
+        estimate stays.
+        """
+        loop = self._loop
         ego = None
-        if self._scenario.run.ego:
-            self._carried += self._to_sight.ego(self.estimate.state, posture.twist, self.interval)
+        if loop.scenario.run.ego:
+            self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
             ego = self._carried
         if not frame.fresh:
-            return
+            return self._estimate
         self._carried = np.zeros(4)
-        self._tracked = check_estimate(self.tracker.update(frame, ego), self._scenario.tracker)
-        if not self._is_checked and self._tracked.status is Status.LOCKED:
-            self._is_checked = True
-            given = self._scenario.features, self.features
-            check_known(*given, self._tracked, self.goal_sight)
+        estimate = loop.tracker.update(frame, ego)
+        if not self._follows_known and estimate.status is Status.LOCKED:
+            self._follows_known = True
+            with Part("features", loop.scenario.features).naming():
+                check_followed(loop.features, estimate, self.goal_sight)
+        return estimate
 
-    def _measured(self, command: Command) -> Array:
-        unknown = np.full(len(self.features.names), np.nan)
+    def decide(
+        self, observation: Observation, posture: Posture, acts: float | None = None
+    ) -> Decision:
+        """Decide how the camera shall move: the second half of `step`.
+
+        Args:
+            observation: What `track` returned last.
+            posture: What the robot knows of itself at the time of the picture.
+            acts: When the command begins to act [s], for an estimator that needs the truth; None:
+                `run.latency` frame intervals after the picture.
+        """
+        began = perf_counter()
+        loop = self._loop
+        frame = observation.frame
+        interval = observation.interval
+        if loop.needs_truth is not None and self._true_motion is not None:
+            if acts is None:
+                acts = frame.time + loop.scenario.run.latency * self._period
+            motion = self._true_motion(frame.index, acts, acts + interval)
+            loop.needs_truth.give(motion / self._scales)
+        if loop.scenario.goal.depth_to is not None:
+            self.goal_sight = self._goal_sight(frame.time)
+            loop.controller.aim(self.goal_sight)
+        sight = self._sight(observation, posture) if frame.fresh else None
+        if frame.fresh and sight is None and loop.forgets is not None:
+            loop.forgets.forget()
+        command = loop.controller.command(sight, posture, interval)
+        seconds = perf_counter() - began
+        motion = self._measured(command, sight, interval)
+        self.decision = Decision(observation.estimate, sight, command, motion, seconds)
+        return self.decision
+
+    def _sight(self, observation: Observation, posture: Posture) -> Sight | None:
+        goal = self.goal_sight
+        if self._goal_picture is None:
+            return self._to_sight.see(observation.estimate, posture, goal)
+        picture = CameraImage(observation.frame.image, self._loop.camera)
+        return replace(goal, picture=picture, goal=goal)
+
+    def _goal_sight(self, time: float) -> Sight:
+        sight = self._loop.goal.sight(time)
+        return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
+
+    def _measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
         trace = command.trace
-        if trace is None or self.sight is None:
+        if trace is None or sight is None:
             self._difference.forget()
-            return unknown
+            return np.full(len(self._loop.features.names), np.nan)
         errors = trace.error / trace.scales
-        found, fresh = self._difference.measure(errors, trace.own, self.interval)
-        return np.where(fresh, trace.scales * found, unknown)
+        found, fresh = self._difference.measure(errors, trace.own, interval)
+        return np.where(fresh, trace.scales * found, np.nan)

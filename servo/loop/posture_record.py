@@ -15,7 +15,7 @@ REGULAR = 1e-6
 
 
 def elapsed(last: float, now: float, period: float) -> float:
-    """The time between two pictures [s], exact where it is a number of frame intervals.
+    """Return the time between two pictures [s], exact where it is a number of frame intervals.
 
     Raises:
         ValueError: The second one is not later.
@@ -52,8 +52,8 @@ class PostureRecord:
         self._postures[index] = posture
 
     def paired(self, index: int) -> Posture:
-        """The posture for the picture of a frame, its means over the time since the one before that
-        was asked for; what is older is forgotten.
+        """Return the posture for the picture of a frame, its means over the time since the one
+        before that was asked for; what is older is forgotten.
         """
         posture = self._postures[index]
         last = self._taken
@@ -79,8 +79,8 @@ class PostureRecord:
         )
 
     def _pose_at(self, index: int) -> Pose:
-        """The pose at the stamp of a frame, on a screw between those of two frames; the newest, or
-        the oldest, where there is none beyond.
+        """Return the pose at the stamp of a frame, on a screw between those of two frames; the
+        newest, or the oldest, where there is none beyond.
         """
         frames = index + self._offset / self._period
         at = float(np.clip(frames, min(self._postures), max(self._postures)))

@@ -49,15 +49,21 @@ class Scene:
     """The world's model, for whoever draws it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
-        """What is seen of the target, exact."""
+        """Return what is seen of the target, exact."""
         T_camera_target = T_world_camera.inverse() @ T_world_target
         return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
 
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
     ) -> Array:
-        """Mean de/dt (k,) of a target that goes from one T_world_target to another in a time [s],
-        seen by a camera that stands.
+        """Return the mean de/dt (k,) of a target, seen by a camera that stands.
+
+        Args:
+            T_world_camera: Pose of the camera.
+            before: T_world_target at first.
+            after: T_world_target at last.
+            goal: How the target shall be seen.
+            dt: Time in between [s].
         """
         start, end = (
             self.features.values(self.true_sight(T_world_camera, target, goal))
@@ -119,7 +125,7 @@ class Step:
         )
 
     def light(self) -> Step:
-        """The same without pixels and particles, to keep thousands of them."""
+        """Return the same without pixels and particles, to keep thousands of them."""
         blank = np.broadcast_to(np.uint8(0), self.frame.image.shape)
         return replace(
             self,

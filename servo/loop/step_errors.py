@@ -9,24 +9,26 @@ from sim.geometry import half_turn
 
 
 def servo_angle(step: Step) -> float:
-    """True angle against the goal, over half a turn [rad]."""
+    """Return the true angle against the goal, over half a turn [rad]."""
     return half_turn(step.truth.theta - step.goal_theta)
 
 
 def tracking_angle(step: Step) -> float:
-    """Estimated against true angle [rad], over the full turn: a tracker that takes front for back
-    is wrong by pi.
+    """Return the estimated angle against the true one [rad], over the full turn: a tracker that
+    takes front for back is wrong by pi.
     """
     return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth_estimated.theta))))
 
 
 def tracking_scale(step: Step) -> float:
-    """Estimated over true size, minus 1."""
+    """Return the estimated size over the true one, minus 1."""
     return step.estimate.state.scale / step.true_state_estimated.scale - 1
 
 
 def range_used(step: Step) -> float:
-    """How far the joint nearest to a limit is from the middle of its range, over half of that."""
+    """Return how far the joint nearest to a limit is from the middle of its range, over half of
+    that.
+    """
     p = step.posture
     limited = np.isfinite(p.lower) & np.isfinite(p.upper)
     half = (p.upper[limited] - p.lower[limited]) / 2
@@ -34,5 +36,5 @@ def range_used(step: Step) -> float:
 
 
 def speed(step: Step) -> float:
-    """Speed of the camera [m/s]."""
+    """Return the speed of the camera [m/s]."""
     return float(np.linalg.norm(step.posture.twist[:3]))

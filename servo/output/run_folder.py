@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from servo.loop.episode import Episode
-from servo.loop.part_failed import PartFailed
+from servo.loop.part import PartFailed
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output import plots

@@ -66,7 +66,7 @@ class EstimateToSight:
         self._plane: Plane | None = None
 
     def see(self, estimate: Estimate, posture: Posture, goal: Sight | None = None) -> Sight | None:
-        """The sight of an estimate; None where the tracker does not see the target.
+        """Return the sight of an estimate; None where the tracker does not see the target.
 
         Args:
             estimate: What the tracker reported.
@@ -85,14 +85,16 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, angle, size, corners=corners, goal=goal))
 
     def goal(self, state: State, region: Region) -> Sight:
-        """How the target shall be seen: from straight above, where a state places a region."""
+        """Return the sight to reach: from straight above, where a state places a region."""
         m = shape_moments.of_state(state, region, self._camera)
         corners = self._camera.normalise(region.corners(state))
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
     def _see_corners(self, corners: Array, posture: Posture, goal: Sight | None) -> Sight | None:
-        """What a tracker sees that reports four corners (4, 2) [px]: its pose is measured."""
+        """Return the sight of a tracker that reports four corners (4, 2) [px]: its pose is
+        measured.
+        """
         seen = self._camera.normalise(corners)
         pose = self._corners_to_pose.of(seen, posture.T_base_camera)
         if pose is None:
@@ -105,14 +107,14 @@ class EstimateToSight:
         )
 
     def _with_depth_factor(self, sight: Sight) -> Sight:
-        """The sight with the depths that the interaction matrix is computed with."""
+        """Return the sight with the depths that the interaction matrix is computed with."""
         if self._depth_factor == 1.0:
             return sight
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
-        """How a camera twist (6,) over a time [s] has moved a target that stood still: change (4,)
-        of (x, y, theta, ln scale).
+        """Return how a camera twist (6,) over a time [s] has moved a target that stood still:
+        change (4,) of (x, y, theta, ln scale).
 
         Its centre and the front of its rectangle are taken for points of its plane.
         """
@@ -150,6 +152,6 @@ class EstimateToSight:
                 return self._fit.normal(posture.T_base_camera)
 
     def _scaled(self, plane: Plane) -> Plane:
-        """The plane that the interaction matrix is computed with."""
+        """Return the plane that the interaction matrix is computed with."""
         f = self._depth_factor
         return plane if f == 1.0 else Plane(plane.A / f, plane.B / f, plane.C / f)

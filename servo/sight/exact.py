@@ -14,25 +14,25 @@ points up."""
 
 
 def object_frame(outline: Array) -> Pose:
-    """T_target_object for a reference rectangle with these corners (4, 3) in the target's frame
-    [m].
+    """Return T_target_object for a reference rectangle with these corners (4, 3) in the target's
+    frame [m].
     """
     return Pose(FACED, outline.mean(axis=0))
 
 
 def corners_in(T_camera_object: Pose, outline: Array) -> Array:
-    """The corners (4, 3) of the rectangle in the camera's frame [m]."""
+    """Return the corners (4, 3) of the rectangle in the camera's frame [m]."""
     return (T_camera_object @ object_frame(outline).inverse()).apply(outline)
 
 
 def plane_in(T_camera_object: Pose) -> Plane:
-    """The rectangle's plane."""
+    """Return the rectangle's plane."""
     normal = T_camera_object.rotation[:, 2]
     return Plane(*(normal / (normal @ T_camera_object.translation)).tolist())
 
 
 def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -> Sight:
-    """All that can be seen of the rectangle in a pose.
+    """Return all that can be seen of the rectangle in a pose.
 
     Args:
         T_camera_object: The pose, of the frame that `Sight.pose` describes.

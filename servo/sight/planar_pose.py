@@ -32,7 +32,7 @@ UNIT = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.
 def planar_pose(
     corners: Array, size: tuple[float, float], expected: Pose | None = None
 ) -> Pose | None:
-    """T_camera_object of a rectangle that is seen with these corners.
+    """Return T_camera_object of a rectangle that is seen with these corners.
 
     Its origin is in the middle; x goes along the target's nose, y to the right of the nose as seen
     from above, z into the table. Facing the target with its nose to image right is the identity.
@@ -66,8 +66,8 @@ class CornersToPose:
         self._paths: list[tuple[Pose, float]] = []
 
     def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
-        """T_camera_object, as `planar_pose` defines it, of a target that moves little from picture
-        to picture, whatever the camera does.
+        """Return T_camera_object, as `planar_pose` defines it, of a target that moves little from
+        picture to picture, whatever the camera does.
 
         Args:
             corners: Corners (4, 2) in normalised image coordinates, in the order of a region's.
@@ -91,7 +91,9 @@ class CornersToPose:
 
 
 def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
-    """The two poses, each with its squared error over that of the noise; none for no rectangle."""
+    """Return the two poses, each with its squared error over that of the noise; none for no
+    rectangle.
+    """
     along = np.roll(corners, -1, axis=0) - corners
     before = np.roll(along, 1, axis=0)
     turns = before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0]
@@ -112,8 +114,8 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
 
 
 def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
-    """Rotation vectors and translations of both poses; of the one where they are the same, which
-    IPPE divides by zero.
+    """Return the rotation vectors and translations of both poses; of one pose where they are the
+    same, which IPPE divides by zero.
     """
     given = model, corners[:, None], np.eye(3), None
     for method in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE):
@@ -124,8 +126,8 @@ def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
 
 
 def _surprise(pose: Pose, expected: Pose | None) -> float:
-    """How unlikely a pose is before the corners are looked at, as a squared error over that of the
-    noise.
+    """Return how unlikely a pose is before the corners are compared, as a squared error over that
+    of the noise.
     """
     if expected is None:
         return float((np.arccos(np.clip(pose.rotation[2, 2], -1, 1)) / TILT) ** 2)
@@ -134,7 +136,7 @@ def _surprise(pose: Pose, expected: Pose | None) -> float:
 
 
 def _refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
-    """The pose near this one that fits the corners best (Levenberg, Marquardt)."""
+    """Return the pose near this one that fits the corners best (Levenberg, Marquardt)."""
     vector, t = cv2.solvePnPRefineLM(
         UNIT * (*size, 0.0),
         corners[:, None],

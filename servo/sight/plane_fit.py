@@ -33,7 +33,7 @@ class PlaneFit:
         self._prior: Array | None = None
 
     def normal(self, T_base_camera: Pose) -> Array:
-        """The normal (3,) in the camera frame, away from the camera."""
+        """Return the normal (3,) in the camera frame, away from the camera."""
         if self._prior is None:
             self._prior = T_base_camera.rotation[:, 2].copy()
         prior = np.outer(self._prior, self._prior) / TILT_SD**2

@@ -16,7 +16,8 @@ FACING = np.array([0.0, 0.0, 1.0])
 
 
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
-    """The plane with this normal (3,) in which a target of known metric area has these moments.
+    """Return the plane with this normal (3,) in which a target of known metric area has these
+    moments.
 
     A small piece S of the plane n P = 1 has the image area a = S (n r)^3 / |n|, where r = (xg, yg,
     1): this gives |n|, and with it the depth, from size alone.
@@ -32,13 +33,13 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
 
 
 def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
-    """The plane with this normal (3,), at a depth [m] where the target's centre is seen."""
+    """Return the plane with this normal (3,), at a depth [m] where the target's centre is seen."""
     A, B, C = normal.tolist()
     along = depth * (A * m.xg + B * m.yg + C)
     return Plane(A / along, B / along, C / along)
 
 
 def level_plane(T_base_camera: Pose, height: float) -> Plane:
-    """The level plane at a height [m] over the robot's base, seen by a camera above it."""
+    """Return the level plane at a height [m] over the robot's base, seen by a camera above it."""
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())

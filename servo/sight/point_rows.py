@@ -9,7 +9,8 @@ from sim.types import Array
 
 
 def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
-    """Interaction matrices (n, 6) each of x and of y, for points (n,) in normalised coordinates.
+    """Return the interaction matrices (n, 6) each of x and of y, for points (n,) in normalised
+    coordinates.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
     and Automation Magazine 13), equation 11.
@@ -26,14 +27,14 @@ def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
 
 
 def corner_rows(sight: Sight) -> tuple[Array, Array]:
-    """Those of the target's four corners, with the depth of each in the target's plane."""
+    """Return those of the target's four corners, with the depth of each in the target's plane."""
     (x, y) = corners_of(sight).T
     near = 1 / sight.points[:, 2]
     return point_rows(x, y, near)
 
 
 def corners_of(sight: Sight) -> Array:
-    """The target's corners (4, 2), normalised.
+    """Return the target's corners (4, 2), normalised.
 
     Raises:
         ValueError: The sight has none.

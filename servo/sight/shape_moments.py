@@ -16,8 +16,8 @@ WEIGHTS = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
 
 
 def of_polygon(polygon: Array) -> Moments:
-    """Moments up to third order of a simple polygon (n, 2) in normalised coordinates, whatever its
-    sense.
+    """Return the moments up to third order of a simple polygon (n, 2) in normalised coordinates,
+    whatever its sense.
     """
     middle = polygon.mean(axis=0)
     corners = polygon - middle
@@ -40,7 +40,7 @@ def of_polygon(polygon: Array) -> Moments:
 def of_rectangle(
     x: float, y: float, width: float, height: float, theta: float, stretch: tuple[float, float]
 ) -> Moments:
-    """Moments of a turned rectangle, stretched along the axes afterwards.
+    """Return the moments of a turned rectangle, stretched along the axes afterwards.
 
     Args:
         x: Centre, stretched.
@@ -71,13 +71,13 @@ def of_rectangle(
 
 
 def of_corners(corners: Array, camera: Camera) -> Moments:
-    """The moments of a polygon (n, 2) [px], in normalised image coordinates."""
+    """Return the moments of a polygon (n, 2) [px], in normalised image coordinates."""
     return of_polygon(camera.normalise(corners))
 
 
 def of_state(state: State, region: Region, camera: Camera) -> Moments:
-    """The moments of the rectangle in which a tracker sees the target: where a lens distorts, of
-    the quadrangle of its straightened corners.
+    """Return the moments of the rectangle in which a tracker sees the target: where a lens
+    distorts, of the quadrangle of its straightened corners.
     """
     if camera.distortion is not None:
         return of_corners(region.corners(state), camera)
@@ -89,6 +89,6 @@ def of_state(state: State, region: Region, camera: Camera) -> Moments:
 
 
 def _triangles(corners: Array) -> tuple[Array, Array]:
-    """Signed areas (n,) of the triangles from the origin to each edge, and the edges' ends."""
+    """Return signed areas (n,) of triangles from the origin to each edge, and the edges' ends."""
     after = np.concatenate([corners[1:], corners[:1]])
     return (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2, after

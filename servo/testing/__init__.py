@@ -9,7 +9,7 @@ Each one takes a `Config` (class or instance), the name of a kind, or "module:Na
 `BrokenContract` with a sentence that says what to change.
 """
 
-from servo.testing._given import BrokenContract
+from servo.contracts import BrokenContract
 from servo.testing.loop_parts import check_controller, check_estimator, check_features
 from servo.testing.trackers import check_tracker
 from servo.testing.world_parts import check_disturbance, check_motion, check_robot, check_target

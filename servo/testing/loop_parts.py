@@ -6,24 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from servo.controllers import KINDS as CONTROLLERS
-from servo.estimators import KINDS as ESTIMATORS
+from servo.contracts import require
 from servo.estimators.none import Config as NoEstimate
-from servo.features import KINDS as FEATURES
 from servo.features.moments import Config as MomentsConfig
 from servo.parts import FeatureSet, Task
-from servo.testing._given import (
-    CAMERA,
-    DOWN,
-    OUTLINE,
-    built,
-    config_of,
-    contract,
-    posture,
-    require,
-    seen_from,
-)
-from servo.types import DOF, Command, OwnMotion, Prediction, Sight
+from servo.testing._examples import CAMERA, DOWN, OUTLINE, posture, seen_from
+from servo.testing._subject import built, config_of, contract
+from servo.types import DOF, OwnMotion, Sight
 from sim.geometry import exp_se3
 from sim.types import Array, Pose
 
@@ -43,10 +32,13 @@ def check_features(features: Any) -> None:
 
     Its matrix is compared with finite differences of its values, unless it is made of pixels.
 
+    Example:
+        >>> check_features("moments")
+
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    found = _features(config_of(FEATURES, features))
+    found: FeatureSet = built("features", config_of("features", features), OUTLINE)
     k = len(found.names)
     require(k > 0 and len(set(found.names)) == k, f"names are {found.names}; all must differ")
     require(len(found.units) == k, f"there are {k} names and {len(found.units)} units")
@@ -60,29 +52,19 @@ def check_features(features: Any) -> None:
         _check_matrix(found, tilted @ Pose.planar(x, y, heading))
 
 
-def _features(config: Any) -> FeatureSet:
-    return config.build(OUTLINE)
-
-
 def _sight(target: Pose, camera: Pose = DOWN, *, pixels: bool = False) -> Sight:
     return seen_from(camera, target, pixels=pixels)
 
 
 def _check_matrix(features: FeatureSet, target: Pose) -> None:
     pixels = getattr(features, "uses_pictures", False)
-    k = len(features.names)
     sight = _sight(target, pixels=pixels)
     values = features.values(sight)
     matrix = features.matrix(sight)
-    require(np.shape(values) == (k,), f"values are {np.shape(values)}; they should be ({k},)")
-    require(np.shape(matrix) == (k, 6), f"the matrix is {np.shape(matrix)}, not ({k}, 6)")
-    finite = np.isfinite(values).all() and np.isfinite(matrix).all()
-    require(finite, f"values are {values}, or the matrix has numbers that are not finite")
+    features.known(sight)
+    features.scales(values)
     zero = features.error(values, values)
     require(not np.any(zero), f"error(s, s) is {zero}; it should be zero")
-    require(np.shape(features.known(sight)) == (k,), f"known is not {k} flags")
-    scales = np.asarray(features.scales(values))
-    require(scales.shape == (k,) and (scales > 0).all(), f"scales are not {k} numbers above 0")
     if pixels:
         return  # the depth of a pixel is a guess, and its brightness a whole number
     found: list[Array] = []
@@ -104,10 +86,13 @@ def _check_matrix(features: FeatureSet, target: Pose) -> None:
 def check_estimator(estimator: Any) -> None:
     """Check that an estimator keeps the contract of `servo.parts.Estimator`.
 
+    Example:
+        >>> check_estimator("kalman_cv")
+
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    config = config_of(ESTIMATORS, estimator)
+    config = config_of("estimator", estimator)
     once, again = (_estimates(config) for _ in range(2))
     require(
         all(np.array_equal(a, b) for a, b in zip(once, again, strict=True)),
@@ -120,43 +105,33 @@ def _estimates(config: Any) -> list[Array]:
     features = MomentsConfig().build(OUTLINE)
     k = len(features.names)
     rng = np.random.default_rng(1)
-    estimator = built(config, ("start", "update", "skip"))
+    estimator = built("estimator", config)
     estimator.start(features)
     rest = OwnMotion(np.zeros(k), np.zeros((0, k)))
-    _check_prediction(estimator.skip(rest, DT), k, "skip before any update")
+    estimator.skip(rest, DT)  # before any update
     found: list[Array] = []
     for i in range(20):
         hidden = 12 <= i < 15
         error = 0.01 * i + rng.normal(0, 1e-4, k)
         error[-1] = np.nan if i < 2 or i == 8 else error[-1]  # this feature was not measured
         prediction = estimator.skip(rest, DT) if hidden else estimator.update(error, rest, DT)
-        _check_prediction(prediction, k, "skip" if hidden else "update")
+        shape = np.shape(prediction.error)
+        require(shape == (k,), f"error is {shape}; it should be ({k},), as many as features")
         found += [prediction.error, prediction.motion]
     return found
-
-
-def _check_prediction(p: Any, k: int, where: str) -> None:
-    require(isinstance(p, Prediction), f"{where} returned {type(p).__name__}, not a Prediction")
-    for name in ("error", "motion"):
-        values = np.asarray(getattr(p, name))
-        right = values.shape == (k,) and np.isfinite(values).all()
-        require(right, f"{where}: {name} is {values}; it should be {k} finite numbers")
-    if where != "update":
-        require(
-            np.isnan(p.innovation).all(),
-            f"{where}: nothing was measured, so the innovation "
-            "is nan; Prediction.unmeasured makes such a value",
-        )
 
 
 @contract
 def check_controller(controller: Any) -> None:
     """Check that a controller keeps the contract of `servo.parts.Controller`.
 
+    Example:
+        >>> check_controller("ibvs")
+
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    config = config_of(CONTROLLERS, controller)
+    config = config_of("controller", controller)
     for latency in (0, 2):
         once, again = (_twists(config, latency) for _ in range(2))
         require(
@@ -168,25 +143,14 @@ def check_controller(controller: Any) -> None:
 
 def _twists(config: Any, latency: int) -> Array:
     features = MomentsConfig().build(OUTLINE)
-    estimator = built(NoEstimate(), ())
+    estimator = built("estimator", NoEstimate())
     estimator.start(features)
     goal = _sight(Pose.planar(0.0, 0.0, 0.0))
     seen = _sight(Pose.planar(0.05, 0.02, 0.3))
-    controller = built(config, ("start", "aim", "command"))
+    controller = built("controller", config)
     controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
     controller.aim(goal)
     twists: list[Array] = []
     for sight in (None, seen, None, seen, *[None] * 30, seen):
-        command = controller.command(sight, posture(), DT)
-        kind = type(command).__name__
-        require(isinstance(command, Command), f"command returned {kind}; return a Command")
-        twist = np.asarray(command.twist)
-        right = twist.shape == (6,) and np.isfinite(twist).all()
-        what = "seen" if sight is not None else "not seen"
-        require(
-            right,
-            f"the twist is {twist} where the target is {what}; it should be six finite "
-            "numbers (vx, vy, vz, wx, wy, wz)",
-        )
-        twists.append(twist)
+        twists.append(controller.command(sight, posture(), DT).twist)
     return np.array(twists)

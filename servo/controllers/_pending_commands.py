@@ -1,4 +1,4 @@
-"""The commands that are under way, and how much of them the robot's limits will let through."""
+"""Commands that do not act yet, and how much of them the robot's limits will let through."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from sim.types import Array, Posture
 
 WHOLE = 1 - 1e-6
-"""A share from here on is all of it: rates and twists are rounded."""
+"""A share from here on counts as all of it: rates and twists are rounded."""
 
 
 @final
-class UnderWay:
+class PendingCommands:
     """The last commands: the one that acted until the last picture, and those that come."""
 
     def __init__(self, latency: int) -> None:
-        """None so far; each acts this many frames after it was asked for."""
+        """Begin with none; each acts this many frames after it was asked for."""
         self._twists = deque([np.zeros(6)] * (latency + 1), maxlen=latency + 1)
 
     def add(self, twist: Array) -> None:
@@ -26,11 +26,11 @@ class UnderWay:
         self._twists.append(twist)
 
     def coming(self, posture: Posture, dt: float) -> list[tuple[Array, float]]:
-        """The twists (6,) that will act before the next command does, the next one first, and how
-        long each will, over the interval dt [s] since the last picture.
+        """Return the twists (6,) that will act before the next command does, the next one first,
+        and how long each will, over the interval dt [s] since the last picture.
 
-        Where the drives accepted only a part of the last command, for a joint is at its limit, they
-        will accept no more of another one in its direction.
+        Where the drives accepted only a part of the last command, because a joint is at its limit,
+        they will accept no more of another one in its direction.
         """
         acted, *own = self._twists
         coming = [(twist, 1.0) for twist in own]
