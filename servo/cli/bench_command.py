@@ -70,7 +70,7 @@ def run(request: BenchRequest) -> int:
         return _closed_loop(request, console)
     subjects = _subjects(request)
     seeds = range(request.seeds)
-    check_number(len(subjects) * len(seeds))
+    check_number(len(subjects) * request.seeds)
     jobs = [
         Job(i * len(seeds) + seed, subject, seed, {TRACKER: subject.contender.label})
         for i, subject in enumerate(subjects)
