@@ -56,7 +56,7 @@ def test_disturbances_begin_and_end_at_their_times():
         False,
         True,
     ]
-    drop = {"start": 0.5, "share": 1.0}
+    drop = {"share": 1.0}  # from 0.5 s on
     assert [effect("dropped_frames", t, **drop).dropped for t in (0.49, 0.5)] == [False, True]
 
 
