@@ -185,8 +185,7 @@ def _table(records: Sequence[tuple[Job, Record]]) -> Table:
     for job, record in records:
         assert isinstance(job.subject, LoadedScenario)
         bounds = len(job.subject.scenario.expect)
-        missed = len(record.missed)
-        kept = Badge.of(not missed, f"{bounds - missed} of {bounds}")
+        kept = f"{bounds - len(record.missed)} of {bounds}"
         cells.append(
             [
                 record.subject,
@@ -195,7 +194,7 @@ def _table(records: Sequence[tuple[Job, Record]]) -> Table:
                 f"{record.measures['servo_rms_px']:.2f}",
                 f"{record.measures['servo_peak_px']:.1f}",
                 f"{record.measures['tracking_rms_px']:.2f}",
-                kept if bounds else "none",
+                Badge.of(not record.missed, kept) if bounds else "none",
                 f"{record.seconds:.1f} s",
             ]
         )

@@ -156,7 +156,7 @@ def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
     from servo.cli import sweep_command
 
-    sys.exit(sweep_command.run(sweep_command.SweepRequest(**options)))
+    sys.exit(sweep_command.run(**options))
 
 
 @app.command()

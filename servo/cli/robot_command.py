@@ -113,8 +113,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     rng = np.random.default_rng(0)
     design = config.build(rng)
     target = car.Config().build(rng)
-    motion = still.Config().build(rng)
-    world = World(WorldParts(design, target, motion, camera=PICTURE), rng)
+    world = World(WorldParts(design, target, still.Config().build(rng), camera=PICTURE), rng)
     size = PICTURE.width, PICTURE.height
     room, eye = (
         OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
@@ -123,7 +122,9 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     try:
         reach = world.start(np.array(size) / 2, 0.0, DEPTH)
         views = [room.render(world.data), eye.render(world.data)]
-        seen = eye.silhouette(world.data, _own(world.model), alone=False)
+        bodies = (world.model.body(body).name for body in world.model.geom_bodyid)
+        own = np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
+        seen = eye.silhouette(world.data, own, alone=False)
     finally:
         for item in (room, eye, world):
             item.close()
@@ -135,12 +136,6 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     return np.hstack(views), text
 
 
-def _own(model: mujoco.MjModel) -> Array:
-    """Which geoms (n,) are the robot's."""
-    bodies = (model.body(body).name for body in model.geom_bodyid)
-    return np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
-
-
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     rows: list[list[str]] = []
     for joint in range(model.njnt):
@@ -149,9 +144,8 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
         name = model.joint(joint).name
         kind = kind_of_joint(model.jnt_type[joint])
         if joint in chain.joints:
-            number = chain.joints.index(joint)
             fastest = robot.fastest[robot.names.index(name)]
-            unit = robot.units[number]
+            unit = robot.units[chain.joints.index(joint)]
             rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
             limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
             rows.append([name, kind, limits, rate, _actuator(model, joint)])
@@ -208,7 +202,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
         height: Where the camera shall be over the table [m].
     """
     model = robot.model
-    data = mujoco.MjData(robot.model)
+    data = mujoco.MjData(model)
     rows: list[list[float]] = []
     far = 0.0
     for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
@@ -227,8 +221,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
 
 def _base(found: Array, height: float) -> tuple[float, float, float, float]:
     """A base for the best of these postures, behind the table's middle."""
-    order = np.argsort(-found[:, 0])[: max(1, round(BEST * len(found)))]
-    best = found[order]
+    best = found[np.argsort(-found[:, 0])[: max(1, round(BEST * len(found)))]]
     away = np.median(np.hypot(best[:, 1], best[:, 2]))
     above = np.median(best[:, 3])
     x, y = best[:, 1:3].mean(axis=0)

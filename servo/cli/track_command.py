@@ -262,7 +262,6 @@ def _report(
     end: End | None,
 ) -> Path:
     measures = {} if comparison is None else measure_all(comparison)
-    blind = [shot.picture.name for shot in seen if shot.blind]
     report = TrackReport(
         command=request.command,
         versions=versions(),
@@ -270,7 +269,7 @@ def _report(
         tracker=settings,
         seed=request.seed,
         frames=len(seen),
-        undecodable=blind,
+        undecodable=[shot.picture.name for shot in seen if shot.blind],
         lost=sum(shot.estimate.status is Status.LOST for shot in seen),
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
@@ -292,11 +291,10 @@ def print_track(
 
 
 def _print_measures(console: Console, comparison: Comparison) -> None:
-    found = ((m, m.of(comparison)) for m in MEASURES)
     rows = [
         [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
-        for m, value in found
-        if np.isfinite(value)
+        for m in MEASURES
+        if np.isfinite(value := m.of(comparison))
     ]
     print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
 
