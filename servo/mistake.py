@@ -48,11 +48,6 @@ class Refused(RuntimeError):
     def __init__(self, sentence: str) -> None:
         super().__init__(_one_line(sentence))
 
-    @staticmethod
-    def by(error: OSError, kept: str = "") -> Refused:
-        """Build it from an operating system's error; `kept` names what was written before."""
-        return Refused("; ".join(filter(None, (refusal(error), kept))))
-
 
 def unwritable(place: object, error: OSError, what: str = "to this folder") -> Mistake | Refused:
     """Why something cannot be written: its place is wrong, or the machine is full."""

@@ -17,7 +17,7 @@ from servo.cli import (
     papers_command,
     run_command,
     terminal,
-    track_summary,
+    track_command,
 )
 from servo.loop.run_measures import MEANINGS
 from servo.loop.step import Seconds
@@ -118,8 +118,8 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
     truth = np.stack([region.corners(State(20.0 + 1.5 * k, 16.0)) for k in range(7)])
     compared = Comparison.of(Track.of(seen, region), truth)
     monkeypatch.setattr(terminal, "Console", lambda **_: console)
-    track_summary.print_track(console, "kams on [film]", seen, compared, None)
-    track_summary.print_track(console, "kams on film", seen[:3], None, End("film: lost", True))
+    track_command.print_track(console, "kams on [film]", seen, compared, None)
+    track_command.print_track(console, "kams on film", seen[:3], None, End("film: lost", True))
     approved("prints/track", lines(console))
 
 

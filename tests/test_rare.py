@@ -1,6 +1,7 @@
 """What happens rarely: nothing seen, nothing there, nothing reachable, everything failed."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,6 @@ from rich.console import Console
 
 from servo.cli import sweep_command
 from servo.cli.options import Commands
-from servo.cli.sweep_command import SweepRequest
 from servo.mistake import Mistake, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record
@@ -93,13 +93,13 @@ def broken(monkeypatch, tmp_path):
         raise ValueError("no")
 
     monkeypatch.setattr(Job, "run", fail)
-    return SweepRequest("mine.toml", (), None, 1, None, tmp_path / "out", True)
+    return "mine.toml", (), None, 1, None, Path("out"), True
 
 
 def test_failed_runs_are_told_with_their_last_line(broken, capfd):
-    assert sweep_command.run(broken) == 1
+    assert sweep_command.run(*broken) == 1
     lines = capfd.readouterr().err.splitlines()
-    found = [broken.out / "failures" / f"{n:06}.json" for n in range(2)]
+    found = [Path("out/failures") / f"{n:06}.json" for n in range(2)]
     assert lines == [f"servobench: {path}: ValueError: no" for path in found]
     kept = json.loads(found[1].read_text())
     assert kept["error"].endswith("ValueError: no\n")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tracked import FRAMES, call, pictures, rows_of
 
-from servo.cli import region_choice, region_page
+from servo.cli import region_page
 from servo.output import display
 
 
@@ -34,7 +34,7 @@ def during(monkeypatch, act):
             thread.start()
 
     printed, threads = [], []
-    monkeypatch.setattr(region_choice, "_say", say)
+    monkeypatch.setattr(region_page, "_say", say)
 
     def finished():
         threads[0].join(20)

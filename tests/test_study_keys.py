@@ -4,7 +4,7 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import shipped
-from servo.scenario.source import path_of
+from servo.scenario.named_files import path_of
 from servo.study.parse import load
 
 STILL = "scenario = 'still'\n"

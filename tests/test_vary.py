@@ -8,7 +8,7 @@ from servo.papers.loop_series import is_clear
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import draws_of
 from servo.scenario.load import load, parse
-from servo.scenario.source import read
+from servo.scenario.named_files import read
 
 TABLE = {
     "run": {"duration": 1.0},

@@ -1,33 +1,88 @@
-"""The command `servobench check`: test scenarios against their bounds."""
+"""The command `servobench check`: test scenarios against their bounds, also for other programs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
+from xml.etree import ElementTree
 
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli import check_files
-from servo.cli.check_files import CheckedRun, CheckFile
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table, progress_bar
-from servo.mistake import Mistake, Refused
-from servo.output.formats import command_line
+from servo.loop.run_measures import MEANINGS
+from servo.mistake import Mistake, Refused, check_suffix, unwritable
+from servo.output.formats import Made, Number, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.toml import assignment
+from servo.study.bounds import MissedBound
 from servo.study.execute import Workers, check_number, execute
 from servo.study.failure import ClusterLost, Failure
 from servo.study.job import Job
 from servo.study.record import Record
 from servo.study.scenario_run import LoadedScenario
 from sim.camera import gl
+from tracking.files import atomic
+from tracking.files.json_text import number
 
 End = tuple[Job, Record | Failure]
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedRun:
+    """One run of a check."""
+
+    scenario: str
+    seed: int
+    command: str
+    """The command that repeats it."""
+    seconds: float = 0.0
+    """Wall-clock time."""
+    outcome: str = ""
+    measures: dict[str, Number | None]
+    missed: list[MissedBound]
+    """The bounds that were not kept."""
+    failed: str = ""
+    """Why there is no outcome, in a sentence."""
+
+    @staticmethod
+    def of(job: Job, end: Record | Failure) -> CheckedRun:
+        """How a job ended."""
+        if isinstance(end, Failure):
+            return CheckedRun(
+                scenario=job.subject.name,
+                seed=job.seed,
+                command=job.command,
+                measures={},
+                missed=[],
+                failed=end.reason,
+            )
+        return CheckedRun(
+            scenario=end.subject,
+            seed=end.seed,
+            command=end.command,
+            seconds=end.seconds,
+            outcome=end.outcome,
+            measures={name: number(end.measures[name]) for name in MEANINGS},
+            missed=list(end.missed),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckFile(Made):
+    """The file of --json."""
+
+    FILE: ClassVar[str] = "check.json"
+    KIND: ClassVar[str] = "check"
+
+    runs: list[CheckedRun]
 
 
 def check_scenarios(
@@ -50,8 +105,8 @@ def check_scenarios(
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     check_number(len(chosen) * count)
     _check_changes(changes)
-    check_files.check_place(junit, ".xml")
-    check_files.check_place(json, ".json")
+    _check_place(junit, ".xml")
+    _check_place(json, ".json")
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     jobs = [
         Job(
@@ -78,10 +133,10 @@ def check_scenarios(
 
 def _write(runs: list[CheckedRun], junit: Path | None, json: Path | None, command: str) -> None:
     if junit is not None:
-        check_files.write(junit, check_files.junit(runs))
+        _write_file(junit, _junit(runs))
     if json is not None:
         found = CheckFile(command=command, versions=versions(), runs=runs)
-        check_files.write(json, found.text())
+        _write_file(json, found.text())
 
 
 def _check_changes(changes: Sequence[str]) -> None:
@@ -130,8 +185,7 @@ def _table(records: Sequence[tuple[Job, Record]]) -> Table:
     for job, record in records:
         assert isinstance(job.subject, LoadedScenario)
         bounds = len(job.subject.scenario.expect)
-        missed = len(record.missed)
-        kept = Badge.of(not missed, f"{bounds - missed} of {bounds}")
+        kept = f"{bounds - len(record.missed)} of {bounds}"
         cells.append(
             [
                 record.subject,
@@ -140,8 +194,57 @@ def _table(records: Sequence[tuple[Job, Record]]) -> Table:
                 f"{record.measures['servo_rms_px']:.2f}",
                 f"{record.measures['servo_peak_px']:.1f}",
                 f"{record.measures['tracking_rms_px']:.2f}",
-                kept if bounds else "none",
+                Badge.of(not record.missed, kept) if bounds else "none",
                 f"{record.seconds:.1f} s",
             ]
         )
     return Table(TITLES, cells, words=(0, 2, 6))
+
+
+def _check_place(path: Path | None, suffix: str) -> None:
+    """Refuse a file that cannot be written, or that may be the user's own, before the runs.
+
+    Raises:
+        Mistake: Its folder is missing, it is a folder, a device or a link, or has another suffix.
+    """
+    if path is None:
+        return
+    check_suffix(path, suffix)
+    other = path.is_symlink() or (path.exists() and not path.is_file())
+    if other or not path.absolute().parent.is_dir():
+        raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
+
+
+def _write_file(path: Path, content: str) -> None:
+    """Write a file.
+
+    Raises:
+        Mistake: It cannot be there.
+        Refused: The disk refuses.
+    """
+    try:
+        atomic.write(path.absolute().parent, path.name, content)
+    except OSError as error:
+        raise unwritable(path, error, "this file") from None
+
+
+def _junit(runs: list[CheckedRun]) -> str:
+    """A test case for each run: what was missed, with the command that repeats it."""
+    suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(runs)))
+    for run in runs:
+        case = ElementTree.SubElement(
+            suite,
+            "testcase",
+            classname=f"servobench.{run.scenario}",
+            name=f"{run.scenario}, seed {run.seed}",
+            time=f"{run.seconds:.3f}",
+        )
+        message = run.failed or "; ".join(map(str, run.missed))
+        if message:
+            tag = "error" if run.failed else "failure"
+            ElementTree.SubElement(case, tag, message=message).text = f"again: {run.command}"
+    for plural, tag in (("failures", "failure"), ("errors", "error")):
+        suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
+    suite.set("time", f"{sum(run.seconds for run in runs):.3f}")
+    ElementTree.indent(suite)
+    return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"

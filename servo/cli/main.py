@@ -67,12 +67,37 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     help="A folder of images (also OTB, VOT), a video, a bag (MCAP, ROS 1, ROS 2), camera:0, or an "
     "address (rtsp, http, tcp, udp).",
 )
-@opt.footage_options
+@click.option(
+    "--region",
+    metavar="X,Y,W,H[,DEG]",
+    help="The target in the first picture: top left corner, size [px], rotation about its "
+    "centre (default: the truth's first line).",
+)
+@click.option("--topic", help="The topic of a bag, where several have pictures.")
+@click.option(
+    "--select", is_flag=True, help="Draw the region with the mouse, on a page in your browser."
+)
+@click.option(
+    "--tracker",
+    default="annealed:video",
+    show_default=True,
+    help="Which (servobench list), such as kams or kams:paper.",
+)
 @opt.changes_option
 @click.option(
     "--seed", type=opt.NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
 )
-@opt.truth_options
+@click.option(
+    "--truth",
+    type=opt.PATH,
+    help="Truth to compare with: OTB, VOT, TLD, CSV (default: a truth file beside it).",
+)
+@click.option(
+    "--truth-format",
+    default="auto",
+    show_default=True,
+    help="otb (x,y,w,h from 1), vot (x,y,w,h or 4 corners from 0), tld (x1,y1,x2,y2), csv.",
+)
 @opt.out_option("runs/SOURCE-TRACKER-SEED")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
 @output_options
@@ -131,7 +156,7 @@ def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
     from servo.cli import sweep_command
 
-    sys.exit(sweep_command.run(sweep_command.SweepRequest(**options)))
+    sys.exit(sweep_command.run(**options))
 
 
 @app.command()

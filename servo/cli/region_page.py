@@ -7,23 +7,27 @@ page in the browser. The server ends with the first answer.
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import math
 import secrets
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from queue import Empty, Queue
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
+from rich.console import Console
 
+from servo.cli.terminal import plain
 from servo.mistake import Mistake
 from servo.output.display import has_display
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
+from tracking.sequences.sources import Picture
 
 Box = tuple[float, float, float, float, float]
 """Left, top, width, height [px], and rotation about the centre [deg]."""
@@ -42,17 +46,49 @@ HEADERS = {
     "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; connect-src 'self'",
 }
+DIGITS = 6
+"""Digits of a region's numbers."""
 CANCELLED = "cancelled"
 """The answer of a person who draws no region."""
 
 
-def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
+def select(
+    source: str, pictures: Iterator[Picture], region: str | None
+) -> tuple[str, Iterator[Picture]]:
+    """Let a person draw the region in the first picture.
+
+    Returns:
+        The region as a text for `region_of`, and all pictures.
+
+    Raises:
+        Mistake: There is a region already, the first picture cannot be read, or none was drawn.
+        ValueError: The source cannot be read.
+    """
+    if region is not None:
+        raise Mistake("give --region or --select, not both")
+    first = next(pictures, None)
+    if first is None:
+        raise Mistake(f"{source}: there are no pictures in it")
+    if first.image is None:
+        raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
+    box = ask(first.image, source)
+    if box is None:
+        raise Mistake("--select was cancelled; give --region X,Y,W,H[,DEG]")
+    text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
+    _say(f"--region {text} repeats this choice")
+    return text, itertools.chain([first], pictures)
+
+
+def _say(text: str) -> None:
+    plain(Console(stderr=True), text)
+
+
+def ask(image: Image, name: str) -> Box | None:
     """Serve the page until it is answered, and open it in a browser where there is a desktop.
 
     Args:
         image: The picture, RGB (H, W, 3).
         name: The source's name, for the title.
-        say: Prints the address.
 
     Returns:
         The region; None if the person cancelled.
@@ -63,7 +99,7 @@ def ask(image: Image, name: str, say: Callable[[str], None]) -> Box | None:
     with _Server(_page(image, name)) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         address = f"http://{HOST}:{server.port}{server.path}"
-        say(
+        _say(
             f"draw the region on this page: {address}\n"
             f"  (of another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
         )

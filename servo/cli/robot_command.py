@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from math import isfinite
+from math import atan2, degrees, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +15,22 @@ import mujoco
 import numpy as np
 from rich.console import Console
 
-from servo.cli.robot_workspace import Workspace, sample_workspace
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
 from servo.scenario.fill import fill
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.renderer import OpenGLRenderer
+from sim.geometry import tilt
 from sim.models.assembly import ROBOT, build_model
 from sim.models.model_files import read_spec
 from sim.motions import still
 from sim.robot.chain import Chain, flanges
 from sim.robot.design import CAMERA
-from sim.robot.drives import drive_of, kind_of_joint, wrong_drive
+from sim.robot.drives import drive_of, kind_of_joint, random_joints, wrong_drive
 from sim.robot.model import camera_chain
 from sim.robot.robot import Robot
+from sim.robot.start_pose import comfort
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
@@ -43,6 +44,31 @@ SHOWN = 12
 POSITION = 1
 RATE = 2
 """Places of an actuator's feedback in its bias."""
+
+
+SAMPLES = 4000
+LEVEL = np.radians(25.0)
+"""A camera whose axis is nearer than this to straight down looks at the table."""
+BEST = 0.2
+"""The part of the postures, the most comfortable ones, from which a base is proposed."""
+
+ONE_SIDED = 0.5
+"""Mean place over mean distance of those postures from which on an arm has a direction."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Workspace:
+    """The reach of the camera, in the robot's own frame."""
+
+    farthest: float
+    """From the base's origin [m]."""
+    lowest: float
+    """Height over the base at which it looks down at the table [m]; nan where it never does."""
+    highest: float
+    """Height over the base at which it looks down at the table [m]."""
+    base: tuple[float, float, float, float]
+    """A place for the base, x, y, z [m] and yaw [deg], at which the camera is comfortable over the
+    table's middle."""
 
 
 def examine(given: dict[str, Any], out: Path) -> int:
@@ -87,8 +113,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     rng = np.random.default_rng(0)
     design = config.build(rng)
     target = car.Config().build(rng)
-    motion = still.Config().build(rng)
-    world = World(WorldParts(design, target, motion, camera=PICTURE), rng)
+    world = World(WorldParts(design, target, still.Config().build(rng), camera=PICTURE), rng)
     size = PICTURE.width, PICTURE.height
     room, eye = (
         OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
@@ -97,7 +122,9 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     try:
         reach = world.start(np.array(size) / 2, 0.0, DEPTH)
         views = [room.render(world.data), eye.render(world.data)]
-        seen = eye.silhouette(world.data, _own(world.model), alone=False)
+        bodies = (world.model.body(body).name for body in world.model.geom_bodyid)
+        own = np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
+        seen = eye.silhouette(world.data, own, alone=False)
     finally:
         for item in (room, eye, world):
             item.close()
@@ -109,12 +136,6 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     return np.hstack(views), text
 
 
-def _own(model: mujoco.MjModel) -> Array:
-    """Which geoms (n,) are the robot's."""
-    bodies = (model.body(body).name for body in model.geom_bodyid)
-    return np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
-
-
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     rows: list[list[str]] = []
     for joint in range(model.njnt):
@@ -123,9 +144,8 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
         name = model.joint(joint).name
         kind = kind_of_joint(model.jnt_type[joint])
         if joint in chain.joints:
-            number = chain.joints.index(joint)
             fastest = robot.fastest[robot.names.index(name)]
-            unit = robot.units[number]
+            unit = robot.units[chain.joints.index(joint)]
             rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
             limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
             rows.append([name, kind, limits, rate, _actuator(model, joint)])
@@ -172,3 +192,40 @@ def _toml(config: mjcf.Config, chain: Chain) -> str:
         table |= {"flange": chain.flange, "mount": list(config.mount)}
     lines = (f"{key} = {json.dumps(value)}" for key, value in table.items())
     return "\n".join(("[robot]", *lines))
+
+
+def sample_workspace(robot: Robot, height: float) -> Workspace:
+    """Try random postures of a robot whose base is the world's origin.
+
+    Args:
+        robot: The robot.
+        height: Where the camera shall be over the table [m].
+    """
+    model = robot.model
+    data = mujoco.MjData(model)
+    rows: list[list[float]] = []
+    far = 0.0
+    for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
+        data.qpos[robot.qpos] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        eye = robot.eye(data)
+        far = max(far, float(np.linalg.norm(eye.translation)))
+        if tilt(eye.rotation) < LEVEL:
+            rows.append([comfort(robot, data), *eye.translation])
+    if not rows:
+        return Workspace(far, np.nan, np.nan, (0.0, 0.0, 0.0, 0.0))
+    found = np.array(rows)
+    return Workspace(far, found[:, 3].min(), found[:, 3].max(), _base(found, height))
+
+
+def _base(found: Array, height: float) -> tuple[float, float, float, float]:
+    """A base for the best of these postures, behind the table's middle."""
+    best = found[np.argsort(-found[:, 0])[: max(1, round(BEST * len(found)))]]
+    away = np.median(np.hypot(best[:, 1], best[:, 2]))
+    above = np.median(best[:, 3])
+    x, y = best[:, 1:3].mean(axis=0)
+    # Most arms turn about an upright axis first: all directions are then as good as along x.
+    ahead = degrees(atan2(y, x)) if np.hypot(x, y) > ONE_SIDED * away else 0.0
+    yaw = 5.0 * round(((90.0 - ahead) % 360.0 - 180.0) / 5.0)
+    return 0.0, round(float(away), 2), round(float(height - above), 2), yaw

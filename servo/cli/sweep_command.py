@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -41,38 +40,28 @@ MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
 
 
-@dataclass(frozen=True, slots=True)
-class SweepRequest:
-    """The options of the command line."""
-
-    study: str
-    changes: Sequence[str]
-    seeds: int | None
-    workers: int
-    scheduler: str | None
-    out: Path | None
-    quiet: bool
-
-    @property
-    def command(self) -> str:
-        """The command line, without --out, --workers and --scheduler."""
-        return command_line("sweep", self.study, set=list(self.changes), seeds=self.seeds)
-
-
-def run(request: SweepRequest) -> int:
+def run(
+    study: str,
+    changes: Sequence[str],
+    seeds: int | None,
+    workers: int,
+    scheduler: str | None,
+    out: Path | None,
+    quiet: bool,
+) -> int:
     """Do the missing runs of a study; the exit code: 1 if a run failed or a bound was missed.
 
     Raises:
         Mistake: The study or its folder is wrong, or the scheduler cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    console = Console(quiet=request.quiet)
+    console = Console(quiet=quiet)
     with console.status("reading the study"):
-        study = load(request.study, request.changes, request.seeds)
-    workers = Workers(request.workers, request.scheduler)
-    if request.scheduler is None:
+        parsed = load(study, changes, seeds)
+    if scheduler is None:
         gl.backend()
-    return run_study(study, request.command, workers, request.out, console)
+    again = command_line("sweep", study, set=list(changes), seeds=seeds)
+    return run_study(parsed, again, Workers(workers, scheduler), out, console)
 
 
 def run_study(

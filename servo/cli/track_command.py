@@ -12,18 +12,23 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli import region_choice
 from servo.cli.guard import REFUSED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
-from servo.cli.region_choice import region_of
-from servo.cli.terminal import COMPILING, STOPPED, plain, progress_bar
-from servo.cli.track_summary import print_track
+from servo.cli.terminal import (
+    COMPILING,
+    STOPPED,
+    complain,
+    plain,
+    print_table,
+    progress_bar,
+)
 from servo.loop.part import Part, PartFailed
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
 from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
+from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
 from servo.scenario.toml import override
 from sim.types import Array
@@ -171,7 +176,9 @@ def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iter
     pictures = iter(source)
     if not request.select:
         return request, pictures
-    text, pictures = region_choice.select(request.source, pictures, request.region)
+    from servo.cli import region_page  # jinja2 takes a while to import
+
+    text, pictures = region_page.select(request.source, pictures, request.region)
     return replace(request, region=text), pictures
 
 
@@ -198,6 +205,25 @@ def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, Stat
     if not np.isfinite(truth[0]).all():
         raise Mistake("the target is not in the first picture of the truth; give --region")
     return placement(truth[0])
+
+
+def region_of(text: str) -> tuple[Region, State]:
+    """Return the region "X,Y,W,H[,DEG]": top left corner, size, rotation about its centre.
+
+    >>> region_of("40,30,30,20")[1]
+    State(x=55.0, y=40.0, theta=0.0, scale=1.0)
+
+    Raises:
+        Mistake: The text has another form.
+    """
+    try:
+        x, y, w, h, *turn = (float(part) for part in text.split(","))
+        degrees = turn[0] if len(turn) == 1 else 0.0
+        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
+            raise ValueError(text)
+    except ValueError:
+        raise Mistake(f"--region {text}: this should be X,Y,W,H or X,Y,W,H,DEG in px") from None
+    return Region(w, h), State(x + w / 2, y + h / 2, float(np.radians(degrees)))
 
 
 def _write(
@@ -236,7 +262,6 @@ def _report(
     end: End | None,
 ) -> Path:
     measures = {} if comparison is None else measure_all(comparison)
-    blind = [shot.picture.name for shot in seen if shot.blind]
     report = TrackReport(
         command=request.command,
         versions=versions(),
@@ -244,7 +269,7 @@ def _report(
         tracker=settings,
         seed=request.seed,
         frames=len(seen),
-        undecodable=blind,
+        undecodable=[shot.picture.name for shot in seen if shot.blind],
         lost=sum(shot.estimate.status is Status.LOST for shot in seen),
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
@@ -252,3 +277,43 @@ def _report(
         dropped=0 if end is None else end.dropped,
     )
     return report.write(folder)
+
+
+def print_track(
+    console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
+) -> None:
+    """Print what was tracked, its measures where there is a truth, and what was odd."""
+    lost = sum(shot.estimate.status is Status.LOST for shot in seen)
+    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {lost} LOST")
+    if comparison is not None:
+        _print_measures(console, comparison)
+    _print_oddities(seen, end)
+
+
+def _print_measures(console: Console, comparison: Comparison) -> None:
+    rows = [
+        [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
+        for m in MEASURES
+        if np.isfinite(value := m.of(comparison))
+    ]
+    print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
+
+
+def _print_oddities(seen: list[Shot], end: End | None) -> None:
+    """Print what the user should know of the pictures, and how a stream ended."""
+    blind = [shot.picture for shot in seen if shot.blind]
+    sizes = [shot for shot in seen if shot.size is not None]
+    change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
+    if change is not None and change.size is not None:
+        width, height = change.size
+        complain(
+            f"the pictures change their size at {change.picture.name} to {width} x {height} px; "
+            "the target is searched for at the same pixels"
+        )
+    if blind:
+        complain(
+            f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
+            f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
+        )
+    if end is not None:
+        complain(end.sentence)

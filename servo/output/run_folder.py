@@ -9,7 +9,7 @@ from pathlib import Path
 from servo.loop.episode import Episode
 from servo.loop.part import PartFailed
 from servo.loop.step import Step
-from servo.mistake import Mistake, Refused, unwritable
+from servo.mistake import Mistake, Refused, refusal, unwritable
 from servo.output import plots
 from servo.output.formats import Document
 from servo.output.sinks import Sink, Sinks
@@ -154,5 +154,5 @@ class RunFolder:
             written = report.write(self.folder)
             drawn = plots.draw(steps, title, self.folder)
         except OSError as error:
-            raise Refused.by(error, f"all rows are in {self.folder / TABLE}") from None
+            raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None
         return [*self._sinks.paths, self.folder / TABLE, written, *drawn]

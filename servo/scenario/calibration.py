@@ -102,12 +102,9 @@ def _of_ros(text: str, path: Path) -> Table:
         raise Mistake(f"{path}: this is not YAML{line}") from None
     if not isinstance(document, dict):
         raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
-    data = {key: document[key]["data"] for key in MATRICES if _has_data(document.get(key))}
-    return document | dict.fromkeys(MATRICES) | data
-
-
-def _has_data(matrix: Any) -> bool:
-    return isinstance(matrix, dict) and "data" in matrix
+    matrices = {key: document.get(key) for key in MATRICES}
+    data = {key: m.get("data") if isinstance(m, dict) else None for key, m in matrices.items()}
+    return document | data
 
 
 def _of_opencv(text: str, path: Path) -> Table:

@@ -114,9 +114,9 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
     changes: dict[str, Any] = {}
     for name in given.model_fields_set:
         value = getattr(given, name)
-        is_table = isinstance(value, BaseModel)
-        inner = f"{place}.{name}"
-        changes[name] = _changed(getattr(begin, name), value, inner) if is_table else value
+        if isinstance(value, BaseModel):
+            value = _changed(getattr(begin, name), value, f"{place}.{name}")
+        changes[name] = value
     try:
         return replace(begin, **changes)
     except ValueError as error:  # a `Config` refused several values together

@@ -11,7 +11,7 @@ from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.draws import spelled
 from servo.scenario.given import texts
-from servo.scenario.toml import assignment, trusted
+from servo.scenario.toml import assignment, plain
 from sim import kinds
 
 
@@ -94,21 +94,6 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
         choices = ", ".join(found)
         raise Mistake(f"{name}: this is {choices}; say which, as in {table}={{'{key}': ...}}")
     return found[0]
-
-
-def plain(value: Any) -> Any:
-    """Return a value of Python or NumPy in the types of TOML, its texts trusted."""
-    match value:
-        case dict():
-            return {key: plain(item) for key, item in value.items()}
-        case list() | tuple():
-            return [plain(item) for item in value]
-        case _ if hasattr(value, "tolist"):
-            return plain(value.tolist())
-        case _ if hasattr(value, "__fspath__"):
-            return trusted(str(value))
-        case _:
-            return trusted(value)
 
 
 def own_part(key: str, value: Any) -> Any:

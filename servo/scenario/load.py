@@ -20,6 +20,7 @@ from servo.scenario.draws import AS_WRITTEN, Draw, draws_of, flat
 from servo.scenario.expected import Expected, tracker_of
 from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
+from servo.scenario.named_files import read
 from servo.scenario.sections import (
     GoalConfig,
     MeasureConfig,
@@ -28,7 +29,6 @@ from servo.scenario.sections import (
     StartConfig,
     check_frames,
 )
-from servo.scenario.source import read
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, section_of
 from servo.scenario.toml import put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
@@ -131,7 +131,7 @@ def load(
     name = given.name(name, "scenario")
     changes = keywords.of_texts(overrides)
     if seed is not None:
-        changes.append(Change("run.seed", keywords.plain(seed), f"--seed {seed}"))
+        changes.append(Change("run.seed", toml.plain(seed), f"--seed {seed}"))
     own = {
         key: keywords.own_part(key, value)
         for key, value in settings.items()

@@ -1,4 +1,5 @@
-"""Files that a scenario, a study or a part names: where they lie, and a digest of what is in them.
+"""The files of scenarios: their own, and those that a scenario, a study or a part names, with their
+digests.
 
 A setting names a file where its type is `sim.ranges.File`.
 """
@@ -10,9 +11,13 @@ import hashlib
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import fields
+from importlib import resources
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+from servo.mistake import Mistake, unknown
+from servo.scenario import toml
+from servo.scenario.catalogue import shipped
 from servo.scenario.tables import config_of
 from sim.installed import Trusted
 from sim.ranges import NamesFile
@@ -25,6 +30,33 @@ DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
 AROUND = {"vary": 1, "set": 1, "axes": 1, "named": 3}
 """Tables of dotted settings, and how many keys lead to the settings in them."""
+
+
+def read(name: str) -> tuple[Table, str]:
+    """Return the TOML table of a scenario, not checked yet, and its file's name for messages.
+
+    Files that it names are looked for beside it first, then from the working directory.
+
+    Raises:
+        Mistake: There is no such file, or it is no TOML.
+    """
+    path = path_of(name)
+    table = toml.decode(toml.read(path, "scenario"), path.name)
+    return (table if name in shipped() else found_beside(table, path.parent)), path.name
+
+
+def path_of(name: str) -> Path:
+    """Return the file of a scenario, by its shipped name or by its path.
+
+    Raises:
+        Mistake: There is no such name.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        return path
+    if name not in shipped():
+        raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
+    return Path(str(resources.files("scenes") / f"{name}.toml"))
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -56,14 +57,10 @@ def config_of(section: str, kind: str | None = None) -> type[Any] | None:
     """
     if section in SECTIONS:
         return SECTIONS[section]
-    if section in LISTS:
-        kinds = LISTS[section]
-    elif section in PLUGINS:
-        kinds, default = PLUGINS[section]
-        kind = default if kind is None else kind
-    else:
+    kinds, default = PLUGINS.get(section) or (LISTS.get(section), None)
+    kind = kind or default
+    if kinds is None or kind is None:
         return None
-    try:
-        return None if kind is None else kinds.config_of(kind)
-    except UnknownKind:
-        return None
+    with suppress(UnknownKind):
+        return kinds.config_of(kind)
+    return None

@@ -19,6 +19,8 @@ DEEPEST = 20
 """Most tables and lists inside each other."""
 INTEGERS = range(-(1 << 63), 1 << 63)
 """The integers that TOML has."""
+TOO_DEEP = f"tables and lists lie too deep in each other; the limit is {DEEPEST}"
+TOO_LARGE = f"an integer is too large; the limit is {INTEGERS[-1]}"
 
 
 def read(path: Path, what: str) -> str:
@@ -48,9 +50,9 @@ def decode(text: str, place: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise Mistake(f"{place}: this is not TOML: {error}") from None
     except RecursionError:
-        raise Mistake(f"{place}: {_too_deep()}") from None
+        raise Mistake(f"{place}: {TOO_DEEP}") from None
     except ValueError:  # Python's own limit on the digits of an integer
-        raise Mistake(f"{place}: {_too_large()}") from None
+        raise Mistake(f"{place}: {TOO_LARGE}") from None
     check(table, place)
     return table
 
@@ -63,7 +65,7 @@ def check(value: Any, place: str, depth: int = 0) -> None:
             too deep in each other.
     """
     if depth > DEEPEST:
-        raise Mistake(f"{place}: {_too_deep()}")
+        raise Mistake(f"{place}: {TOO_DEEP}")
     match value:
         case dict():
             for key, item in value.items():
@@ -73,8 +75,8 @@ def check(value: Any, place: str, depth: int = 0) -> None:
             for item in value:
                 check(item, place, depth + 1)
         case int() if value not in INTEGERS:
-            raise Mistake(f"{place}: {_too_large()}")
-        case str() if not value.isascii() and _has_surrogates(value):
+            raise Mistake(f"{place}: {TOO_LARGE}")
+        case str() if any("\ud800" <= c <= "\udfff" for c in value):  # halves of characters
             raise Mistake(f"{place}: {value!r} is not a Unicode text")
         case _:
             pass
@@ -83,19 +85,6 @@ def check(value: Any, place: str, depth: int = 0) -> None:
 def is_number(value: Any) -> bool:
     """Return whether a value is a finite number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _too_deep() -> str:
-    return f"tables and lists lie too deep in each other; the limit is {DEEPEST}"
-
-
-def _too_large() -> str:
-    return f"an integer is too large; the limit is {INTEGERS[-1]}"
-
-
-def _has_surrogates(text: str) -> bool:
-    """Return whether it has halves of characters, as in a file's name that is not UTF-8."""
-    return any("\ud800" <= c <= "\udfff" for c in text)
 
 
 Table = dict[str, Any]
@@ -195,17 +184,23 @@ def _value(text: str) -> Any:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):  # no TOML, or no end of it
         return Trusted(text)
-    return trusted(parsed["value"] if len(parsed) == 1 else text)
+    return plain(parsed["value"] if len(parsed) == 1 else text)
 
 
-def trusted(value: Any) -> Any:
-    """Return a value from the command line or from Python with all its texts trusted."""
+def plain(value: Any) -> Any:
+    """Return a value of the command line, of Python or of NumPy in the types of TOML, its texts
+    trusted.
+    """
     match value:
         case str():
             return Trusted(value)
-        case list():
-            return [trusted(item) for item in value]
         case dict():
-            return {key: trusted(item) for key, item in value.items()}
+            return {key: plain(item) for key, item in value.items()}
+        case list() | tuple():
+            return [plain(item) for item in value]
+        case _ if hasattr(value, "tolist"):
+            return plain(value.tolist())
+        case _ if hasattr(value, "__fspath__"):
+            return Trusted(value)
         case _:
             return value

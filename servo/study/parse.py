@@ -13,11 +13,10 @@ from typing import Any
 
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, unknown
-from servo.scenario import source
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.draws import Value
 from servo.scenario.load import parse as parse_scenario
-from servo.scenario.named_files import digests, found_beside, named_in
+from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
 from servo.scenario.toml import assignment, is_number
 from servo.study.axes import (
     ENDS,
@@ -67,7 +66,7 @@ def load(
         if name not in studies():
             raise Mistake(f"{unknown(name, studies(), 'study')} (or give a .toml file)")
         path = Path(str(resources.files("scenes") / "studies" / f"{name}.toml"))
-    table, place = source.read(str(path))
+    table, place = read(str(path))
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
     for key in table:
@@ -199,8 +198,8 @@ def _bases(given: Any, path: Path, place: str) -> tuple[StudiedScenario, ...]:
         beside = path.parent / name
         at = str(beside) if name.endswith(".toml") and beside.is_file() else name
         try:
-            base = StudiedScenario(at, *source.read(at))
-            file = source.path_of(at).resolve()
+            base = StudiedScenario(at, *read(at))
+            file = path_of(at).resolve()
         except Mistake as error:
             raise Mistake(f"{place}: scenario: {error}") from None
         if file in bases:
