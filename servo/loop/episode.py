@@ -1,8 +1,8 @@
-"""One run: a world and the loop that watches and steers in it, as an iterator of steps."""
+"""One run: a world and the loop that watches and steers in it, as steps, and what they measure."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from math import radians
@@ -14,6 +14,7 @@ import numpy as np
 from servo.loop.goal import Goal
 from servo.loop.loop import Loop
 from servo.loop.part import Part, PartFailed
+from servo.loop.run_measures import Summary, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
@@ -267,3 +268,23 @@ def run(scenario: Scenario) -> Iterator[Step]:
     """Yield the steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode
+
+
+def measured_run(
+    scenario: Scenario, each: Callable[[Step], None] | None = None
+) -> tuple[list[Step], Summary]:
+    """Run a scenario to its end; its steps without pictures, and what was measured.
+
+    Args:
+        scenario: Which.
+        each: Called with every step while it has its picture.
+
+    Raises:
+        Mistake: As for `Episode`.
+    """
+    steps: list[Step] = []
+    for step in run(scenario):
+        if each is not None:
+            each(step)
+        steps.append(step.light())
+    return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)
