@@ -28,10 +28,8 @@ class WithRotation:
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
         """Return six flags: a similarity has no tilt."""
-        angle = sight.angle_known
-        size = sight.size_known
         tilt = sight.tilt_known
-        return np.array([True, True, size, tilt, tilt, angle])
+        return np.array([True, True, sight.size_known, tilt, tilt, sight.angle_known])
 
     def scales(self, goal: Array) -> Array:
         """Return ones (6,)."""
