@@ -169,7 +169,11 @@ def check_effect(effect: object) -> None:
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
     "tracker": {"start": None, "update": check_estimate},
-    "estimator": {"start": None, "update": partial(check_prediction, method="update"), "skip": check_skip},
+    "estimator": {
+        "start": None,
+        "update": partial(check_prediction, method="update"),
+        "skip": check_skip,
+    },
     "controller": {"start": None, "aim": None, "command": check_command},
     "motion": {"at": check_pose},
     "disturbances": {"at": check_effect},

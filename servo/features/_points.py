@@ -31,4 +31,3 @@ class OfCorners:
     def scales(self, goal: Array) -> Array:
         """Return ones (8,): corners need no scale."""
         return np.ones(8)
-

@@ -141,9 +141,8 @@ class Episode:
 
     def _start(self, start: StartConfig) -> Reach:
         if start.pose is not None:
-            t = np.array(start.pose[:3])
-            thetau = np.radians(start.pose[3:])
-            return self.world.start_facing(Pose(exp_so3(thetau), t))
+            turn = exp_so3(np.radians(start.pose[3:]))
+            return self.world.start_facing(Pose(turn, np.array(start.pose[:3])))
         pixel = self.goal.pixel + (start.x, start.y)
         theta = self.goal.theta + radians(start.angle_deg)
         depth = self.scenario.goal.depth / start.scale
@@ -182,8 +181,7 @@ class Episode:
         truth = self._truths[picture]
         before, after = map(self.world.target_at, (begin, end))
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
-        goal = self.running.goal_sight
-        return self._scene.true_motion(camera, before, after, goal, end - begin)
+        return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
     def _goal_sight(self, time: float) -> Sight:
         """Return how the target shall be seen, by the true camera."""

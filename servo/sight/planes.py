@@ -18,6 +18,12 @@ FACING = np.array([0.0, 0.0, 1.0])
 """Normal (3,) of a plane parallel to the image."""
 
 
+TILT_SD = np.radians(10.0)
+"""How far the plane may be tilted from the image's at the start [rad]."""
+DEPTH_SD = 0.02
+"""Standard deviation of a seen point, across the plane [m]."""
+
+
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
     """Return the plane with this normal (3,) in which a target of known metric area has these
     moments.
@@ -46,12 +52,6 @@ def level_plane(T_base_camera: Pose, height: float) -> Plane:
     """Return the level plane at a height [m] over the robot's base, seen by a camera above it."""
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())
-
-
-TILT_SD = np.radians(10.0)
-"""How far the plane may be tilted from the image's at the start [rad]."""
-DEPTH_SD = 0.02
-"""Standard deviation of a seen point, across the plane [m]."""
 
 
 @final

@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from sim.models.model_files import read_spec
-from sim.models.urdf import joint_speeds
+from sim.models.model_files import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
 from sim.robot.chain import FEWEST
 from sim.robot.design import Design, Drives, Inversion

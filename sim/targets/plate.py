@@ -30,5 +30,4 @@ class Config:
         """
         picture = picture_named(self.picture, "picture")
         spec = box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
-        top = np.array([0, 0, THICKNESS])
-        return Target(spec, rectangle(top, self.length, self.width))
+        return Target(spec, rectangle(np.array([0, 0, THICKNESS]), self.length, self.width))
