@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from servo.bench import ranking
 from servo.cli import main
+from servo.study import ranking
 from servo.study.job import Job
 from servo.study.record import Record
 from servo.study.store import RUNS

@@ -69,7 +69,7 @@ def test_presets_are_the_papers_settings():
 
 def test_settings_go_before_the_preset():
     tracker = create("kams", preset="paper", particles=7)
-    assert tracker._config.particles == 7
-    assert tracker._config.gamma == 20.0
+    assert tracker._settings.particles == 7
+    assert tracker._settings.gamma == 20.0
     with pytest.raises(ValueError, match="there is no preset 'book'; 'frozen' has none"):
         create("frozen", preset="book")

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from servo.bench import suites
 from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.study import suites
 from servo.study.sequence_run import Contender
 from sim import kinds
 

@@ -87,6 +87,8 @@ def ends(hint):
         if get_origin(kind) is tuple:
             (length,) = [v.min_length for v in limits]
             return [[value] * length for value in ends(get_args(kind)[0])]
+        if kind is str:  # the name of a file has no ends
+            return []
         low = [
             v.ge if isinstance(v, Ge) else math.nextafter(v.gt, math.inf)
             for v in limits

@@ -6,10 +6,10 @@ from typing import ClassVar
 import pytest
 from elsewhere import MyConfig
 
-from servo.bench.suites import GENERATORS
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.load import load
 from servo.study.sequence_run import Contender
+from servo.study.suites import GENERATORS
 from sim import kinds
 from tracking.trackers import kams
 

@@ -7,12 +7,12 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
 
-from servo.bench.suites import GENERATORS
 from servo.cli import main
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.study import execute as workers
+from servo.study.suites import GENERATORS
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 CONFIGS = [*s.SECTIONS.values()]

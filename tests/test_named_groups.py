@@ -53,7 +53,7 @@ def test_named_groups_are_axes_and_their_page_draws_the_ways(tmp_path, monkeypat
     found = study_data.load(tmp_path / "out")
     pictures = study_paths.paths(found)
     assert [p.title for p in pictures] == ["begin = near", "begin = far"]
-    first = found.series[0].values
+    first = found.series[0]
     assert first["camera_z_m"][0] == pytest.approx(-1.1, abs=0.01)
     assert first["corner0_u_px"][0] == pytest.approx(320 - 600 * 0.1 * 0.598 / 1.1, abs=1.0)
     assert pictures[0].width > 400

@@ -83,9 +83,8 @@ def test_the_report_tells_what_ran_and_what_came_out(folder):
     assert report["settings"]["disturbances"][0]["kind"] == "board"
     again = parse(report["settings"] | {"expect": report["expect"]}, "occlusion", "report.json")
     ran = load("occlusion", [*SHORT, "expect={}", "vary={}"], seed=1)
-    car = {"kind": "car", "outline": [0.2, 0.1, 0.042]}
-    assert report["settings"]["target"] == car  # what was found, and not given
-    assert again.settings() | {"target": car} == ran.settings() | {"target": car}
+    assert report["settings"]["target"] == {"kind": "car"}
+    assert again.settings() == ran.settings()
     assert again.disturbances == ran.disturbances
     assert report["versions"]["mujoco"].startswith("4.")
     assert report["measures"]["unseen_pct"] > 20

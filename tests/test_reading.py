@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from servo.mistake import Mistake
+from servo.output import formats
 from servo.output.recording import view
-from servo.report import files
 from servo.scenario import toml
 from sim.files import reading
 from tracking.evaluation import track_file
@@ -19,7 +19,7 @@ READERS = {
     "track": track_file.read,
     "suite": lambda path: toml.read(path, "suite"),
     "recording": view.check,
-    "file": files.content,
+    "file": formats.content,
 }
 
 

@@ -39,7 +39,7 @@ CHANGES = (
     "motion.kind=reversal",
     "motion.speed=0.2",
 )
-DROPPED = {"kind": "dropped_frames", "share": 0.3, "length": 0.08, "start": 0.5}
+DROPPED = {"kind": "dropped_frames", "share": 0.3}
 MACHINE = ("/__properties", "/plots/ms", "EncodedImage:blob", "Mesh3D:albedo_texture_buffer")
 """What of a recording depends on the machine."""
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from servo.bench import suites
 from servo.mistake import Mistake
+from servo.study import suites
 from sim.files.picture_file import rgb
 from tracking.sequences.folder import Folder
 from tracking.sequences.sequence import read_all, read_folder, source_of

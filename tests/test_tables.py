@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo.bench import ranking
 from servo.cli import bench_command, list_command, sweep_command, terminal
 from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
+from servo.study import ranking
 from servo.study.execute import Workers
 from servo.study.failure import Failure
 from servo.study.files import StudyFile

@@ -8,17 +8,17 @@ from pathlib import Path
 
 from rich.console import Console
 
-from servo.bench import ranking, suites
-from servo.bench.ranking import Rank
 from servo.cli.sweep_command import run_study
 from servo.cli.terminal import complete_jobs, go_on, plain, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
+from servo.study import ranking, suites
 from servo.study.execute import Workers, check_number
 from servo.study.files import StudyFile
 from servo.study.job import Job
 from servo.study.parse import load
+from servo.study.ranking import Rank
 from servo.study.record import Record, parquet, table_of
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
 from servo.study.store import RESULTS, Store, opened
@@ -70,7 +70,7 @@ def run(request: BenchRequest) -> int:
         return _closed_loop(request, console)
     subjects = _subjects(request)
     seeds = range(request.seeds)
-    check_number(len(subjects) * len(seeds))
+    check_number(len(subjects) * request.seeds)
     jobs = [
         Job(i * len(seeds) + seed, subject, seed, {TRACKER: subject.contender.label})
         for i, subject in enumerate(subjects)

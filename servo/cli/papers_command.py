@@ -58,7 +58,7 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     verdicts: dict[str, Verdict] = {}
     if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
         gl.backend()  # it says in one sentence where this machine cannot render
-    with opened(folder, _described(again)), Workers(workers) as pool:
+    with Workers(workers) as pool, opened(folder, _described(again)):
         plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
         for claim in chosen:
             _print_rule(console, claim)

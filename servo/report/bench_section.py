@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from servo.bench import ranking
-from servo.bench.ranking import Rank
 from servo.mistake import Mistake
 from servo.report import page
 from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.study_data import load_records
 from servo.report.words import Badge, Table, Tone, basis, cut, shown, spread
+from servo.study import ranking
 from servo.study.files import StudyFile
+from servo.study.ranking import Rank
 from servo.study.record import Record
 from servo.study.sequence_run import TRACKER
 

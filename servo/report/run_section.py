@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import tomli_w
 
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake
+from servo.output.formats import HALF, check_format, content
 from servo.output.run_folder import RECORDING
 from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
-from servo.report import files
 from servo.report.charts import ERROR_RANGE, Curve, Scale, Shade, curves
 from servo.report.drawing import INK, colour
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
@@ -96,7 +98,7 @@ def _bounds(run: RunReport) -> Block:
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
-    table = files.table(folder / TABLE, FORMAT)
+    table = _steps(folder / TABLE)
 
     def column(*words: str) -> Array:
         return np.asarray(table["_".join(filter(None, words))].to_numpy())
@@ -130,6 +132,22 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
             motions = [column(f"motion_{which}", name, rate) for which in MOTIONS]
             figures.append(_motion(name, unit, time, motions, shaded))
     return figures
+
+
+def _steps(path: Path) -> pa.Table:
+    """Return the table of a run's steps.
+
+    Raises:
+        Mistake: It cannot be read, is half-written, or has another format number.
+    """
+    raw = pa.BufferReader(content(path))
+    try:
+        found = pq.read_table(raw, page_checksum_verification=True)
+    except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
+        raise Mistake(f"{path}: this is not a Parquet table; {HALF}") from None
+    written = (found.schema.metadata or {}).get(b"format", b"").decode(errors="replace")
+    check_format(path, int(written) if written.isdecimal() else written or None, FORMAT)
+    return found
 
 
 def _motion(name: str, unit: str, time: Array, motions: list[Array], shaded: Shade) -> Figure:

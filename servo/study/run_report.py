@@ -54,7 +54,8 @@ class RunReport(Made):
         """The report of a run."""
         features = scene.features
         settings = scenario.settings()
-        settings["target"] |= {"outline": dimensions(scene.outline)}
+        if "outline" in settings["target"]:  # by default it is measured on the model
+            settings["target"] |= {"outline": dimensions(scene.outline)}
         return RunReport(
             command=record.command,
             versions=record.versions,

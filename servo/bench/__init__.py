@@ -1,1 +1,0 @@
-"""Comparisons of trackers, on sequences and in the closed loop."""
