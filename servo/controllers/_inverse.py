@@ -17,8 +17,6 @@ from sim.types import Array, Posture
 RANK_TOLERANCE = 1e-6
 """Singular values below this share of the largest count as zero: far above rounding, far below
 what features of different units differ by."""
-
-
 Secondary = Literal["level", "avoid_limits", "centre"]
 FAR = 0.75
 """A joint farther than this from its middle, over half its range, is near its limit (the threshold

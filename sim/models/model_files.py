@@ -25,8 +25,6 @@ SIMULATION = (
 )
 """Parts of a model that describe a whole simulation, in an order in which none refers to one that
 is gone."""
-
-
 READABLE = (".stl", ".obj", ".msh")
 """Suffixes of meshes that MuJoCo reads."""
 PLACE = re.compile("^(file://|(package|model)://[^/]*/+)")
