@@ -42,8 +42,8 @@ def effect(kind, time, **settings):
 
 
 def test_disturbances_begin_and_end_at_their_times():
-    board = {"start": 4.0, "duration": 0.5}
-    assert [effect("board", t, **board).board is None for t in (3.79, 3.8, 4.7, 4.71)] == [
+    board = {"start": 4.0, "duration": 0.5}  # it slides for 0.2 s
+    assert [effect("board", t, **board).board is None for t in (3.79, 3.81, 4.69, 4.71)] == [
         True,
         False,
         False,
@@ -56,7 +56,7 @@ def test_disturbances_begin_and_end_at_their_times():
         False,
         True,
     ]
-    drop = {"share": 1.0}
+    drop = {"share": 1.0}  # from 0.5 s on
     assert [effect("dropped_frames", t, **drop).dropped for t in (0.49, 0.5)] == [False, True]
 
 

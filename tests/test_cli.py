@@ -162,7 +162,7 @@ def test_list_names_everything_and_shows_settings(monkeypatch, capfd):
 def test_doctor_tells_the_renderer_and_its_speed(monkeypatch, capfd):
     code, out, _ = call(monkeypatch, capfd, "doctor")
     assert code == 0
-    for word in ("egl", "renderer", "frames a second", "mujoco", "rerun-sdk"):
+    for word in ("egl", "renderer", "frames a second", "mujoco", "scipy"):
         assert word in out
 
 

@@ -174,13 +174,15 @@ def test_a_confidence_that_is_to_judge_must_come(tmp_path):
 
 def test_no_process_and_no_file_stays(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    before = set(psutil.Process().children(recursive=True))
     tracker = config("good").build(np.random.default_rng(0))
     for _ in range(2):  # a second start has a server of its own
         tracker.start(frame(0), REGION, START)
         for k in range(1, 4):
             tracker.update(frame(k))
-        servers = psutil.Process().children(recursive=True)
+        servers = set(psutil.Process().children(recursive=True)) - before
         assert len(list(tmp_path.rglob("*.png"))) == 2
+    assert servers
     del tracker
     assert not any(server.is_running() for server in servers)
     assert list(tmp_path.iterdir()) == []

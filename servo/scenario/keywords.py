@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -38,7 +39,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
     for change in reversed(changes):
         changed = f"{spelled(change.key, change.place)}."
         for setting in settings:
-            path = f"{setting}.".replace("[", ".").replace("]", "")
+            path = re.sub(r"\[(\d+)\]", r".\1", setting) + "."
             if path.startswith(changed) or changed.startswith(path):
                 return change.place
     return file
