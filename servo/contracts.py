@@ -48,10 +48,9 @@ def check_estimate(estimate: object) -> None:
     Raises:
         BrokenContract: It is no `Estimate`, or a number in it has no meaning.
     """
-    kind = type(estimate).__name__
-    if not isinstance(estimate, Estimate):
-        raise BrokenContract(f"update returned {kind}; return an Estimate")
     e = estimate
+    if not isinstance(e, Estimate):
+        raise BrokenContract(f"update returned {type(e).__name__}; return an Estimate")
     s = e.state
     finite = all(map(_is_finite, (s.x, s.y, s.theta, s.scale)))
     if not finite or s.scale <= 0:
@@ -107,22 +106,12 @@ def check_prediction(prediction: object, method: str) -> None:
     Raises:
         BrokenContract: It is no `Prediction`, or a number in it is not finite.
     """
-    kind = type(prediction).__name__
     if not isinstance(prediction, Prediction):
-        raise BrokenContract(f"{method} returned {kind}, not a Prediction")
+        raise BrokenContract(f"{method} returned {type(prediction).__name__}, not a Prediction")
     k = len(prediction.innovation)
     for name, values in (("error", prediction.error), ("motion", prediction.motion)):
         right = _is_array(values, (k,))
         require(right, f"{method}: {name} is {np.array(values)}; it should be {k} finite numbers")
-
-
-def check_update(prediction: object) -> None:
-    """Check the prediction after a measurement.
-
-    Raises:
-        BrokenContract: It is none.
-    """
-    check_prediction(prediction, "update")
 
 
 def check_skip(prediction: object) -> None:
@@ -147,10 +136,9 @@ def check_command(command: object) -> None:
     """
     if not isinstance(command, Command):
         raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
-    twist = command.twist
-    if not _is_array(twist, (6,)):
+    if not _is_array(command.twist, (6,)):
         raise BrokenContract(
-            f"the twist is {np.array(twist)}; it should be six finite numbers "
+            f"the twist is {np.array(command.twist)}; it should be six finite numbers "
             "(vx, vy, vz, wx, wy, wz)"
         )
 
@@ -176,13 +164,16 @@ def check_effect(effect: object) -> None:
     Raises:
         BrokenContract: It is no `Effect`.
     """
-    kind = type(effect).__name__
-    require(isinstance(effect, Effect), f"at returned {kind}; return an Effect")
+    require(isinstance(effect, Effect), f"at returned {type(effect).__name__}; return an Effect")
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
     "tracker": {"start": None, "update": check_estimate},
-    "estimator": {"start": None, "update": check_update, "skip": check_skip},
+    "estimator": {
+        "start": None,
+        "update": partial(check_prediction, method="update"),
+        "skip": check_skip,
+    },
     "controller": {"start": None, "aim": None, "command": check_command},
     "motion": {"at": check_pose},
     "disturbances": {"at": check_effect},

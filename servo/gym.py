@@ -91,8 +91,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         one_of(observation, "observation", OBSERVATIONS)
         one_of(action, "action", ACTIONS)
         one_of(render_mode, "render_mode", (None, *self.metadata["render_modes"]))
-        if render_mode == "human":
-            _check_display()
+        if render_mode == "human" and not has_display():
+            raise Mistake("render_mode='human': there is no display here; use 'rgb_array'")
         self.render_mode = render_mode
         self._observation = observation
         self._residual = action == "residual"
@@ -261,11 +261,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if self._window is not None:
             self._window.close()
             self._window = None
-
-
-def _check_display() -> None:
-    if not has_display():
-        raise Mistake("render_mode='human': there is no display here; use 'rgb_array'")
 
 
 if ID not in gymnasium.registry:

@@ -105,8 +105,14 @@ def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -
         T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along the
             nose, z away from who faces it.
     """
-    T_target_object = Pose(DOWN, outline.mean(axis=0))
-    return T_world_target @ T_target_object @ T_camera_object.inverse()
+    return T_world_target @ object_frame(outline) @ T_camera_object.inverse()
+
+
+def object_frame(outline: Array) -> Pose:
+    """Return T_target_object of a reference rectangle with these corners (4, 3) in the target's
+    frame [m]: its z points away from the viewer, the target's points up.
+    """
+    return Pose(DOWN, outline.mean(axis=0))
 
 
 def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:

@@ -4,7 +4,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from servo.cli import main
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 from tracking import create, trackers

@@ -6,8 +6,7 @@ from servoing import CAMERA, OUTLINE, plane_of
 
 from servo.sight import shape_moments
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.sight.plane_fit import PlaneFit
-from servo.sight.planes import plane_of_size
+from servo.sight.planes import PlaneFit, plane_of_size
 from sim import placement
 from sim.geometry import exp_se3, exp_so3
 from sim.types import Pose, Posture

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from servoing import facing, posture_of
 
-from servo.controllers._inverse import Inverse
+from servo.controllers._inverse import FAR, Inverse, twist_of
 from servo.controllers._limits import Limits
-from servo.controllers._secondary import FAR, twist_of
 from servo.controllers._target_loss import TargetLoss
 from servo.features._interaction import interaction
 from servo.sight import shape_moments

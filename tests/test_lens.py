@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from servoing import OUTLINE
 
-from servo.loop.episode import Episode
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
 from servo.sight import shape_moments
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.loop.episode import Episode
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from robot_files import built, mjcf_arm, urdf_arm
 
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import measured_run
 from servo.scenario.load import load
 from sim.robot.design import Inversion
 from sim.robot.model import mount_pose

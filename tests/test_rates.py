@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from servo.cli import run_command
-from servo.loop.episode import Episode
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
 from sim.timing import Rates
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from tutorial_pages import saved_files
 
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import measured_run
 from servo.scenario.load import load
 
 PACKAGE = Path(__file__).parent / "data" / "switched"

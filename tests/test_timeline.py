@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from servo.loop.episode import Episode
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
 
 T = 1 / 30

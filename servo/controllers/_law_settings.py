@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from servo.controllers._secondary import Secondary
+from servo.controllers._inverse import Secondary
 from servo.types import DOF
 from sim.ranges import Time
 from sim.types import Array

@@ -17,11 +17,10 @@ from typing import final
 
 import numpy as np
 
-from servo.controllers._inverse import Inverse
+from servo.controllers._inverse import Inverse, twist_of
 from servo.controllers._law_settings import LawSettings, adaptive_gain
 from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits
 from servo.controllers._pending_commands import PendingCommands
-from servo.controllers._secondary import twist_of
 from servo.controllers._target_loss import TargetLoss
 from servo.mistake import unknown
 from servo.parts import FeatureSet, Task

@@ -141,12 +141,11 @@ class ErrorFilters:
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction, less certain with each frame."""
+        none = np.zeros(len(self._begun))
         if self._filters is None:
-            none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
         self._filters.use(self._model(dt))
         self._advance(self._filters, own)
-        none = np.zeros(len(self._begun))
         return Prediction.unmeasured(*self._result(self._filters, none, own))
 
     def _advance(self, f: Filters, own: OwnMotion) -> None:

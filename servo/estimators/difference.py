@@ -41,8 +41,7 @@ class Difference:
         were measured, not nan, in this frame and in the last one. The others keep theirs, at first
         zero.
         """
-        seen = np.isfinite(error)
-        fresh = seen & np.isfinite(self._last)
+        fresh = np.isfinite(error) & np.isfinite(self._last)
         now, last = (np.where(fresh, e, 0.0) for e in (error, self._last))
         self.value = np.where(fresh, self._features.error(now, last) / dt - own, self.value)
         self._last = error

@@ -15,6 +15,14 @@ class OfCorners:
     """What feature sets of the four corners share."""
 
     sole_dof: Mapping[str, str] = {}
+    turns = slice(0)
+    """Which of the features are angles; by default none."""
+
+    def error(self, values: Array, goal: Array) -> Array:
+        """Return e = s - s* (8,), angles wrapped to [-pi, pi)."""
+        e = values - goal
+        e[self.turns] = (e[self.turns] + np.pi) % (2 * np.pi) - np.pi
+        return e
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
         """Return eight flags: corners are known where angle and size are."""
@@ -23,8 +31,3 @@ class OfCorners:
     def scales(self, goal: Array) -> Array:
         """Return ones (8,): corners need no scale."""
         return np.ones(8)
-
-
-def whole_turn(angles: Array) -> Array:
-    """Return the angles [rad] wrapped to [-pi, pi)."""
-    return (angles + np.pi) % (2 * np.pi) - np.pi

@@ -23,15 +23,12 @@ class WithRotation:
 
     def error(self, values: Array, goal: Array) -> Array:
         """Return e = s - s* (6,); of the two rotation vectors of a rotation, the nearer one."""
-        turn = nearest_turn(values[3:], goal[3:])
-        return np.concatenate([values[:3], turn]) - goal
+        return np.concatenate([values[:3], nearest_turn(values[3:], goal[3:])]) - goal
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
         """Return six flags: a similarity has no tilt."""
-        angle = sight.angle_known
-        size = sight.size_known
         tilt = sight.tilt_known
-        return np.array([True, True, size, tilt, tilt, angle])
+        return np.array([True, True, sight.size_known, tilt, tilt, sight.angle_known])
 
     def scales(self, goal: Array) -> Array:
         """Return ones (6,)."""

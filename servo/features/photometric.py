@@ -56,7 +56,7 @@ class PhotometricFeatures:
         """Return s (6,)."""
         goal = sight.aim
         if goal is not self._goal:
-            L = brightness_matrix(_picture(goal), _depth(goal))
+            L = brightness_matrix(_picture(goal), 1 / goal.plane.C)
             self._goal = goal
             self._goal_inverse = np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(np.float64)
         e = (brightness(_picture(sight)) - brightness(_picture(goal))).ravel()
@@ -122,10 +122,6 @@ def _inside(whole: Array) -> Array:
             f"of pixels, which leave out {BORDER} px at each side"
         )
     return whole[BORDER:-BORDER, BORDER:-BORDER]
-
-
-def _depth(sight: Sight) -> float:
-    return 1 / sight.plane.C
 
 
 def _picture(sight: Sight) -> CameraImage:

@@ -46,7 +46,3 @@ class PointFeatures(OfCorners):
     def matrix(self, sight: Sight) -> Array:
         """Return L (8, 6), with the depth of each corner."""
         return np.stack(corner_rows(sight), axis=1).reshape(8, 6)
-
-    def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (8,)."""
-        return values - goal

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners, whole_turn
+from servo.features._points import OfCorners
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
@@ -37,6 +37,7 @@ class PolarFeatures(OfCorners):
 
     names = tuple(f"{axis}{i}" for i in range(4) for axis in ("rho", "theta"))
     units = ("1", "rad") * 4
+    turns = slice(1, None, 2)
     feed_forward = names
     noise = np.array(NOISE * 4)
 
@@ -53,9 +54,3 @@ class PolarFeatures(OfCorners):
         along = (x * Lx + y * Ly) / rho
         around = (x * Ly - y * Lx) / rho**2
         return np.stack([along, around], axis=1).reshape(8, 6)
-
-    def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (8,), angles wrapped."""
-        e = values - goal
-        e[1::2] = whole_turn(e[1::2])
-        return e

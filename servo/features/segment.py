@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners, whole_turn
+from servo.features._points import OfCorners
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
@@ -39,6 +39,7 @@ class SegmentFeatures(OfCorners):
 
     names = tuple(f"{part}{i}" for i in range(2) for part in ("x", "y", "length", "alpha"))
     units = ("1", "1", "1", "rad") * 2
+    turns = slice(3, None, 4)
     feed_forward = ("x0", "y0", "x1", "y1")
     noise = np.array(NOISE * 2)
 
@@ -60,12 +61,6 @@ class SegmentFeatures(OfCorners):
         longer = u * dx + v * dy
         turned = (u * dy - v * dx) / long
         return np.stack([xc, yc, longer, turned], axis=1).reshape(8, 6)
-
-    def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (8,), angles wrapped."""
-        e = values - goal
-        e[3::4] = whole_turn(e[3::4])
-        return e
 
     def _segments(self, sight: Sight) -> tuple[Array, Array, Array]:
         """Return the middles (2, 2), vectors from end to start (2, 2), and lengths (2,)."""

@@ -1,8 +1,8 @@
-"""One run: a world and the loop that watches and steers in it, as an iterator of steps."""
+"""One run: a world and the loop that watches and steers in it, as steps, and what they measure."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from math import radians
@@ -14,6 +14,7 @@ import numpy as np
 from servo.loop.goal import Goal
 from servo.loop.loop import Loop
 from servo.loop.part import Part, PartFailed
+from servo.loop.run_measures import Summary, summarise
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
@@ -140,9 +141,8 @@ class Episode:
 
     def _start(self, start: StartConfig) -> Reach:
         if start.pose is not None:
-            t = np.array(start.pose[:3])
-            thetau = np.radians(start.pose[3:])
-            return self.world.start_facing(Pose(exp_so3(thetau), t))
+            turn = exp_so3(np.radians(start.pose[3:]))
+            return self.world.start_facing(Pose(turn, np.array(start.pose[:3])))
         pixel = self.goal.pixel + (start.x, start.y)
         theta = self.goal.theta + radians(start.angle_deg)
         depth = self.scenario.goal.depth / start.scale
@@ -181,8 +181,7 @@ class Episode:
         truth = self._truths[picture]
         before, after = map(self.world.target_at, (begin, end))
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
-        goal = self.running.goal_sight
-        return self._scene.true_motion(camera, before, after, goal, end - begin)
+        return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
     def _goal_sight(self, time: float) -> Sight:
         """Return how the target shall be seen, by the true camera."""
@@ -267,3 +266,23 @@ def run(scenario: Scenario) -> Iterator[Step]:
     """Yield the steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode
+
+
+def measured_run(
+    scenario: Scenario, each: Callable[[Step], None] | None = None
+) -> tuple[list[Step], Summary]:
+    """Run a scenario to its end; its steps without pictures, and what was measured.
+
+    Args:
+        scenario: Which.
+        each: Called with every step while it has its picture.
+
+    Raises:
+        Mistake: As for `Episode`.
+    """
+    steps: list[Step] = []
+    for step in run(scenario):
+        if each is not None:
+            each(step)
+        steps.append(step.light())
+    return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)

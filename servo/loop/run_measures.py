@@ -9,10 +9,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.loop import camera_path
 from servo.loop.step import Step
-from servo.loop.step_errors import range_used, servo_angle, speed, tracking_angle, tracking_scale
 from servo.scenario.sections import MeasureConfig
+from sim.geometry import angle_of, half_turn
 from sim.types import Array
 from tracking.types import Status
 
@@ -55,7 +54,13 @@ MEANINGS = {
         "%",
         "limited joint from the middle of its range, largest; 100: limit",
     ),
-    **camera_path.MEANINGS,
+    "camera_path_m": ("m", "way of the camera, seen from the target"),
+    "detour_m": ("m", "this way, less the straight line from start to goal"),
+    "retreat_m": ("m", "how much farther from the target the camera was than at start and goal"),
+    "advance_m": ("m", "how much nearer to the target the camera was than at start and goal"),
+    "out_of_view_pct": ("%", "frames in which a corner of the target was outside the picture"),
+    "end_position_mm": ("mm", "camera against its goal, seen from the target, at the end"),
+    "end_rotation_deg": ("deg", "camera's orientation against the goal's, at the end"),
     "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
@@ -86,11 +91,11 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     """Measures and outcome of the steps of one run; period is the frame interval [s]."""
     counted = [s for s in steps if s.frame.time >= config.after] or list(steps[-1:])
     servo = _series(counted, lambda s: s.servo_error)
-    turned = np.degrees(_series(steps, servo_angle))
+    turned = np.degrees(_series(steps, _servo_angle))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
     tracked = _series(counted, lambda s: s.tracking_error)
-    angle = np.degrees(_series(counted, tracking_angle))
-    scale = 100 * _series(counted, tracking_scale)
+    angle = np.degrees(_series(counted, _tracking_angle))
+    scale = 100 * _series(counted, _tracking_scale)
     late = slice(len(steps) - len(counted), None)
     values = {
         "servo_rms_px": _rms(servo),
@@ -107,14 +112,14 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         "tracking_angle_rms_deg": _rms(angle),
         "tracking_scale_rms_pct": _rms(scale),
         "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
-        "joint_range_peak_pct": 100 * max(range_used(s) for s in counted),
-        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), speed)),
+        "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
+        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
         "age_ms": 1e3 * np.mean([s.age for s in steps]),
         "skipped_pct": 100 * steps[-1].skipped / len(steps),
-        **camera_path.path_measures(steps),
+        **_path_measures(steps),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
     }
     return Summary(_outcome(steps), {name: float(values[name]) for name in MEANINGS})
@@ -168,3 +173,62 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
     if all(s.limited for s in final):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
+
+
+def _servo_angle(step: Step) -> float:
+    """Return the true angle against the goal, over half a turn [rad]."""
+    return half_turn(step.truth.theta - step.goal_theta)
+
+
+def _tracking_angle(step: Step) -> float:
+    """Return the estimated angle against the true one [rad], over the full turn: a tracker that
+    takes front for back is wrong by pi.
+    """
+    return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth_estimated.theta))))
+
+
+def _tracking_scale(step: Step) -> float:
+    """Return the estimated size over the true one, minus 1."""
+    return step.estimate.state.scale / step.true_state_estimated.scale - 1
+
+
+def _range_used(step: Step) -> float:
+    """Return how far the joint nearest to a limit is from the middle of its range, over half of
+    that.
+    """
+    p = step.posture
+    limited = np.isfinite(p.lower) & np.isfinite(p.upper)
+    half = (p.upper[limited] - p.lower[limited]) / 2
+    return float(np.max(1 - step.margins[limited] / half, initial=0.0))
+
+
+def _speed(step: Step) -> float:
+    """Return the speed of the camera [m/s]."""
+    return float(np.linalg.norm(step.posture.twist[:3]))
+
+
+def _path_measures(steps: Sequence[Step]) -> dict[str, float]:
+    """Return the measures of the camera's way as the target sees it."""
+    cameras = [s.T_object_camera for s in steps]
+    goal = steps[-1].goal_sight.pose.inverse()
+    places = np.array([c.translation for c in cameras])
+    there = goal.translation
+    path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    away = np.linalg.norm(places, axis=1)
+    ends = [np.linalg.norm(places[0]), np.linalg.norm(there)]
+    turn = goal.rotation.T @ cameras[-1].rotation
+    return {
+        "camera_path_m": path,
+        "detour_m": path - float(np.linalg.norm(places[0] - there)),
+        "retreat_m": max(0.0, float(away.max() - max(ends))),
+        "advance_m": max(0.0, float(min(ends) - away.min())),
+        "out_of_view_pct": 100 * float(np.mean([_out_of_view(s) for s in steps])),
+        "end_position_mm": 1e3 * float(np.linalg.norm(places[-1] - there)),
+        "end_rotation_deg": float(np.degrees(angle_of(turn))),
+    }
+
+
+def _out_of_view(step: Step) -> bool:
+    camera = step.scene.camera
+    corners = step.truth.corners
+    return bool(((corners < 0) | (corners > (camera.width, camera.height))).any())

@@ -8,9 +8,10 @@ import numpy as np
 from mujoco import MjModel
 
 from servo.parts import FeatureSet
-from servo.sight.exact import object_frame, sight_of
+from servo.sight.exact import sight_of
 from servo.types import Command, Prediction, Sight
 from sim.geometry import tilt
+from sim.placement import object_frame
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
@@ -172,11 +173,13 @@ class Step:
         """
         if self.goal_sight.picture is not None:
             return self._unknown
-        camera = self.truth.T_world_camera
-        target = self.truth.T_world_target
-        goal = self.goal_sight
-        dt = self.scene.period
-        return self.scene.true_motion(camera, self.target_before, target, goal, dt)
+        return self.scene.true_motion(
+            self.truth.T_world_camera,
+            self.target_before,
+            self.truth.T_world_target,
+            self.goal_sight,
+            self.scene.period,
+        )
 
     @property
     def features(self) -> Array:

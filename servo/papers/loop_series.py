@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import measured_run
 from servo.scenario import load as scenarios
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario

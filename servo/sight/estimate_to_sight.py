@@ -11,8 +11,7 @@ from annotated_types import Ge, Le
 from servo.sight import shape_moments
 from servo.sight.exact import plane_in
 from servo.sight.planar_pose import CornersToPose
-from servo.sight.plane_fit import PlaneFit
-from servo.sight.planes import FACING, level_plane, plane_of_depth, plane_of_size
+from servo.sight.planes import FACING, PlaneFit, level_plane, plane_of_depth, plane_of_size
 from servo.types import Moments, Plane, Sight
 from sim.geometry import exp_se3
 from sim.types import Array, Camera, Posture

@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from servo.sight import shape_moments
 from servo.types import Plane, Sight
+from sim.placement import object_frame
 from sim.types import Array, Pose
-
-FACED = np.diag([1.0, -1.0, -1.0])
-"""Rotation of the object's frame, whose z points away from the viewer, in the target's, whose z
-points up."""
-
-
-def object_frame(outline: Array) -> Pose:
-    """Return T_target_object for a reference rectangle with these corners (4, 3) in the target's
-    frame [m].
-    """
-    return Pose(FACED, outline.mean(axis=0))
 
 
 def corners_in(T_camera_object: Pose, outline: Array) -> Array:

@@ -1,8 +1,11 @@
-"""The target's plane in the camera frame: from its size, from its depth, or from its height."""
+"""The target's plane in the camera frame: from its size, from its depth, from its height, or from
+where the target has been seen to drive.
+"""
 
 from __future__ import annotations
 
 from math import sqrt
+from typing import final
 
 import numpy as np
 
@@ -13,6 +16,12 @@ EDGE_ON = 0.05
 """The size of a plane that is seen at a smaller angle [rad] does not determine its depth."""
 FACING = np.array([0.0, 0.0, 1.0])
 """Normal (3,) of a plane parallel to the image."""
+
+
+TILT_SD = np.radians(10.0)
+"""How far the plane may be tilted from the image's at the start [rad]."""
+DEPTH_SD = 0.02
+"""Standard deviation of a seen point, across the plane [m]."""
 
 
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
@@ -43,3 +52,39 @@ def level_plane(T_base_camera: Pose, height: float) -> Plane:
     """Return the level plane at a height [m] over the robot's base, seen by a camera above it."""
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())
+
+
+@final
+class PlaneFit:
+    """Least squares with a prior: at the start the camera faces the plane.
+
+    Of all unit normals m it takes the one that minimises
+
+        sum (m (P - mean P))^2 / DEPTH_SD^2  -  (m m0)^2 / TILT_SD^2
+
+    an eigenvector. A target that has driven on one line only gives no information on the tilt
+    about it; there the prior stays.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._mean = np.zeros(3)
+        self._scatter = np.zeros((3, 3))
+        self._prior: Array | None = None
+
+    def normal(self, T_base_camera: Pose) -> Array:
+        """Return the normal (3,) in the camera frame, away from the camera."""
+        if self._prior is None:
+            self._prior = T_base_camera.rotation[:, 2].copy()
+        prior = np.outer(self._prior, self._prior) / TILT_SD**2
+        m = np.linalg.eigh(self._scatter / DEPTH_SD**2 - prior)[1][:, 0]
+        seen = T_base_camera.rotation.T @ m
+        return seen if seen[2] > 0 else -seen
+
+    def add(self, T_base_camera: Pose, point: Array) -> None:
+        """Take a point (3,) of the camera frame at which the target was [m]."""
+        P = T_base_camera.apply(point)
+        self._count += 1
+        before = P - self._mean
+        self._mean = self._mean + before / self._count
+        self._scatter += np.outer(before, P - self._mean)

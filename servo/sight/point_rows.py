@@ -29,8 +29,7 @@ def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
 def corner_rows(sight: Sight) -> tuple[Array, Array]:
     """Return those of the target's four corners, with the depth of each in the target's plane."""
     (x, y) = corners_of(sight).T
-    near = 1 / sight.points[:, 2]
-    return point_rows(x, y, near)
+    return point_rows(x, y, 1 / sight.points[:, 2])
 
 
 def corners_of(sight: Sight) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from servo.loop.measured_run import measured_run
+from servo.loop.episode import measured_run
 from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise
 from servo.loop.step import Step
 from servo.mistake import Mistake

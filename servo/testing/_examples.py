@@ -8,8 +8,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from servo.sight.exact import object_frame, plane_in, sight_of
+from servo.sight.exact import plane_in, sight_of
 from servo.types import CameraImage, Sight
+from sim.placement import object_frame
 from sim.types import Camera, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 

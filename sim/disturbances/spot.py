@@ -33,5 +33,4 @@ class Config(Settled):
         share = float(np.interp(time, times, (0.0, 1.0, 1.0, 0.0)))
         if share == 0.0:
             return Effect()
-        spot = Spot(self.x, 0.0, share * STRENGTH)
-        return Effect(lamp=1.0 - share * (1.0 - LAMP), spot=spot)
+        return Effect(lamp=1.0 - share * (1.0 - LAMP), spot=Spot(self.x, 0.0, share * STRENGTH))

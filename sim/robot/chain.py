@@ -74,8 +74,7 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
     found: list[int] = []
     while body:
         first = model.body_jntadr[body]
-        count = model.body_jntnum[body]
-        found[:0] = range(first, first + count)
+        found[:0] = range(first, first + model.body_jntnum[body])
         body = int(model.body_parentid[body])
     return tuple(found)
 

@@ -9,6 +9,7 @@ import numpy as np
 from sim.believed import BelievedConfig
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import log_se3
+from sim.models.quaternion import matrix_of, quaternion_of
 from sim.ranges import EachJoint
 from sim.robot.design import CAMERA, Design
 from sim.robot.robot import Robot
@@ -119,10 +120,8 @@ def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
 def _move_site(model: mujoco.MjModel, T_camera_believed: Pose) -> None:
     """Put the camera's site of a model, by which a `Robot` computes, elsewhere on its body."""
     site = model.site(CAMERA).id
-    turned = np.empty(9)
-    mujoco.mju_quat2Mat(turned, model.site_quat[site])
-    R = turned.reshape(3, 3) @ VISION_FROM_MUJOCO
+    R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
     model.site_pos[site] += R @ T_camera_believed.translation
     moved = R @ T_camera_believed.rotation @ VISION_FROM_MUJOCO.T
-    mujoco.mju_mat2Quat(model.site_quat[site], moved.ravel())
+    model.site_quat[site] = quaternion_of(moved)
     model.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

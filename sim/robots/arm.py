@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.robot.design import Design, Drives, Inversion
-from sim.robots._shipped import shipped
+from sim.robots.mjcf import shipped
 
 ELBOW_UP = (0.0, -1.2, 1.2, 0.0, 0.0, 0.0)
 """Joints [rad] near which every start lies: the elbow above the line from shoulder to wrist."""

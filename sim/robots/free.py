@@ -6,7 +6,7 @@ from math import pi
 import numpy as np
 
 from sim.robot.design import Design, Drives, Inversion
-from sim.robots._shipped import shipped
+from sim.robots.mjcf import shipped
 
 HOMES = tuple((0.0, 0.0, 1.0, 0.0, 0.0, k * pi / 2) for k in range(4))
 """A metre above the table, in four directions: a half turn away the search has no direction."""

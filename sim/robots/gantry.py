@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.robot.design import Design, Drives, Inversion
-from sim.robots._shipped import shipped
+from sim.robots.mjcf import shipped
 
 MIDDLE = (0.0,) * 6
 INVERSION = Inversion(weakest=0.1, damping=0.1)

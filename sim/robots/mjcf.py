@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from math import radians
 from pathlib import Path
@@ -12,11 +12,10 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
-from sim.models.model_files import read_spec
-from sim.models.urdf import joint_speeds
+from sim.models.model_files import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
 from sim.robot.chain import FEWEST
-from sim.robot.design import Design, Drives
+from sim.robot.design import Design, Drives, Inversion
 from sim.robot.model import camera_chain, drive, make_robot, mount_pose
 from sim.types import Pose
 
@@ -107,3 +106,12 @@ def model_path(model: str) -> Path:
         return Path(folder) / model.removeprefix(MENAGERIE)
     shipped = {f.name: f for f in resources.files("scenes").iterdir()}
     return Path(str(shipped[model])) if model in shipped else Path(model)
+
+
+def shipped(
+    model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
+) -> Design:
+    """Return the design of a shipped model, such as "arm.xml"."""
+    config = Config(model=model, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
+    design = config.build(np.random.default_rng(0))  # it draws nothing
+    return replace(design, drives=drives, inversion=inversion)

@@ -6,8 +6,7 @@ import numpy as np
 
 from sim.models.target import Target, rectangle
 from sim.ranges import Length
-from sim.targets import _paint
-from sim.targets._settings import Colour, rgba
+from sim.targets._paint import Colour, box, picture_named, rgba
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class Config:
             ValueError: There is no such colour or picture.
         """
         name = self.picture
-        picture = None if name is None else _paint.picture_named(name, "picture")
-        spec = _paint.box(self.size, rgba(self.colour), picture)
+        picture = None if name is None else picture_named(name, "picture")
+        spec = box(self.size, rgba(self.colour), picture)
         length, width, height = self.size
         return Target(spec, rectangle(np.array([0, 0, height]), length, width))

@@ -15,5 +15,4 @@ class Config:
 
     def build(self, rng: np.random.Generator) -> Target:
         """The target; draws nothing."""
-        spec = mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml"))
-        return target_of(spec)
+        return target_of(mujoco.MjSpec.from_file(str(resources.files("scenes") / "car.xml")))

@@ -14,8 +14,7 @@ from sim.files import reading
 from sim.models.model_files import said_by_mujoco
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
-from sim.targets import _paint
-from sim.targets._settings import Colour, Outlined, file_of, rgba
+from sim.targets._paint import PLAIN, Colour, Outlined, add_picture, file_of, picture_named, rgba
 from sim.types import Array, Image
 
 Indices = NDArray[np.int64]
@@ -71,7 +70,7 @@ class Config(Outlined):
         path = file_of(self.file, ".obj", "file")
         name = self.texture
         mesh = _seen_from_outside(read_mesh(path))
-        picture = None if name is None else _paint.picture_named(name, "texture")
+        picture = None if name is None else picture_named(name, "texture")
         colour = rgba(self.colour)
         try:
             return self.target(self._spec(mesh, colour, picture))
@@ -87,12 +86,10 @@ class Config(Outlined):
         if picture is not None:
             if mesh.places is None:
                 raise ValueError("it does not say where the texture lies on it (vt)")
-            look = {"material": _paint.add_picture(spec, picture)}
+            look = {"material": add_picture(spec, picture)}
             shape.usertexcoord = (mesh.places * (1, -1) + (0, 1)).ravel()
             shape.userfacetexcoord = np.arange(mesh.faces.size)
-        spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", **look, **_paint.PLAIN
-        )
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", **look, **PLAIN)
         return spec
 
     def _placed(self, vertices: Array) -> Array:

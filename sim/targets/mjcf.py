@@ -8,7 +8,7 @@ import numpy as np
 from sim.models.model_files import SIMULATION, leave_out, read_spec, said_by_mujoco
 from sim.models.target import Target
 from sim.ranges import File
-from sim.targets._settings import Outlined, file_of
+from sim.targets._paint import Outlined, file_of
 
 MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 """Parts of a model that a target does not have."""

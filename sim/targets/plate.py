@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.models.target import Target, rectangle
 from sim.ranges import File, Length
-from sim.targets import _paint
+from sim.targets._paint import box, picture_named
 
 THICKNESS = 0.002
 
@@ -28,7 +28,6 @@ class Config:
         Raises:
             ValueError: There is no such picture.
         """
-        picture = _paint.picture_named(self.picture, "picture")
-        spec = _paint.box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
-        top = np.array([0, 0, THICKNESS])
-        return Target(spec, rectangle(top, self.length, self.width))
+        picture = picture_named(self.picture, "picture")
+        spec = box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
+        return Target(spec, rectangle(np.array([0, 0, THICKNESS]), self.length, self.width))

@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 
 from sim.models.target import Target, rectangle
 from sim.ranges import Length
-from sim.targets import _paint
+from sim.targets._paint import box
 from sim.targets.plate import THICKNESS
 
 CELLS = 8
@@ -36,5 +36,5 @@ class Config:
         grey = np.pad(black, CELL, constant_values=255)
         side = self.size * (CELLS + 2) / CELLS
         picture = np.repeat(grey[:, :, None], 3, axis=2).astype(np.uint8)
-        spec = _paint.box((side, side, THICKNESS), (1, 1, 1, 1), picture)
+        spec = box((side, side, THICKNESS), (1, 1, 1, 1), picture)
         return Target(spec, rectangle(np.array([0, 0, THICKNESS]), self.size, self.size))
