@@ -4,8 +4,6 @@ Between them is a queue for one picture. A new picture replaces one that was not
 a tracker is never late by more than the picture at which it works; what was replaced is counted.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, suppress

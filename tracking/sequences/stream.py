@@ -1,7 +1,5 @@
 """Cameras of this machine (camera:0), and streams by their address (rtsp, http, tcp, udp)."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Generator, Iterator
