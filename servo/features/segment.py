@@ -21,37 +21,47 @@ NOISE = (2e-4, 2e-4, 3e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """Which functions of the segments."""
+
+    normalised: bool = False
+    """Whether xc/l, yc/l, 1/l stand for xc, yc, l: the matrix is then simpler where the target
+    faces the camera."""
 
     def build(self, outline: Array) -> SegmentFeatures:
         """Return the features of any target."""
-        return SegmentFeatures()
+        return SegmentFeatures(self.normalised)
 
 
 @final
 class SegmentFeatures(OfCorners):
-    """s = (xc, yc, l, alpha) of each of two segments.
+    """s = (xc, yc, l, alpha) of each of two segments; normalised (xc/l, yc/l, 1/l, alpha).
 
     Espiau, Chaumette and Rives 1992 (A new approach to visual servoing in robotics, IEEE
     Transactions on Robotics and Automation 8); alpha points from the segment's end to its start,
     as in ViSP.
     """
 
-    names = tuple(f"{part}{i}" for i in range(2) for part in ("x", "y", "length", "alpha"))
     units = ("1", "1", "1", "rad") * 2
     turns = slice(3, None, 4)
-    feed_forward = ("x0", "y0", "x1", "y1")
-    noise = np.array(NOISE * 2)
+
+    def __init__(self, normalised: bool) -> None:
+        self._normalised = normalised
+        kinds = ("xn", "yn", "ln", "alpha") if normalised else ("x", "y", "length", "alpha")
+        self.names = tuple(f"{kind}{i}" for i in range(2) for kind in kinds)
+        self.feed_forward = tuple(self.names[i] for i in (0, 1, 4, 5))
+        self.noise = np.array(NOISE * 2) * ([10, 10, 10, 1] * 2 if normalised else 1.0)
 
     def values(self, sight: Sight) -> Array:
         """Return s (8,)."""
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])
+        if self._normalised:
+            return np.column_stack([middle / length[:, None], 1 / length, alpha]).ravel()
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
         """Return L (8, 6), from those of the corners at the segments' ends."""
-        _, back, length = self._segments(sight)
+        middle, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)
         xc, yc = ((L[FROM] + L[TO]) / 2 for L in (Lx, Ly))
         dx, dy = (L[FROM] - L[TO] for L in (Lx, Ly))
@@ -60,6 +70,11 @@ class SegmentFeatures(OfCorners):
         v = back[:, 1:] / long
         longer = u * dx + v * dy
         turned = (u * dy - v * dx) / long
+        if self._normalised:
+            x = middle[:, :1]
+            y = middle[:, 1:]
+            xc, yc = ((c - p * longer / long) / long for c, p in ((xc, x), (yc, y)))
+            longer = -longer / long**2
         return np.stack([xc, yc, longer, turned], axis=1).reshape(8, 6)
 
     def _segments(self, sight: Sight) -> tuple[Array, Array, Array]:

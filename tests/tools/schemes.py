@@ -15,8 +15,9 @@ SETS = {
     "hybrid": hybrid.Config(),
     "polar": polar.Config(),
     "segment": segment.Config(),
+    "segment_n": segment.Config(normalised=True),
 }
-ANGLES = {"polar": slice(1, None, 2), "segment": slice(3, None, 4)}
+ANGLES = {"polar": slice(1, None, 2), "segment": slice(3, None, 4), "segment_n": slice(3, None, 4)}
 """Where a set has angles, which count modulo a whole turn."""
 
 
