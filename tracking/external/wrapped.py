@@ -9,8 +9,7 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 
 from tracking.external.conventions import Caller, Convention, Foreign, Score, convention_of
-from tracking.external.foreign_tracker import ForeignTracker
-from tracking.external.judge import JudgeSettings
+from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
 
 DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
     "rng": lambda rng: rng,

@@ -14,9 +14,8 @@ from sim.types import Array
 from tracking.sequences import stream
 from tracking.sequences import truth as truths
 from tracking.sequences.bag_file import Bag, is_bag
-from tracking.sequences.folder import Folder
 from tracking.sequences.quadrilateral import placement
-from tracking.sequences.sources import Source
+from tracking.sequences.sources import Folder, Source
 from tracking.sequences.truth import Format
 from tracking.sequences.video_file import Video
 from tracking.types import Region, State

@@ -19,7 +19,7 @@ from tracking.external.boxes import convex
 from tracking.hot import plane_alignment
 from tracking.lock import Lock, LockLimits
 from tracking.search.velocity import Velocity
-from tracking.trackers._plane import SQUARE, homography, state_of, through
+from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
     FARTHEST,
     Estimate,
@@ -200,10 +200,7 @@ def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32]
     ends = np.array(image.shape[1::-1])
     low = np.clip(corners.min(axis=0) - size / 2, 0, ends - 1).astype(int)
     high = np.clip(corners.max(axis=0) + size / 2 + 1, low + 1, ends).astype(int)
-    along = corners[2] - corners[0]
-    down = corners[3] - corners[1]
-    area = abs(float(along[0] * down[1] - along[1] * down[0])) / 2
-    shrink = int(np.clip(np.sqrt(area / count), 1, (high - low).min()))
+    shrink = int(np.clip(np.sqrt(area_of(corners) / count), 1, (high - low).min()))
     width, height = ((high - low) // shrink).tolist()
     cut = image[low[1] :, low[0] :][: height * shrink, : width * shrink]
     grey = cv2.cvtColor(np.ascontiguousarray(cut), cv2.COLOR_RGB2GRAY)

@@ -9,8 +9,7 @@ from annotated_types import Ge, Le
 from sim.types import Array, Image
 from tracking.external.boxes import Box, box_of, convex
 from tracking.external.conventions import box_in, score_in
-from tracking.external.foreign_tracker import ForeignTracker
-from tracking.external.judge import JudgeSettings
+from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
 from tracking.external.trax_client import TraxClient
 from tracking.types import FARTHEST, Region, State
 
