@@ -41,8 +41,7 @@ class Follower:
         Raises:
             ValueError: The region is empty, or most of it is outside the picture.
         """
-        corners = corners_of(np.array(numbers, dtype=float))
-        self.region, state = placement(corners, turned=turned)
+        self.region, state = placement(corners_of(np.array(numbers, dtype=float)), turned=turned)
         self._tracker = create(self._kind, self._seed, **self._settings)
         self._count = 0
         self._tracker.start(self._frame(image), self.region, state)

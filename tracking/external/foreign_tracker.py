@@ -110,8 +110,7 @@ class Judge:
             doubt = 1 - settings.least_score
             lock = LockLimits(floor=doubt, cap=doubt)
         else:
-            histogram = AppearanceSettings()
-            self._model = SampledModel(frame.image, region, state, histogram, Sampling())
+            self._model = SampledModel(frame.image, region, state, AppearanceSettings(), Sampling())
         self._lock = Lock(lock)
 
     def unseen(self, frame: Frame) -> tuple[float, Status]:

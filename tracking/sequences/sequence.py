@@ -51,8 +51,7 @@ class Sequence:
     ) -> Sequence:
         """A sequence whose exact states (n, 4) are known: x, y, theta, scale."""
         corners = np.stack([region.corners(State(*row)) for row in states.tolist()])
-        first = State(*states[0].tolist())
-        return Sequence(name, family, source, corners, region, first, states)
+        return Sequence(name, family, source, corners, region, State(*states[0].tolist()), states)
 
 
 def is_folder(path: Path) -> bool:

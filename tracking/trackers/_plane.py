@@ -33,8 +33,7 @@ def state_of(corners: Array, region: Region, last: State) -> State:
     """Return the state of a region whose corners are seen at (4, 2): centre, direction of the nose
     and root of the area as `sim.types.Truth` defines them; the angle continues the last one.
     """
-    H = homography(SQUARE, corners)
-    centre, nose = through(H, np.array([[0.0, 0.0], [0.5, 0.0]]))
+    centre, nose = through(homography(SQUARE, corners), np.array([[0.0, 0.0], [0.5, 0.0]]))
     theta = float(np.arctan2(*(nose - centre)[::-1]))
     theta += 2 * np.pi * round((last.theta - theta) / (2 * np.pi))
     scale = np.sqrt(area_of(corners) / (region.width * region.height))

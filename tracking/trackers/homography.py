@@ -142,15 +142,18 @@ class Homography:
         begins = [expected]
         if not self._lock.locked:
             size = float(np.sqrt(self._region.area(state)))
-            spread = SPREAD * (size, size, 1, 1)
-            draws = self._rng.normal(0.0, spread, (TRIES, 4))
+            draws = self._rng.normal(0.0, SPREAD * (size, size, 1, 1), (TRIES, 4))
             begins += [_moved(expected, state, draw) for draw in draws]
         coarse, fine = self._levels
         aligned = [self._align(image, begin, self._light, coarse) for begin in begins]
-        corners, light, found, _ = max(aligned, key=_likeness)
+        corners, light, found, _ = max(aligned, key=lambda aligned: aligned[2])
         best = self._align(image, corners, light, fine) if found > 0 else aligned[0]
         if self._lock.locked and (best[2] < SURE or best[3] > self._surprise + WORSE):
-            best = min(best, self._align(image, expected, self._light, fine), key=_surprise)
+            best = min(
+                best,
+                self._align(image, expected, self._light, fine),
+                key=lambda aligned: aligned[3],
+            )
         return best
 
     def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Alignment:
@@ -182,14 +185,6 @@ class Homography:
         wide = int(np.clip(side // CELL, 1, MOST_CELLS))
         cells = ((points + 0.5) * wide).astype(np.intp) @ np.array([1, wide])
         return side**2, points[~hidden], seen[~hidden], rows[~hidden], cells[~hidden]
-
-
-def _likeness(aligned: Alignment) -> float:
-    return aligned[2]
-
-
-def _surprise(aligned: Alignment) -> float:
-    return aligned[3]
 
 
 def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32], Array]:

@@ -44,8 +44,9 @@ class TraxServer:
     def start(self, image: Image, region: Region, state: State) -> Box:
         """Show the first picture with the corners, or the box, of the target."""
         box = box_of(region, state, image)
-        corners = region.corners(state)
-        self._client.initialize(image, corners if self._client.polygons else np.array(box))
+        self._client.initialize(
+            image, region.corners(state) if self._client.polygons else np.array(box)
+        )
         return box
 
     def update(self, image: Image) -> Array | None:
