@@ -4,8 +4,6 @@
 parts that way, so that all of them agree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace

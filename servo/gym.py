@@ -16,8 +16,6 @@ The seed given to `reset` is the scenario's: the run of `servobench run NAME --s
 that `[vary]` draws for it. Without a seed, one is drawn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

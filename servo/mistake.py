@@ -1,7 +1,5 @@
 """What a person got wrong, and what a machine refused; quick to import, for those who catch it."""
 
-from __future__ import annotations
-
 import difflib
 import errno
 import traceback

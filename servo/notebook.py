@@ -1,7 +1,5 @@
 """What a notebook shows: a progress bar, tables, pictures and films as HTML."""
 
-from __future__ import annotations
-
 import base64
 import sys
 import time

@@ -1,7 +1,5 @@
 """What feature sets, estimators and controllers are: the parts of a loop that have kinds."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable

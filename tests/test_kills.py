@@ -163,14 +163,14 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(
     assert same_as(undisturbed)
 
 
+BENCH = "bench clutter --trackers frozen --seeds 200 --out out"
 BUSY = {
     "run": f"run still {QUICK} --set run.duration=600 --out out -q",
     "track": "track pictures --region 10,10,40,40 --tracker frozen --out out -q",
     "check": f"check still {QUICK} --set expect={{}} --seeds 900 -q {TWO}",
-    "bench": f"bench clutter --trackers frozen --seeds 200 --out out -q {TWO}",
+    "bench": f"{BENCH} -q {TWO}",
 }
-SIGNS = {"run": "out/steps.arrows", "track": "out/track.csv", "bench": "out/results/**/*.json"}
-MORE = {"bench": " The same command goes on from there."}
+SIGNS = {"run": "out/steps.arrows", "track": "out/track.csv", "bench": "out/runs/*.parquet"}
 
 
 def at_work(name):
@@ -207,7 +207,8 @@ def test_term_ends_every_command_with_one_line_and_leaves_no_process(place, name
         os.kill(client.pid, number)
     for _ in range(2):  # as `timeout` does
         os.killpg(client.pid, TERM)
-    assert ended(client) == (128 + TERM, f"{STOPPED}{MORE.get(name, '')}\n")
+    more = f" {finished()} of 800 runs are finished; go on with: servobench {BENCH}"
+    assert ended(client) == (128 + TERM, f"{STOPPED}{more if name == 'bench' else ''}\n")
     assert not list(Path().glob("out/table.csv"))  # of half the runs it would mislead
 
 
@@ -226,7 +227,7 @@ def test_a_killed_bench_goes_on_and_two_workers_find_what_one_finds(place, monke
     Path("suite.toml").write_text(SUITE)
     words = "bench suite.toml --seeds 8 -q --out"
     client = begin(f"{words} two {TWO}")
-    wait_for(lambda: len(list(Path("two").glob("results/**/*.json"))) >= 2)
+    wait_for(lambda: len(list(Path("two").glob("runs/*.parquet"))) >= 2)
     client.kill()
     assert ended(client) == (-KILL, "")  # and no worker lives on
     assert ended(begin(f"{words} two {TWO}")) == (0, "")

@@ -64,4 +64,4 @@ def test_it_installs_and_runs_as_it_is(package, pip, tmp_path):
     )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "1 passed" in ended.stdout
-    assert '"red_dot"' in (tmp_path / "out" / "bench.json").read_text()
+    assert "red_dot" in (tmp_path / "out" / "table.csv").read_text()

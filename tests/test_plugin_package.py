@@ -120,8 +120,6 @@ def test_they_are_swept_by_a_worker(ended, place):
 
 def test_they_are_benched(ended, place):
     assert ended["bench"][::2] == [0, ""]
-    bench = json.loads((place / "bench" / "bench.json").read_text())
+    bench = json.loads((place / "bench" / "study.json").read_text())
     assert bench["versions"]["servobench-pilot"] == "0.3.0"
-    assert {"red", "servobench-pilot:init_update", "frozen"} == {
-        r["tracker"] for r in bench["runs"]
-    }
+    assert bench["axes"]["tracker"] == ["red", "servobench-pilot:init_update", "frozen"]

@@ -1,7 +1,5 @@
 """The command `servobench bench`: compare trackers on sequences or in the closed loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

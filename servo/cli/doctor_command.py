@@ -1,7 +1,5 @@
 """The command `servobench doctor`: report renderer, versions and speed of this machine."""
 
-from __future__ import annotations
-
 import platform
 from statistics import median
 

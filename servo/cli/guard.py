@@ -2,8 +2,6 @@
 signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
-from __future__ import annotations
-
 import io
 import logging
 import os

@@ -1,7 +1,5 @@
 """The command line. Heavy imports happen inside the commands."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What `servobench new` does: write a small package with a tracker, which installs and runs."""
 
-from __future__ import annotations
-
 import keyword
 import re
 import sys

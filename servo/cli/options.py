@@ -1,7 +1,5 @@
 """Options that several commands share, and the group of all commands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

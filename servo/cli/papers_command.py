@@ -1,7 +1,5 @@
 """The command `servobench papers`: run the experiments and print the verdict on each claim."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path

@@ -4,8 +4,6 @@ Its address holds a random token, so that other users of the machine cannot answ
 page in the browser. The server ends with the first answer.
 """
 
-from __future__ import annotations
-
 import base64
 import itertools
 import json

@@ -1,7 +1,5 @@
 """The command `servobench report`: write one page about the results in some folders."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
-from __future__ import annotations
-
 import dataclasses
 import json
 from math import atan2, degrees, isfinite

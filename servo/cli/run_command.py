@@ -1,7 +1,5 @@
 """The command `servobench run`: run one scenario and write its results into a folder."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ An editor checks and completes a scenario with it. What several settings must fu
 checked by the parser only.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The command `servobench sweep`: do the missing runs of a study, store and summarise them."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Printing that all commands share: progress bars, tables, plain lines, and the end by a signal."""
 
-from __future__ import annotations
-
 import shlex
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The command `servobench track`: run a tracker on pictures and write its track and report."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

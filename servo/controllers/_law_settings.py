@@ -1,7 +1,5 @@
 """The settings of the control law, and the gain that adapts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Limits of a law's twist: of speed and acceleration, and those of a guard."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import hypot
 from typing import Protocol, final

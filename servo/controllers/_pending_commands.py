@@ -1,7 +1,5 @@
 """Commands that do not act yet, and how much of them the robot's limits will let through."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import final
 

@@ -1,7 +1,5 @@
 """What a controller does while it does not see the target: coast, hold, search."""
 
-from __future__ import annotations
-
 from typing import final
 
 import numpy as np

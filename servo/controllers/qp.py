@@ -24,8 +24,6 @@ Transactions on Automatic Control 67).
 
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 # DAQP has no stubs.
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, final
 

@@ -11,8 +11,6 @@ The difference of two such measurements, which equation 18 of Teuliere, Marchand
 a noise with the next difference; the error does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

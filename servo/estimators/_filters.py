@@ -4,8 +4,6 @@ Covariances are relative to a variance of each feature, its level. Gains depend 
 level changes no estimate; it decides how unlikely an innovation is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 

@@ -1,7 +1,5 @@
 """Kalman filters of the plain difference, as ViSP has them, and constants of both rates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Literal, final

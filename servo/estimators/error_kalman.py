@@ -7,8 +7,6 @@ predicting where the target is not seen. The motion of the target, with T the fr
     d+ = d + T a + w1    a+ = rho a + w2    added to the error in a frame: T d + T^2/2 a
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

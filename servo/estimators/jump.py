@@ -7,8 +7,6 @@ Two sums for each feature run over the innovation nu, divided by its standard de
 Where one passes the threshold the velocity has jumped: the filter takes its velocity anew.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 

@@ -8,8 +8,6 @@ For each feature by itself, with the plain difference z as measurement and T the
 By default the same model filters the error itself: see kalman_cv.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ filters the error itself, where the noise is. A slow filter is worse than none w
 reverses, so the constants must fit the camera's rate: the default comes from two tuned rates.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What feature sets of the four corners share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

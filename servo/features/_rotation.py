@@ -1,7 +1,5 @@
 """Rotations as features: theta u, its interaction matrix, and the difference of two of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What happens in a run, in words: occluded, lost, searched, found again, saturated."""
 
-from __future__ import annotations
-
 from enum import Enum
 
 from servo.loop.step import Step

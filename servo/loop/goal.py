@@ -1,7 +1,5 @@
 """How the target shall be seen, at any time of a run."""
 
-from __future__ import annotations
-
 from math import radians
 from typing import final
 

@@ -1,7 +1,5 @@
 """What a robot remembers of its own motion, and what it pairs with a picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import final
 

@@ -1,7 +1,5 @@
 """The summary of a run: its outcome, and measures over its steps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum

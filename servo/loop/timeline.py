@@ -7,8 +7,6 @@ command acts `run.latency` frame intervals later, from the next update of the dr
 the robot goes on with the command that it has.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import final
 

@@ -1,7 +1,5 @@
 """The picture of a step with its rectangles: truth white, goal red, estimate by its status."""
 
-from __future__ import annotations
-
 import cv2
 from matplotlib import pyplot
 from matplotlib.image import AxesImage

@@ -1,7 +1,5 @@
 """The film of a run: the camera with its overlays, the room, and the errors over time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 

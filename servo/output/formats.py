@@ -1,7 +1,5 @@
 """The JSON files of servobench: each kind is a frozen dataclass that writes and reads it."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import dataclass
 from pathlib import Path

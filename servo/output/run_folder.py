@@ -1,7 +1,5 @@
 """The folder of a run: run.rrd, steps.parquet, report.json and two plots."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 One that fails ends alone, and the others go on.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path

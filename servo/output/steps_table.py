@@ -4,8 +4,6 @@ During the run, rows are written to an Arrow stream once a second, so that a kil
 `pyarrow.ipc.open_stream("steps.arrows")` reads them.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass

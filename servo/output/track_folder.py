@@ -1,7 +1,5 @@
 """The files of a track: rows, report, and optionally a recording."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Versions of the packages that decide the numbers, and a digest of our own source."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from importlib import metadata, resources

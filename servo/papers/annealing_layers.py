@@ -1,7 +1,5 @@
 """Claim of the KAMS paper about its layers: mean shift draws the particles together."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A claim of a paper: its sentence, the rule of its verdict, the runs that test it, the judge."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

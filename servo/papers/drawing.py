@@ -1,7 +1,5 @@
 """Figures of the claims: lines, one dot a unit, and intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Literal
 

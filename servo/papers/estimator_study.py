@@ -1,7 +1,5 @@
 """Comparison of all estimators of the target's motion: four motions, at 30 and at 5 Hz."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Trackers on painted sequences: their jobs, and the tracks they leave."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache

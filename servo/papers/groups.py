@@ -1,7 +1,5 @@
 """Records of runs: those with something in common, their measures, differences and ratios."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -2,8 +2,6 @@
 Pridmore, Mills).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

@@ -2,8 +2,6 @@
 probabilistic, and combined.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from time import perf_counter
 

@@ -1,7 +1,5 @@
 """Claim of the multi-kernel paper: nine kernels see a rotation that one does not (figure 3)."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

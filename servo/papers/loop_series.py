@@ -1,7 +1,5 @@
 """Jobs of the claims about the closed loop: a scenario with an estimator, and its draws."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache

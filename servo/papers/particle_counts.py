@@ -1,7 +1,5 @@
 """Claims of the KAMS paper about how many particles each filter needs in clutter."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

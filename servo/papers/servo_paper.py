@@ -1,7 +1,5 @@
 """Claims of the multi-kernel paper, section VI: effect of estimating the target's motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

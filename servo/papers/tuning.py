@@ -2,8 +2,6 @@
 1000. `servobench papers tuning-clutter` and the like run them; tuning.json keeps their result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """The section about a bench: a comparison of trackers on sequences or in the closed loop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A study's cell as a row of a table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from servo.report.words import counted, shown, spread

@@ -1,7 +1,5 @@
 """The figures of a page: curves, values by name, and heat maps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -4,8 +4,6 @@ Matplotlib draws with placeholder colours. In the SVG they become `currentColor`
 variables `--series-N`, which have one set of values for light mode and one for dark mode.
 """
 
-from __future__ import annotations
-
 import io
 import re
 import warnings

@@ -1,7 +1,5 @@
 """The section about the papers' claims: their sentences, rules, effects and verdicts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

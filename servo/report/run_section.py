@@ -1,7 +1,5 @@
 """The section about a run: measures and bounds, errors over time, pictures, settings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A study's folder as values: the study, and rows, errors over time and sheets of its runs."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass

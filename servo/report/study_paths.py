@@ -1,7 +1,5 @@
 """Small multiples of a study's runs: paths of the camera in space, and of corners in the image."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The section about a study: bounds, comparisons, errors over time and axes, sheets, tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures of a study: errors and survival over time, and errors against its axes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -2,8 +2,6 @@
 cheap: `servobench list` does.
 """
 
-from __future__ import annotations
-
 from importlib import resources
 from importlib.resources.abc import Traversable
 

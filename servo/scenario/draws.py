@@ -5,8 +5,6 @@ scenario as it is written; each other seed is another run of the same experiment
 that draws nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any

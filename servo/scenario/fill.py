@@ -1,7 +1,5 @@
 """Tables as frozen dataclasses of settings: a wrong key, type or range is one sentence."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from dataclasses import fields, is_dataclass, replace

@@ -1,7 +1,5 @@
 """Arguments of callers in Python, checked: the type that is needed, or one sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any

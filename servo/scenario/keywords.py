@@ -1,7 +1,5 @@
 """Settings given from Python as keywords, such as gain=1.5, beside texts such as "start.x=-40"."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping, Sequence

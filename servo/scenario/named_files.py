@@ -4,8 +4,6 @@ digests.
 A setting names a file where its type is `sim.ranges.File`.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """The sections of a scenario that have no kinds: run, goal, start, region, measure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import radians
 from typing import Annotated, Literal

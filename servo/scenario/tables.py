@@ -1,7 +1,5 @@
 """The tables of a scenario's file, and the dataclasses of their settings."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

@@ -1,7 +1,5 @@
 """TOML texts as tables: checked, and changed by dotted paths such as "tracker.kind=frozen"."""
 
-from __future__ import annotations
-
 import copy
 import math
 import tomllib

@@ -1,7 +1,5 @@
 """From a tracker's estimate to what a controller sees: moments, and the plane they lie in."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, final
 

@@ -1,7 +1,5 @@
 """What is seen of a rectangle in a pose, exactly."""
 
-from __future__ import annotations
-
 from servo.sight import shape_moments
 from servo.types import Plane, Sight
 from sim.placement import object_frame

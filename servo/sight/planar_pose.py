@@ -7,8 +7,6 @@ Pattern Analysis and Machine Intelligence 28(12)). Both poses come from Collins,
 poses before decide where the corners do not.
 """
 
-from __future__ import annotations
-
 from typing import final
 
 import cv2

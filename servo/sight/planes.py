@@ -2,8 +2,6 @@
 where the target has been seen to drive.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 from typing import final
 

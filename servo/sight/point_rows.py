@@ -1,7 +1,5 @@
 """Interaction matrices of points in the image, and of the target's corners."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from servo.types import Sight

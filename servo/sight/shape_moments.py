@@ -1,7 +1,5 @@
 """Exact moments of polygons and rectangles, and of the rectangle that a tracker reports."""
 
-from __future__ import annotations
-
 from math import cos, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Axes and draws of a study, as values and from TOML; their keys are spelled in one way."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Bounds that runs must keep. A value that is missing or infinite misses every upper bound."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

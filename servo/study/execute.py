@@ -1,7 +1,5 @@
 """The executor: does jobs in this process, on workers of this machine, or on a cluster."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from functools import cached_property, partial

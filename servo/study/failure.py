@@ -19,18 +19,19 @@ class Failure:
     error: str
     """The traceback."""
     mistake: str = ""
-    """The sentence, where it is the user's mistake."""
+    """The sentence, where it is the user's mistake or the machine's lack of room."""
     full: bool = False
     """Whether the machine has no more room: the other jobs would fail as well."""
 
     @staticmethod
     def of(error: BaseException) -> Failure:
         """Describe an error that a job raised."""
-        mistake = str(error) if isinstance(error, Mistake) else ""
-        full = isinstance(error, OSError) and error.errno in FULL
-        return Failure("".join(traceback.format_exception(error)), mistake, full)
+        trace = "".join(traceback.format_exception(error))
+        if isinstance(error, OSError) and error.errno in FULL:
+            return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
+        return Failure(trace, str(error) if isinstance(error, Mistake) else "")
 
     @property
     def reason(self) -> str:
-        """The user's mistake, or the last line of the traceback."""
+        """The sentence, or the last line of the traceback."""
         return self.mistake or self.error.strip().splitlines()[-1]

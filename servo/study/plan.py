@@ -1,7 +1,5 @@
 """A study as a value: scenarios, axes, draws and seeds, and the jobs that result from them."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass

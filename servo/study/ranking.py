@@ -4,8 +4,6 @@ The unit is the sequence: seeds on one recording are averaged first. A painted s
 its seed, so that each seed is a sequence of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 A row is a Parquet table with a column for each setting and measure; its long columns are lists.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence

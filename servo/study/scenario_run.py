@@ -1,7 +1,5 @@
 """Runs of scenarios in the closed loop: their subjects, and their records."""
 
-from __future__ import annotations
-
 import copy
 import platform
 import time

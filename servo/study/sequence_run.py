@@ -1,7 +1,5 @@
 """Runs of trackers on sequences with a truth: their subjects, and their records."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

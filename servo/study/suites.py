@@ -1,7 +1,5 @@
 """Sequences and trackers of a bench: a named suite, a folder of sequences, or a TOML file."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path

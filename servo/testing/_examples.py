@@ -1,7 +1,5 @@
 """Pictures, postures and sights for the parts to work on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The part that a check was given, by whatever names it."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The contracts of feature sets, estimators and controllers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

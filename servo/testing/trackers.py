@@ -1,7 +1,5 @@
 """The contract of a tracker."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any

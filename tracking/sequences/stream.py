@@ -5,8 +5,6 @@ picture. A new picture replaces one that was not taken yet, so that a tracker is
 than the picture at which it works; what was replaced is counted.
 """
 
-from __future__ import annotations
-
 import re
 import threading
 import time

@@ -1,7 +1,5 @@
 """Verdicts of an interval on a claim: it holds, it does not hold, or it is undecided."""
 
-from __future__ import annotations
-
 from enum import Enum
 
 from tracking.statistics.comparisons import Interval

@@ -1,7 +1,5 @@
 """Archetypes of recordings: solids in the room, and rectangles in the picture."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Destinations of a recording: a file, or a viewer."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 from collections.abc import Callable

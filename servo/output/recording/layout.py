@@ -1,7 +1,5 @@
 """The layout of recordings in Rerun's viewer, and the entities of their pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import rerun.blueprint as rrb

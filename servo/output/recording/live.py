@@ -4,8 +4,6 @@ A process beside this one serves what is logged, to this machine alone. So a vie
 and opened again, and one that comes late gets everything; the process ends with this one.
 """
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

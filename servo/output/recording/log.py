@@ -22,8 +22,6 @@ Timelines: `frame` and `sim_time`. Data is sent in columns, to a file once a sec
 calls for each entity and frame would take half as long as rendering.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The camera's pictures in a recording, with the rectangles of truth and estimate."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A track as a Rerun recording: pictures, estimate, truth, particles, confidence, time."""
 
-from __future__ import annotations
-
 import rerun as rr
 
 from servo.output.recording.archetypes import outline

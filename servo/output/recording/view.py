@@ -1,7 +1,5 @@
 """A recording in Rerun's window, in a browser, or drawn into a PNG."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

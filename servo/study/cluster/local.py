@@ -1,7 +1,5 @@
 """A cluster of worker processes on this machine; workers that die are replaced."""
 
-from __future__ import annotations
-
 import logging
 import os
 import resource

@@ -1,7 +1,5 @@
 """An existing cluster: a connection to its scheduler, made within one deadline."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Generator
 from contextlib import contextmanager, suppress

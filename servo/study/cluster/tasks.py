@@ -1,7 +1,5 @@
 """A local or external cluster: a client, and tasks that are each done once, even if workers die."""
 
-from __future__ import annotations
-
 import logging
 import os
 import time
