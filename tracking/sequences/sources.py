@@ -1,5 +1,7 @@
 """Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
