@@ -122,7 +122,7 @@ def test_each_picture_has_the_time_of_its_number(monkeypatch):
             seen.append((frame.index, frame.time))
             return Estimate(self.given[1], np.zeros((4, 4)), 0.0, Status.LOCKED)
 
-    monkeypatch.setattr("tracking.adapters.follower.create", lambda *_, **__: Watching())
+    monkeypatch.setattr("tracking.adapters.toolkits.create", lambda *_, **__: Watching())
     tracker = OpenCVTracker("kams", rate=10.0)
     for _ in range(2):  # a target that is given anew begins at 0 again
         seen.clear()

@@ -11,7 +11,7 @@ import pytest
 from sim.files import picture_file
 from sim.files.picture_file import SUFFIXES, read_image
 from sim.quiet import silent_libraries
-from tracking.sequences.folder import Folder
+from tracking.sequences.sources import Folder
 
 WHY = "known formats are JPEG, PNG, BMP, TIFF, WebP, PPM"
 PICTURE = np.random.default_rng(0).integers(0, 256, (23, 37, 3), np.uint8)

@@ -7,8 +7,8 @@ import pytest
 from servo.mistake import Mistake
 from servo.study import suites
 from sim.files.picture_file import rgb
-from tracking.sequences.folder import Folder
 from tracking.sequences.sequence import read_all, read_folder, source_of
+from tracking.sequences.sources import Folder
 from tracking.sequences.video_file import Video
 from tracking.types import Region
 

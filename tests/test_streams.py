@@ -11,9 +11,9 @@ from serving import film, served
 from tracked import REGION, call, rows_of
 
 from tracking.sequences import stream
-from tracking.sequences.live_source import Feed, LiveSource
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import End, Times
+from tracking.sequences.stream import Feed, LiveSource
 from tracking.trackers import frozen
 
 IMAGE = np.zeros((20, 30, 3), np.uint8)

@@ -43,8 +43,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
-    config = KINDS.config(Trusted(kind), preset, **settings)
-    return config.build(np.random.default_rng(seed))
+    return KINDS.config(Trusted(kind), preset, **settings).build(np.random.default_rng(seed))
 
 
 def __getattr__(name: str) -> Any:

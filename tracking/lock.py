@@ -96,8 +96,7 @@ class Lock:
             return Status.LOCKED
         if self._unseen_since is None:
             self._unseen_since = time
-        waited = time - self._unseen_since
-        return Status.LOST if waited >= self._limits.patience else Status.UNSURE
+        return Status.LOST if time - self._unseen_since >= self._limits.patience else Status.UNSURE
 
     def _begins_to_hide(self, distance: float, time: float, jump: float) -> bool:
         """Return whether the distance has risen suddenly, with a jump, less than `DOUBT` ago."""

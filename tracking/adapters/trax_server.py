@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.files.picture_file import read_image
 from sim.types import Array
-from tracking.adapters.follower import Follower
+from tracking.adapters.toolkits import Follower
 from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
 from tracking.sequences.sources import RATE
 

@@ -68,8 +68,7 @@ class Reference:
     def learn(self, image: LabelledImage, state: State) -> None:
         """Take over the appearance at a state where the target was found, if asked to learn."""
         if self._learns:
-            seen = histograms(image, self._layout, state)
-            self._now = _blend(self._now, seen, TARGET_RATE)
+            self._now = _blend(self._now, histograms(image, self._layout, state), TARGET_RATE)
             around = histograms(image, self._around, state)[0]
             self._background = _blend(self._background, around, SURROUNDINGS_RATE)
             self._combine()

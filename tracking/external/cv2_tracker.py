@@ -137,5 +137,4 @@ def seed_opencv(seed: int) -> None:
 
 def _reason(error: cv2.error) -> str:
     """Return OpenCV's message, without its version, file and line."""
-    text = str(getattr(error, "err", "") or error)
-    return " ".join(text.split())
+    return " ".join(str(getattr(error, "err", "") or error).split())

@@ -9,8 +9,7 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 
 from tracking.external.conventions import Caller, Convention, Foreign, Score, convention_of
-from tracking.external.foreign_tracker import ForeignTracker
-from tracking.external.judge import JudgeSettings
+from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
 
 DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
     "rng": lambda rng: rng,
@@ -36,8 +35,7 @@ class Wrapping:
         if settings.judge == "score" and self.score is None:
             raise ValueError(f'{self.name} has no score: judge = "histogram" needs none')
         made = self._made(rng)
-        convention = self.convention or convention_of(made)
-        return Caller(made, convention, self.name, self.score)
+        return Caller(made, self.convention or convention_of(made), self.name, self.score)
 
     def _made(self, rng: np.random.Generator) -> Foreign:
         factory = made = self.factory

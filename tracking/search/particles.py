@@ -104,8 +104,7 @@ class ParticleFilter:
         state's angle and size: the target may be anywhere (Lenser, Veloso 2000).
         """
         count = round(share * len(self.samples))
-        places = self._rng.uniform((0.0, 0.0), size, (count, 2))
-        self.samples[:count, :2] = places
+        self.samples[:count, :2] = self._rng.uniform((0.0, 0.0), size, (count, 2))
         self.samples[:count, 2:] = state.vector[2:]
 
     def shift(self, correction: Array) -> None:

@@ -14,9 +14,8 @@ from sim.types import Array
 from tracking.sequences import stream
 from tracking.sequences import truth as truths
 from tracking.sequences.bag_file import Bag, is_bag
-from tracking.sequences.folder import Folder
 from tracking.sequences.quadrilateral import placement
-from tracking.sequences.sources import Source
+from tracking.sequences.sources import Folder, Source
 from tracking.sequences.truth import Format
 from tracking.sequences.video_file import Video
 from tracking.types import Region, State
@@ -52,8 +51,7 @@ class Sequence:
     ) -> Sequence:
         """A sequence whose exact states (n, 4) are known: x, y, theta, scale."""
         corners = np.stack([region.corners(State(*row)) for row in states.tolist()])
-        first = State(*states[0].tolist())
-        return Sequence(name, family, source, corners, region, first, states)
+        return Sequence(name, family, source, corners, region, State(*states[0].tolist()), states)
 
 
 def is_folder(path: Path) -> bool:

@@ -91,9 +91,7 @@ def read(path: Path, form: Format = Format.AUTO) -> Array:
     rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:
         form = _format_of(path, rows)
-    return np.stack(
-        [_corners(row, form, f"{path.name}, line {i}") for i, row in enumerate(rows, 1)]
-    )
+    return np.stack([_corners(row, form, place) for row, place in zip(rows, places, strict=True)])
 
 
 def _format_of(path: Path, rows: list[Array]) -> Format:

@@ -42,8 +42,7 @@ class HueModel:
         """Return how likely each pixel is the target's (H, W), 0..255."""
         hsv, mask = self._hsv(image)
         scaled = self._ratio / max(float(self._ratio.max()), 1e-12) * 255
-        histogram = scaled.astype(np.float32)
-        likely = cv2.calcBackProject([hsv], [0], histogram, [0, 180], 1)
+        likely = cv2.calcBackProject([hsv], [0], scaled.astype(np.float32), [0, 180], 1)
         return cv2.bitwise_and(likely, mask).astype(np.uint8)
 
     def distance(self, image: Image, state: State) -> float:
@@ -64,8 +63,7 @@ class HueModel:
         return counts / max(total, 1.0), total
 
     def _counts(self, hsv: Image, mask: NDArray[np.uint8]) -> Array:
-        counts = cv2.calcHist([hsv], [0], mask, [BINS], [0, 180])
-        return counts.ravel().astype(np.float64)
+        return cv2.calcHist([hsv], [0], mask, [BINS], [0, 180]).ravel().astype(np.float64)
 
     def _hsv(self, image: Image) -> tuple[Image, NDArray[np.uint8]]:
         hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV).astype(np.uint8)

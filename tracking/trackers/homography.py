@@ -19,7 +19,7 @@ from tracking.external.boxes import convex
 from tracking.hot import plane_alignment
 from tracking.lock import Lock, LockLimits
 from tracking.search.velocity import Velocity
-from tracking.trackers._plane import SQUARE, homography, state_of, through
+from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
     FARTHEST,
     Estimate,
@@ -142,15 +142,18 @@ class Homography:
         begins = [expected]
         if not self._lock.locked:
             size = float(np.sqrt(self._region.area(state)))
-            spread = SPREAD * (size, size, 1, 1)
-            draws = self._rng.normal(0.0, spread, (TRIES, 4))
+            draws = self._rng.normal(0.0, SPREAD * (size, size, 1, 1), (TRIES, 4))
             begins += [_moved(expected, state, draw) for draw in draws]
         coarse, fine = self._levels
         aligned = [self._align(image, begin, self._light, coarse) for begin in begins]
-        corners, light, found, _ = max(aligned, key=_likeness)
+        corners, light, found, _ = max(aligned, key=lambda aligned: aligned[2])
         best = self._align(image, corners, light, fine) if found > 0 else aligned[0]
         if self._lock.locked and (best[2] < SURE or best[3] > self._surprise + WORSE):
-            best = min(best, self._align(image, expected, self._light, fine), key=_surprise)
+            best = min(
+                best,
+                self._align(image, expected, self._light, fine),
+                key=lambda aligned: aligned[3],
+            )
         return best
 
     def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Alignment:
@@ -184,14 +187,6 @@ class Homography:
         return side**2, points[~hidden], seen[~hidden], rows[~hidden], cells[~hidden]
 
 
-def _likeness(aligned: Alignment) -> float:
-    return aligned[2]
-
-
-def _surprise(aligned: Alignment) -> float:
-    return aligned[3]
-
-
 def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32], Array]:
     """Return the picture around a quadrangle, so small that it has about `count` pixels there; and
     the matrix (3, 3) that takes the picture's coordinates to its own.
@@ -200,10 +195,7 @@ def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32]
     ends = np.array(image.shape[1::-1])
     low = np.clip(corners.min(axis=0) - size / 2, 0, ends - 1).astype(int)
     high = np.clip(corners.max(axis=0) + size / 2 + 1, low + 1, ends).astype(int)
-    along = corners[2] - corners[0]
-    down = corners[3] - corners[1]
-    area = abs(float(along[0] * down[1] - along[1] * down[0])) / 2
-    shrink = int(np.clip(np.sqrt(area / count), 1, (high - low).min()))
+    shrink = int(np.clip(np.sqrt(area_of(corners) / count), 1, (high - low).min()))
     width, height = ((high - low) // shrink).tolist()
     cut = image[low[1] :, low[0] :][: height * shrink, : width * shrink]
     grey = cv2.cvtColor(np.ascontiguousarray(cut), cv2.COLOR_RGB2GRAY)

@@ -65,6 +65,7 @@ class MkSsd:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, descend, and stay if the descent ended on something else."""
+        # Asked in every frame, used or not: the velocity takes the camera's motion in here.
         expected = self._velocity.step(ego)
         begin = self._state.moved(expected if self._lock.locked else ego)
         image = as_seen(frame.image, even=self._config.even)

@@ -8,8 +8,7 @@ import numpy as np
 
 from sim.ranges import File
 from tracking.external.cv2_tracker import MODELS, Cv2Tracker
-from tracking.external.foreign_tracker import ForeignTracker
-from tracking.external.judge import JudgeSettings
+from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
 from tracking.external.wrapped import Wrapping
 
 

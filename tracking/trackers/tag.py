@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-from tracking.trackers._plane import SQUARE, homography, state_of, through
+from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
     SMALLEST_SIDE,
     Estimate,
@@ -156,11 +156,10 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
         np.array([[0, 0], [np.cos(state.theta), np.sin(state.theta)]]) + (state.x, state.y),
     )
     near = through(to_plane, region.first_corners(state))
-    along = near[2] - near[0]
-    down = near[3] - near[1]
-    area = abs(along[0] * down[1] - along[1] * down[0]) / 2
     ahead = (nose - centre) / np.hypot(*(nose - centre))
-    half = np.sqrt(area * np.array([region.width / region.height, region.height / region.width]))
+    half = np.sqrt(
+        area_of(near) * np.array([region.width / region.height, region.height / region.width])
+    )
     found = centre + (SQUARE * half) @ np.array([ahead, (-ahead[1], ahead[0])])
     turned = [np.roll(SQUARE, k, axis=0) for k in range(4)]
     square = min(turned, key=lambda corners: float(np.abs(corners - found).max()))

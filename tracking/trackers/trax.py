@@ -9,8 +9,7 @@ from annotated_types import Ge, Le
 from sim.types import Array, Image
 from tracking.external.boxes import Box, box_of, convex
 from tracking.external.conventions import box_in, score_in
-from tracking.external.foreign_tracker import ForeignTracker
-from tracking.external.judge import JudgeSettings
+from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
 from tracking.external.trax_client import TraxClient
 from tracking.types import FARTHEST, Region, State
 
@@ -45,8 +44,9 @@ class TraxServer:
     def start(self, image: Image, region: Region, state: State) -> Box:
         """Show the first picture with the corners, or the box, of the target."""
         box = box_of(region, state, image)
-        corners = region.corners(state)
-        self._client.initialize(image, corners if self._client.polygons else np.array(box))
+        self._client.initialize(
+            image, region.corners(state) if self._client.polygons else np.array(box)
+        )
         return box
 
     def update(self, image: Image) -> Array | None:

@@ -123,6 +123,5 @@ def _target(rng: np.random.Generator) -> Image:
 def _hide(image: Array, state: Array) -> None:
     """Paint an upright bar over the target."""
     x = state[0]
-    scale = state[3]
-    reach = float(np.hypot(REGION.width, REGION.height)) / 2 * scale + 2
+    reach = float(np.hypot(REGION.width, REGION.height)) / 2 * state[3] + 2
     image[:, max(int(x - reach), 0) : int(x + reach) + 1] = BAR

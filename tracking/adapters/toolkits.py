@@ -1,0 +1,203 @@
+"""Our trackers in the conventions of OpenCV, of the GOT-10k toolkit (Huang, Zhao, Huang 2021) and
+of the VOT toolkit's Python integration.
+"""
+
+import inspect
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from sim.files.picture_file import read_image, rgb
+from sim.types import Array, Frame, Image
+from tracking import create
+from tracking.sequences.quadrilateral import boxes, corners_of, placement
+from tracking.sequences.sources import RATE
+from tracking.types import Estimate, Status
+
+Rect = tuple[float, float, float, float]
+"""Left, top, width, height [px]."""
+
+
+class Follower:
+    """Keeps the time of pictures at a fixed rate."""
+
+    def __init__(self, kind: str, seed: int, rate: float, settings: dict[str, Any]) -> None:
+        self._kind = kind
+        self._seed = seed
+        self._rate = rate
+        self._settings = settings
+
+    def start(self, image: Image, numbers: Any, *, turned: bool = False) -> None:
+        """Begin anew, as often as one likes, with a box (4,), or coordinates (8,) of corners [px].
+
+        Args:
+            image: The first picture.
+            numbers: Left, top, width, height, or x and y of each corner.
+            turned: Keep the rotation of corners that form a rectangle; else take the upright box.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
+        self.region, state = placement(corners_of(np.array(numbers, dtype=float)), turned=turned)
+        self._tracker = create(self._kind, self._seed, **self._settings)
+        self._count = 0
+        self._tracker.start(self._frame(image), self.region, state)
+
+    def update(self, image: Image) -> tuple[Estimate, Rect]:
+        """Find the target, with the upright box around it."""
+        found = self._tracker.update(self._frame(image))
+        left, top, width, height = boxes(found.outline(self.region)[None])[0].tolist()
+        return found, (left, top, width, height)
+
+    def _frame(self, image: Image) -> Frame:
+        index = self._count
+        self._count = self._count + 1
+        return Frame(image, index / self._rate, index)
+
+
+class OpenCVTracker:
+    """OpenCV's convention: BGR pictures, `init(image, rect)`, `update(image) -> (ok, rect)`.
+
+    Example:
+        >>> import numpy as np
+        >>> image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
+        >>> tracker = OpenCVTracker("mk_ssd")
+        >>> tracker.init(image, (130, 105, 60, 30))
+        >>> ok, (left, top, width, height) = tracker.update(image)
+        >>> ok, round(left), round(top), round(width), round(height)
+        (True, 130, 105, 60, 30)
+    """
+
+    def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
+        """Choose a tracker by its kind; see `tracking.create`."""
+        self._follower = Follower(kind, seed, rate, settings)
+
+    def init(self, image: np.ndarray, rect: Rect) -> None:
+        """Learn the target.
+
+        Raises:
+            ValueError: The rectangle is empty, or most of it is outside the picture.
+        """
+        self._follower.start(rgb(image), rect)
+
+    def update(self, image: np.ndarray) -> tuple[bool, Rect]:
+        """Find the target.
+
+        Returns:
+            True if it is seen (OpenCV's own trackers also return that if it is not), and its box
+            (left, top, width, height) [px].
+        """
+        found, rect = self._follower.update(rgb(image))
+        return found.status is Status.LOCKED, rect
+
+
+class Got10kTracker:
+    """A tracker for the toolkit's experiments: a name, `track(img_files, box)`, and its methods
+    `init(image, box)` and `update(image) -> box`.
+
+    Pictures are RGB, of PIL or arrays; boxes are of OTB's kind (pixels counted from 1).
+    """
+
+    is_deterministic = True
+
+    def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
+        """Choose a tracker by its kind; see `tracking.create`."""
+        self.name = kind
+        self._follower = Follower(kind, seed, rate, settings)
+
+    def init(self, image: Any, box: Any) -> None:
+        """Learn the target.
+
+        Raises:
+            ValueError: The box is empty, or most of it is outside the picture.
+        """
+        self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
+
+    def update(self, image: Any) -> Array:
+        """Return the box (4,)."""
+        _, (left, top, width, height) = self._follower.update(_array(image))
+        return np.array([left + 1.0, top + 1.0, width, height])
+
+    def track(
+        self,
+        img_files: Sequence[str],
+        box: Any,
+        visualize: bool = False,  # noqa: ARG002 (the toolkit gives it)
+    ) -> tuple[Array, Array]:
+        """Follow a target through picture files.
+
+        Args:
+            img_files: Their paths.
+            box: The target in the first one.
+            visualize: Nothing is shown; `servobench track --video` draws.
+
+        Returns:
+            Boxes (n, 4), and the time that each picture took (n,) [s].
+
+        Raises:
+            ValueError: As for `init`, or a picture cannot be read.
+        """
+        found = np.zeros((len(img_files), 4))
+        seconds = np.zeros(len(img_files))
+        for i, file in enumerate(img_files):
+            image = read_image(Path(file))
+            began = time.perf_counter()
+            if i == 0:
+                self.init(image, box)
+                found[0] = box
+            else:
+                found[i] = self.update(image)
+            seconds[i] = time.perf_counter() - began
+        return found, seconds
+
+
+class VotHandle(Protocol):
+    """Interface of `vot.VOT("rectangle")` or `vot.VOT("polygon")` of the toolkit's integration."""
+
+    def region(self) -> Any:
+        """Return the target in the first picture: x, y, width, height, or points of x, y."""
+        ...
+
+    def frame(self) -> str | None:
+        """Return the next picture's path; nothing at the end."""
+        ...
+
+    def report(self, region: Any, confidence: float) -> None:
+        """Report the target's region to the toolkit; the confidence where it is taken."""
+        ...
+
+
+def run_vot(
+    handle: VotHandle, kind: str, seed: int = 0, rate: float = RATE, **settings: Any
+) -> None:
+    """Follow a target for the VOT toolkit until it gives no more pictures.
+
+    Raises:
+        ValueError: A picture cannot be read or decoded, or is too large; or the region is neither a
+            rectangle nor four points.
+    """
+    given = handle.region()
+    path = handle.frame()
+    if not path:
+        return
+    points = getattr(given, "points", None)
+    box = () if points else (given.x, given.y, given.width, given.height)
+    follower = Follower(kind, seed, rate, settings)
+    scored = len(inspect.signature(handle.report).parameters) > 1
+    region = np.array(points or box, dtype=float).ravel()
+    follower.start(read_image(Path(path)), region, turned=True)
+    while path := handle.frame():
+        found, rect = follower.update(read_image(Path(path)))
+        if points is None:
+            answer = type(given)(*rect)
+        else:
+            outline = found.outline(follower.region).tolist()
+            answer = type(given)([type(points[0])(*corner) for corner in outline])
+        handle.report(answer, *[1.0 - found.distance][: int(scored)])
+
+
+def _array(image: Any) -> Image:
+    return np.ascontiguousarray(np.asarray(image, dtype=np.uint8))
