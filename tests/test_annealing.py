@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracking.hot import particle_loops
-from tracking.search.annealing import ONE_LAYER, Annealing, Schedule, anneal, exponent
+from tracking.search.annealing import ONE_LAYER, Annealing, Schedule, anneal
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
@@ -14,12 +14,12 @@ RNG = np.random.default_rng(0)
 @pytest.mark.parametrize("survival", [0.2, 0.5, 0.9])
 def test_the_exponent_lets_the_asked_share_survive(survival):
     w = -RNG.gamma(2.0, 3.0, 200)
-    weights = particle_loops.normalised(exponent(w, survival) * w)
+    weights = particle_loops.normalised(particle_loops.exponent(w, survival * 200) * w)
     assert particle_loops.effective_size(weights) == pytest.approx(survival * 200, rel=1e-3)
 
 
 def test_equal_likelihoods_cannot_be_sharpened():
-    assert np.isfinite(exponent(np.zeros(10), 0.5))
+    assert np.isfinite(particle_loops.exponent(np.zeros(10), 5.0))
 
 
 def cloud(count=300):

@@ -5,10 +5,8 @@ hysteresis, for all trackers.
 import math
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
-import numpy as np
-
-from sim.types import Array
 from tracking.types import Status
 
 # Chosen by hand on the shipped scenarios.
@@ -113,13 +111,5 @@ class Lock:
 
     def _usual(self) -> tuple[float, float]:
         """Return median and robust standard deviation of the recent good frames' distances."""
-        good = np.array(self._good)
-        middle = _median(good)
-        return middle, MAD_TO_SIGMA * _median(np.abs(good - middle))
-
-
-def _median(values: Array) -> float:
-    """Return the median at a fraction of the cost of `np.median`, which takes any shape."""
-    ordered = np.sort(values)
-    half = len(values) // 2
-    return float(ordered[half] + ordered[-half - 1]) / 2
+        middle = median(self._good)
+        return middle, MAD_TO_SIGMA * median(abs(good - middle) for good in self._good)

@@ -11,11 +11,9 @@ import numpy as np
 
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.layout import Sampling
-from tracking.appearance.model import SampledModel
+from tracking.appearance.model import AppearanceSettings
 from tracking.external.boxes import Box, Placement
 from tracking.lock import Lock, LockLimits
-from tracking.settings import AppearanceSettings
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 LOCK = LockLimits(floor=0.5, cap=0.75)
@@ -110,7 +108,7 @@ class Judge:
             doubt = 1 - settings.least_score
             lock = LockLimits(floor=doubt, cap=doubt)
         else:
-            self._model = SampledModel(frame.image, region, state, AppearanceSettings(), Sampling())
+            self._model = AppearanceSettings().model(frame.image, region, state)
         self._lock = Lock(lock)
 
     def unseen(self, frame: Frame) -> tuple[float, Status]:

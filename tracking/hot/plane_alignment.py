@@ -4,17 +4,13 @@ A point x of the template, in a unit square, is seen at H x; pixel (i, j) has it
 (j + 0.5, i + 0.5).
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array
 from tracking.hot.compiled import compiled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 TUKEY = 4.685
 """Residuals beyond so many robust standard deviations have no weight: the usual constant, with 95 %
@@ -78,11 +74,8 @@ def sigma_of(error: Array) -> float:
 def tukey(error: Array, sigma: float) -> Array:
     """Tukey's weights (n,), 0..1, of errors (n,) with this standard deviation."""
     limit = TUKEY * sigma
-    weights = np.zeros(len(error))
-    for i in range(len(error)):
-        if abs(error[i]) < limit:  # nan is not
-            weights[i] = (1.0 - (error[i] / limit) ** 2) ** 2
-    return weights
+    # An error of nan, outside the picture, is not below the limit.
+    return np.where(np.abs(error) < limit, (1.0 - (error / limit) ** 2) ** 2, 0.0)
 
 
 @compiled(error_model="numpy")
@@ -92,16 +85,8 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
     An object that hides the target hides whole parts of it, of which some points are alike by
     chance.
     """
-    total = np.zeros(cells.max() + 1)
-    count = np.zeros(cells.max() + 1)
-    for i in range(len(cells)):
-        total[cells[i]] += weights[i]
-        count[cells[i]] += 1.0
-    better = np.empty(len(weights))
-    for i in range(len(cells)):
-        mean = total[cells[i]] / count[cells[i]]
-        better[i] = weights[i] * min(max((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
-    return better
+    mean = (np.bincount(cells, weights) / np.bincount(cells))[cells]
+    return weights * np.minimum(np.maximum((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
 
 
 @compiled(error_model="numpy")

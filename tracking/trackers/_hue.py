@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-from tracking.external.boxes import Box, box_of
+from tracking.external.boxes import box_of
 from tracking.lock import Lock, LockLimits
 from tracking.types import Estimate, Region, State, check_region, unknown_covariance
 
@@ -84,7 +84,6 @@ class HueTracker:
         self._state = state
         self._lock = Lock(LOCK)
         self._model = HueModel(frame.image, region, state)
-        self._begin(frame, box_of(region, state, frame.image))
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, and judge."""
@@ -92,10 +91,6 @@ class HueTracker:
         distance = self._model.distance(frame.image, self._state)
         status = self._lock.judge(distance, frame.time)
         return Estimate(self._state, unknown_covariance(), distance, status, self.follows)
-
-    @abstractmethod
-    def _begin(self, frame: Frame, box: Box) -> None:
-        """Take the first frame, with the target's box."""
 
     @abstractmethod
     def _found(self, frame: Frame, ego: Array | None) -> State:

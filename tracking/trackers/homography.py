@@ -5,8 +5,6 @@ Computer Vision 56(3)), inverse compositional; Tukey's weights as in Hager, Belh
 "Efficient Region Tracking with Parametric Models of Geometry and Illumination" (TPAMI 20(10)).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -79,7 +77,7 @@ LARGEST_GROWTH = 2.0
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Homography:
+    def build(self, rng: np.random.Generator) -> "Homography":
         """Return the tracker; it draws the places where it searches."""
         return Homography(rng)
 

@@ -3,8 +3,6 @@
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, final
 
@@ -41,7 +39,7 @@ class Config:
     velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
 
-    def build(self, rng: np.random.Generator) -> MkSsd:
+    def build(self, rng: np.random.Generator) -> "MkSsd":
         """Return the tracker; it draws nothing."""
         return MkSsd(self)
 
