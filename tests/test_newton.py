@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.hot import descent as hot
+from tracking.loops import descent as loops
 from tracking.search.newton import UNITS, KernelGrid, KernelModel
 from tracking.types import Region, State
 
@@ -23,12 +23,12 @@ def target_image(state=TRUE, seed=2):
 
 def linearise(model, image, x):
     """The objective, half its gradient and half its curvature at x."""
-    return hot.linearise(image, x, model.kernels, model.root_reference)
+    return loops.linearise(image, x, model.kernels, model.root_reference)
 
 
 def histograms(image):
     kernels = KernelModel(image, REGION, TRUE, KernelGrid()).kernels
-    return hot.histograms(image, TRUE.vector, kernels)
+    return loops.histograms(image, TRUE.vector, kernels)
 
 
 def test_gradient_is_half_the_derivative_of_the_objective():
@@ -124,12 +124,12 @@ def test_a_large_target_is_read_at_fewer_pixels():
     image, large = target_image(), Region(120.0, 80.0)
     model = KernelModel(image, large, TRUE, KernelGrid())
     every, some = (
-        hot.kernel_histograms(
+        loops.kernel_histograms(
             image, TRUE.vector, (60.0, 40.0), np.zeros((1, 2)), (40.0, 80 / 3), 8, stride
         )[1]
         for stride in (1, 2)
     )
     assert some[0, 0] == pytest.approx(every[0, 0] / 4, rel=0.02)
-    _, totals = hot.histograms(image, TRUE.vector, model.kernels)
+    _, totals = loops.histograms(image, TRUE.vector, model.kernels)
     assert totals[4, 0] == pytest.approx(some[0, 0], rel=1e-12)
-    assert hot.FLOOR == 1e-3
+    assert loops.FLOOR == 1e-3

@@ -26,7 +26,7 @@ from tracking.appearance.bins import Bins, ColourBins, LabelledImage, as_seen
 from tracking.appearance.layout import Sampling, ring
 from tracking.appearance.reference import Reference
 from tracking.appearance.views import Views
-from tracking.hot import point_histograms as hot
+from tracking.loops import point_histograms as loops
 from tracking.settings import Contrast, Inset, Levels
 from tracking.types import Region, State
 
@@ -125,21 +125,21 @@ class SampledModel:
     def distances(self, image: LabelledImage, states: Array) -> Array:
         """Return the distance d_m (N,) of each state (N, 4)."""
         rho = self._coefficients(self._window(image, states), states)
-        return np.sqrt(hot.squared_distances(rho))
+        return np.sqrt(loops.squared_distances(rho))
 
     def energy(self, image: LabelledImage, states: Array) -> Array:
         """Return the energy (N,) of a likelihood exp(-gamma energy) at states (N, 4): d_m^2 + eta *
         likeness of the ring, and of views if there are some; with summed parts, times their number.
         """
         window = self._window(image, states)
-        squared = hot.squared_distances(self._coefficients(window, states))
+        squared = loops.squared_distances(self._coefficients(window, states))
         eta = self._settings.contrast
         if self._views is not None:
             squared = squared + UNLIKE * (1 - self._views.likeness(image.blurred, states))
         if eta == 0:
             return self._factor * squared
         ring = (self._ring.points, self._ring.parts, self._ring.weights)
-        likeness = hot.coefficients(window, states, *ring, self._reference.root_whole)[:, 0]
+        likeness = loops.coefficients(window, states, *ring, self._reference.root_whole)[:, 0]
         return self._factor * (squared + eta * likeness)
 
     def climb(
@@ -159,18 +159,18 @@ class SampledModel:
         """
         window = self._window(image, states, reach)
         at = (self._layout.points, self._layout.weights, self._layout.pulls)
-        found, rho, evaluations = hot.mean_shift(
+        found, rho, evaluations = loops.mean_shift(
             window, states, *at, self._reference.root_parts, most, tolerance
         )
-        return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
+        return found, np.sqrt(loops.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: LabelledImage, state: State) -> None:
         """Take over the present appearance of target and surroundings, if the settings say so."""
         self._reference.learn(image, state)
 
-    def _coefficients(self, window: hot.Window, states: Array) -> Array:
+    def _coefficients(self, window: loops.Window, states: Array) -> Array:
         at = (self._layout.points, self._layout.parts, self._layout.weights)
-        return hot.coefficients(window, states, *at, self._reference.root_parts)
+        return loops.coefficients(window, states, *at, self._reference.root_parts)
 
-    def _window(self, image: LabelledImage, states: Array, reach: float = 0.0) -> hot.Window:
+    def _window(self, image: LabelledImage, states: Array, reach: float = 0.0) -> loops.Window:
         return image.around(states, self._radius, reach)

@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import particle_loops
+from tracking.loops import particle_loops
 from tracking.search.particles import ParticleFilter
 
 # As published annealed filters have them: half of the particles survive a layer (Deutscher, Blake,

@@ -23,7 +23,7 @@ from math import sqrt
 import numpy as np
 
 from sim.types import Image
-from tracking.hot import descent as hot
+from tracking.loops import descent as loops
 from tracking.types import Region, State
 
 TINY = 1e-12
@@ -80,10 +80,10 @@ class KernelModel:
         centres = np.stack([u.ravel(), v.ravel()], axis=1)
         cell = grid.span * inside.width / grid.per_side, grid.span * inside.height / grid.per_side
         half = (inside.width / 2, inside.height / 2)
-        self.kernels: hot.Kernels = half, centres, cell, grid.levels, PIXELS
+        self.kernels: loops.Kernels = half, centres, cell, grid.levels, PIXELS
         """The kernels, as the compiled loops take them."""
-        sums, totals = hot.histograms(image, state.vector, self.kernels)
-        self.root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + hot.FLOOR)
+        sums, totals = loops.histograms(image, state.vector, self.kernels)
+        self.root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + loops.FLOOR)
         """Square roots of the reference histograms (K, B)."""
 
     def descend(
@@ -107,7 +107,7 @@ class KernelModel:
         Returns:
             The last state, its distance, and the number of evaluations.
         """
-        x, cost, evaluations = hot.descend(
+        x, cost, evaluations = loops.descend(
             image,
             state.vector,
             self.kernels,

@@ -13,15 +13,15 @@ import numpy as np
 from sim.types import Array, Frame
 from tracking.appearance.bins import LabelledImage
 from tracking.appearance.model import AppearanceSettings
-from tracking.lock import Lock, LockLimits
-from tracking.recognition import LOCK, Recogniser
+from tracking.loss import LossJudge, LossLimits
+from tracking.recognition import LIMITS, Recogniser
 from tracking.search.annealing import ONE_LAYER, Annealing, anneal
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import ParticleSettings
 from tracking.types import Estimate, Region, State, Status, check_region
 
-DISC_LOCK = LockLimits(floor=0.5, cap=0.75)
+DISC_LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of a distance of sampled histograms: of hard bins, it is never near 0."""
 WIDER = 3.0
 """Factor on the spread while a target without views is LOST: it may be anywhere."""
@@ -56,14 +56,14 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
 
     def build(self, rng: np.random.Generator) -> ParticleTracker:
         """Return the tracker; its samples are drawn from the generator."""
-        return CloudTracker(self, DISC_LOCK, rng)
+        return CloudTracker(self, DISC_LIMITS, rng)
 
 
 class ParticleTracker(ABC):
     """A particle filter on one model of the target."""
 
     def __init__(
-        self, settings: CloudSettings, limits: LockLimits, rng: np.random.Generator
+        self, settings: CloudSettings, limits: LossLimits, rng: np.random.Generator
     ) -> None:
         """Set it up.
 
@@ -84,7 +84,7 @@ class ParticleTracker(ABC):
         noise = (c.noise, c.turn_noise, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
-        self._lock = Lock(LOCK if c.views > 0 else self._limits)
+        self._loss = LossJudge(LIMITS if c.views > 0 else self._limits)
         self._status = Status.LOCKED
         self._found = state
         self._recogniser = None
@@ -182,5 +182,5 @@ class CloudTracker(ParticleTracker):
             distance = float(self._model.distances(image, proposed.vector[None])[0])
         else:
             distance = self._recogniser.doubt(image, proposed, self._cloud, time)
-        self._status = self._lock.judge(distance, time)
+        self._status = self._loss.judge(distance, time)
         return proposed, distance, 1

@@ -14,10 +14,10 @@ from sim.types import Array, Frame
 from tracking.appearance.bins import LabelledImage
 from tracking.appearance.layout import Kernel, Sampling
 from tracking.appearance.model import AppearanceSettings
-from tracking.lock import Lock
+from tracking.loss import LossJudge
 from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN
-from tracking.trackers._cloud import DISC_LOCK
+from tracking.trackers._cloud import DISC_LIMITS
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 SCALE_STEP = 0.1
@@ -93,7 +93,7 @@ class MeanShift:
         self._model = self._settings.model(frame.image, region, state)
         self._size = float(np.sqrt(region.area(state)))
         self._state = state
-        self._lock = Lock(DISC_LOCK)
+        self._loss = LossJudge(DISC_LIMITS)
         self._velocity = Velocity(state, self._settings.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
@@ -112,7 +112,7 @@ class MeanShift:
         distance = float(distances[index])
         best[3] = begin[3] + SCALE_TRUST * (best[3] - begin[3])
         self._state = State.of(best)
-        status = self._lock.judge(distance, frame.time)
+        status = self._loss.judge(distance, frame.time)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         if status is Status.LOCKED:
             self._model.learn(image, self._state)

@@ -20,7 +20,7 @@ from sim.types import Array, Frame, Image
 from tracking.appearance.bins import LabelledImage, as_seen
 from tracking.appearance.layout import Combine, Sampling
 from tracking.appearance.model import SampledModel
-from tracking.lock import LockLimits
+from tracking.loss import LossLimits
 from tracking.search.newton import Descent, KernelGrid, KernelModel
 from tracking.settings import PLAIN, CellPoints, Count, Inset, Spread
 from tracking.trackers._cloud import CloudMethod, ParticleTracker
@@ -91,7 +91,7 @@ class PfSsd(ParticleTracker):
     """The combination."""
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
-        super().__init__(config, LockLimits(sudden=config.sudden), rng)
+        super().__init__(config, LossLimits(sudden=config.sudden), rng)
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
@@ -127,14 +127,14 @@ class PfSsd(ParticleTracker):
             end = min(end, other, key=lambda end: end.distance)
         if self._recogniser is None:
             jump = self._velocity.jump(end.state, self._cloud.size)
-            self._status = self._lock.judge(end.distance, time, jump)
+            self._status = self._loss.judge(end.distance, time, jump)
             state = end.state if self._status is Status.LOCKED else proposed
             return state, end.distance, evaluations
         ends = (proposed, end.state)
         energy = self._model.energy(image, np.stack([end.vector for end in ends]))
         state = ends[int(np.argmin(energy))]
         distance = self._recogniser.doubt(image, state, self._cloud, time)
-        self._status = self._lock.judge(distance, time)
+        self._status = self._loss.judge(distance, time)
         return state, distance, evaluations
 
     def _descend(self, image: Image, proposed: State) -> Descent:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
 
 BISECTIONS = 40
 LARGEST_BETA = 1e4

@@ -33,7 +33,7 @@ DOUBT = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class LockLimits:
+class LossLimits:
     """Limits that decide when a distance is too large to be the target."""
 
     floor: float = 0.25
@@ -50,10 +50,10 @@ class LockLimits:
     it and draws the estimate along. 0: it is believed."""
 
 
-class Lock:
+class LossJudge:
     """Judge of each frame's distance by the good frames before it."""
 
-    def __init__(self, limits: LockLimits) -> None:
+    def __init__(self, limits: LossLimits) -> None:
         self._limits = limits
         self._good: deque[float] = deque(maxlen=HISTORY)
         self._unseen_since: float | None = None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import descent
+from tracking.loops import descent
 
 RNG = np.random.default_rng(5)
 

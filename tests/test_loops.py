@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import colour_labels, particle_loops, point_histograms
+from tracking.loops import colour_labels, particle_loops, point_histograms
 
 RNG = np.random.default_rng(5)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
 from tracking.types import LARGEST_LOG
 
 Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
 
 TUKEY = 4.685
 """Residuals beyond so many robust standard deviations have no weight: the usual constant, with 95 %
@@ -119,7 +119,7 @@ def normal_equations(
 
 
 @compiled(error_model="numpy")
-def likeness(seen: Array, template: Array, weights: Array) -> float:
+def correlation(seen: Array, template: Array, weights: Array) -> float:
     """Weighted correlation of two brightnesses (n,), less where many points have little weight."""
     total = 1e-12
     mean = 0.0
@@ -145,7 +145,7 @@ def likeness(seen: Array, template: Array, weights: Array) -> float:
 
 
 @compiled(error_model="numpy")
-def surprise(weights: Array, sigma: float, spread: float) -> float:
+def misfit(weights: Array, sigma: float, spread: float) -> float:
     """Mean logarithm of the points' standard deviations: sigma [grey levels] for the share that is
     seen, for what hides the others that of the template's brightness, spread.
 
@@ -171,8 +171,8 @@ def align(
         tolerance: After a step with all parts below this the descent ends.
 
     Returns:
-        The new H, the new light, the likeness and the surprise there; the likeness is 0 where the
-        template left the picture.
+        The new H, the new light, the correlation and the misfit there; the correlation is 0 where
+        the template left the picture.
     """
     points, template, rows, cells = level
     at = begin
@@ -187,9 +187,9 @@ def align(
         sigma = sigma_of(error)
         weights = agreed(tukey(error, sigma), cells)
         if k >= most:
-            alike = likeness(seen, template, weights)
+            alike = correlation(seen, template, weights)
             spread = gain * np.std(template)
-            return at, np.array([gain, bias]), alike, surprise(weights, sigma, spread)
+            return at, np.array([gain, bias]), alike, misfit(weights, sigma, spread)
         A, g = normal_equations(error, weights, rows, template, gain)
         d = np.linalg.solve(A, g)
         size = np.max(np.abs(d[:8]))
