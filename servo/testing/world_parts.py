@@ -11,10 +11,9 @@ from servo.contracts import BrokenContract, require
 from servo.testing._subject import built, config_of, contract
 from sim.camera.camera import CameraConfig
 from sim.geometry import log_se3
+from sim.kinematics.robot import Design, Robot
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
-from sim.robot.design import Design
-from sim.robot.robot import Robot
 from sim.types import Array, Effect, Pose
 
 PHYSICS_RATE = 480.0
@@ -75,8 +74,8 @@ def check_disturbance(disturbance: Any) -> None:
 
 @contract
 def check_robot(robot: Any) -> None:
-    """Check that a robot keeps the contract of `sim.robot.robot.Design`: it can be put into the
-    room, and its joints move the camera as its Jacobian says.
+    """Check that a robot keeps the contract of `sim.kinematics.robot.Design`: it can be put into
+    the room, and its joints move the camera as its Jacobian says.
 
     Raises:
         BrokenContract: It does not; the sentence says what to change.

@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 from sim.types import Array, Image
 
 PREFIX = "@@TRAX:"
