@@ -204,8 +204,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
     far = 0.0
     for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
         data.qpos[robot.qpos] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+        robot.refresh(data)
         eye = robot.eye(data)
         far = max(far, float(np.linalg.norm(eye.translation)))
         if tilt(eye.rotation) < LEVEL:

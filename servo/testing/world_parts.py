@@ -90,15 +90,14 @@ def check_robot(robot: Any) -> None:
     for home in design.homes:
         n = len(machine.names)
         require(len(home) == n, f"a home has {len(home)} joints; the robot has {n}")
-        _check_jacobian(machine, data, model, np.array(home, dtype=float))
+        _check_jacobian(machine, data, np.array(home, dtype=float))
 
 
-def _check_jacobian(machine: Robot, data: Any, model: Any, home: Array) -> None:
+def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
     def eye(q: Array) -> Pose:
         for name, value in zip(machine.names, q.tolist(), strict=True):
             data.joint(f"robot/{name}").qpos[:] = value
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+        machine.refresh(data)
         return machine.posture(data, np.zeros(6)).T_base_camera
 
     found = [
