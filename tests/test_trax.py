@@ -13,10 +13,10 @@ from followed import REGION, START, frame
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from tracking.adapters.trax_server import run_trax
-from tracking.external import trax_messages as messages
+from tracking.exported.trax_server import run_trax
 from tracking.trackers.trax import Config
 from tracking.types import State, Status
+from tracking.wrapped import trax_messages as messages
 
 SERVER = Path(__file__).parent / "tools" / "trax_server.py"
 
@@ -215,7 +215,7 @@ def test_our_server_answers_both_ways_to_begin(tmp_path):
 
 
 def test_ours_over_the_protocol_is_ours_and_closes_the_loop():
-    command = f"{sys.executable} -m tracking.adapters.trax_server mk_ssd"
+    command = f"{sys.executable} -m tracking.exported.trax_server mk_ssd"
     tracker = Config(command=command)
     scenario = dataclasses.replace(load("still", ["run.duration=0.4"]), tracker=tracker)
     with Episode(scenario) as episode:

@@ -6,8 +6,8 @@ from followed import frame
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracking.external import trax_messages as messages
-from tracking.external.trax_messages import Message
+from tracking.wrapped import trax_messages as messages
+from tracking.wrapped.trax_messages import Message
 
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\r"))
 

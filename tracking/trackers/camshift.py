@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import Box
 from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State
+from tracking.wrapped.boxes import Box
 
 SMALLEST_BOX = 4
 """A window that shrank below this begins at this size again [px]."""

@@ -11,10 +11,10 @@ from typing import final
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import Box
-from tracking.external.cv2_tracker import Cv2Tracker
 from tracking.trackers._hue import HueTracker
 from tracking.types import State
+from tracking.wrapped.boxes import Box
+from tracking.wrapped.cv2_tracker import Cv2Tracker
 
 SEED_BITS = 31
 """Bits of the seeds that OpenCV takes."""

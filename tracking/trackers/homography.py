@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-from tracking.external.boxes import convex
 from tracking.hot import plane_alignment
 from tracking.lock import Lock, LockLimits
 from tracking.search.velocity import Velocity
@@ -29,6 +28,7 @@ from tracking.types import (
     check_region,
     unknown_covariance,
 )
+from tracking.wrapped.boxes import convex
 
 Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
 """Number of points of a template; those (n, 2) that were seen, their brightness (n,), its

@@ -7,11 +7,10 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
-from tracking.external.boxes import Box, box_of, convex
-from tracking.external.conventions import box_in, score_in
-from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
-from tracking.external.trax_client import TraxClient
 from tracking.types import FARTHEST, Region, State
+from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
+from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
+from tracking.wrapped.trax_client import TraxClient
 
 CONFIDENCE = "confidence"
 """Name under which servers report their score."""

@@ -1,4 +1,4 @@
-"""Our trackers for clients of the TraX protocol: `python -m tracking.adapters.trax_server KIND`."""
+"""Our trackers for clients of the TraX protocol: `python -m tracking.exported.trax_server KIND`."""
 
 import argparse
 import sys
@@ -11,9 +11,9 @@ import numpy as np
 
 from sim.files.picture_file import read_image
 from sim.types import Array
-from tracking.adapters.toolkits import Follower
-from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
+from tracking.exported.toolkits import Follower
 from tracking.sequences.sources import RATE
+from tracking.wrapped.trax_messages import Message, message_in, picture_in, region_in, region_text
 
 ABOUT = {
     "trax.version": "4",
@@ -87,7 +87,7 @@ def _state(region: Array, confidence: float) -> Message:
 
 def main() -> None:
     """Serve the tracker that the command line names."""
-    parser = argparse.ArgumentParser(prog="python -m tracking.adapters.trax_server")
+    parser = argparse.ArgumentParser(prog="python -m tracking.exported.trax_server")
     parser.add_argument("kind")
     parser.add_argument("settings", nargs="*", help="such as particles=80")
     parser.add_argument("--seed", type=int, default=0)

@@ -12,7 +12,7 @@ import numpy as np
 from sim.files import reading
 from sim.quiet import silent_libraries
 from sim.types import Image
-from tracking.external.boxes import Box
+from tracking.wrapped.boxes import Box
 
 MODELS = {
     "Nano": ("backbone", "neckhead"),

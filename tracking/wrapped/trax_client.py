@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, NoReturn
 
 from sim.types import Array, Image
-from tracking.external.trax_messages import (
+from tracking.wrapped.trax_messages import (
     Message,
     message_in,
     picture_text,
