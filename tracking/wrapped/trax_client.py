@@ -3,18 +3,26 @@
 import os
 import queue
 import shlex
-import signal
+import shutil
 import subprocess
 import tempfile
 import threading
 import weakref
+from collections import deque
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, NoReturn
 
+import numpy as np
+
 from sim.types import Array, Image
+from tracking.types import Region, State
+from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
 from tracking.wrapped.trax_messages import (
+    CORNERS,
     Message,
+    box_around,
     message_in,
     picture_text,
     region_in,
@@ -23,21 +31,30 @@ from tracking.wrapped.trax_messages import (
 
 TOGETHER = {"1", "2", "3"}
 """Versions in which region and first picture come in one message; later, they come in two."""
-PICTURES = {"path", "memory", "buffer", "data"}
+PICTURES = frozenset({"path", "memory", "buffer", "data"})
 """Formats in which we send pictures."""
-REGIONS = {"rectangle", "polygon"}
+REGIONS = frozenset({"rectangle", "polygon"})
 """Forms in which we send regions."""
+CONFIDENCE = "confidence"
+"""Name under which servers report their score."""
 LAST_LINES = 3
 """Lines of a server's stderr that an error quotes."""
+LONGEST_LINE = 1 << 24
+"""A longer line is read in pieces [bytes]: output without an end of line does not fill memory."""
+MOST_ANSWERS = 4
+"""Answers that are kept; one that nobody asked for is an error already."""
 GRACE = 0.5
 """Time that a server has to end by itself [s]."""
+KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
+"""Script that ends a server with all that it has started, and removes its folder, once it gets a
+line or we have died: a process that is killed cannot do so itself."""
 
-Answers = queue.SimpleQueue[Message | None]
+Answers = queue.Queue[Message | None]
 Questions = queue.SimpleQueue[str]
 
 
 class TraxClient:
-    """One server. It ends with this object, or with Python."""
+    """One server, as a source of regions. It ends with this object, or with Python."""
 
     def __init__(self, command: str, timeout: float) -> None:
         """Start a server and wait for its hello.
@@ -52,75 +69,90 @@ class TraxClient:
         """
         if not command.strip():
             raise ValueError("a TraX server needs a command, such as 'python server.py'")
-        self._command = command
+        self._name = f"TraX server '{command}'"
         self._timeout = timeout
-        self._folder = tempfile.TemporaryDirectory(prefix="trax-")
-        self._log = Path(self._folder.name) / "stderr.txt"
-        self._process = self._started()
+        self._folder = Path(tempfile.mkdtemp(prefix="trax-"))
+        process = self._process = self._started(command)
+        script = ["sh", "-c", KEEPER, "sh", str(process.pid), str(self._folder)]
+        keeper = subprocess.Popen(
+            script, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+        )
         # Reading and writing have threads of their own: a server that hangs blocks both.
-        self._answers = Answers()
+        self._answers = Answers(MOST_ANSWERS)
         self._questions = Questions()
-        self.close = weakref.finalize(self, _end, self._process, self._questions, self._folder)
-        """Ask the server to end, and end it."""
-        for work, pipe in ((_write, self._questions), (_read, self._answers)):
-            threading.Thread(target=work, args=(self._process, pipe), daemon=True).start()
+        self._close = weakref.finalize(self, _end, process, self._questions, keeper)
+        for work, pipe, of in (
+            (_write, process.stdin, self._questions),
+            (_read, process.stdout, self._answers),
+        ):
+            threading.Thread(target=work, args=(pipe, of), daemon=True).start()
         self._count = 0
         hello = self._answer("hello").named
-
-        def listed(key: str, default: str) -> list[str]:
-            return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
-
         self._separate = hello.get("trax.version", "1") not in TOGETHER
-        self._pictures = listed("image", "path")
-        regions = listed("region", "rectangle")
-        self.polygons = "polygon" in regions
-        """True if the server takes four corners; else it takes boxes."""
-        if not REGIONS & set(regions):
-            self._fail(f"takes {', '.join(regions)} as region; we have rectangle, polygon")
-        if not PICTURES & set(self._pictures):
-            here = ", ".join(sorted(PICTURES))
-            self._fail(f"takes {', '.join(self._pictures)} as picture; we have {here}")
-        if (channels := listed("channels", "color")) != ["color"]:
+        self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
+        regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
+        self._polygons = "polygon" in regions
+        if (channels := _words(hello, "channels", "color")) != ["color"]:
             self._fail(f"needs the channels {', '.join(channels)}; we have color")
 
-    def initialize(self, image: Image, region: Array) -> None:
-        """Show the first picture with the target's box (4,) or corners (4, 2) [px].
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the corners, or the box, of the target.
 
         Raises:
-            ValueError: As for `frame`.
+            ValueError: As for `update`.
         """
+        box = box_of(region, state, image)
+        target = region_text(region.corners(state) if self._polygons else np.array(box))
         picture = self._picture(image)
-        target = region_text(region)
         if self._separate:
             self._ask(Message("initialize", (target,)), Message("frame", (picture,)))
         else:
             self._ask(Message("initialize", (picture, target)))
+        return box
 
-    def frame(self, image: Image) -> tuple[Array | None, dict[str, str]]:
-        """Return the target's region in the next picture, and the server's named values.
-
-        Args:
-            image: RGB (H, W, 3).
-
-        Returns:
-            A box (4,) or a polygon (n, 2) [px], None where the target is not seen; named values.
+    def update(self, image: Image) -> Array | None:
+        """Ask the server: a box (4,), the corners (4, 2) of a convex quadrilateral, or None.
 
         Raises:
-            ValueError: The server has ended, is silent for too long, or answers something else.
+            ValueError: The server has ended, hangs, or answers something that is no region.
         """
         answer = self._ask(Message("frame", (self._picture(image),)))
+        self._named = answer.named
         try:
-            return region_in(*answer.arguments), dict(answer.named)
+            found = region_in(*answer.arguments)
         except (TypeError, ValueError) as error:
             reason = error if isinstance(error, ValueError) else "no region"
             self._fail(f"answered {answer.line().strip()[:80]}, which is {reason}")
+        if found is None:
+            return None
+        if found.ndim == 1:
+            return box_in(found, self._name)
+        box = box_in(box_around(found), self._name)
+        return found if len(found) == CORNERS and convex(found) else box
+
+    def score(self) -> float:
+        """Return the confidence of the last answer, 0..1.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if CONFIDENCE not in self._named:
+            raise ValueError(
+                f'{self._name} reports no {CONFIDENCE}: judge = "histogram" needs none'
+            )
+        return score_in(self._named[CONFIDENCE], self._name)
 
     def _picture(self, image: Image) -> str:
         """Return a picture as the server takes it: where it is a file, the last two stay."""
-        folder = Path(self._folder.name)
         self._count += 1
-        (folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
-        return picture_text(image, self._pictures, folder / f"{self._count:08}.png")
+        (self._folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
+        return picture_text(image, self._pictures, self._folder / f"{self._count:08}.png")
+
+    def _taken(self, offered: Sequence[str], ours: frozenset[str], what: str) -> Sequence[str]:
+        """Return what the server takes, if some of it is ours."""
+        if not ours & set(offered):
+            self._fail(f"takes {', '.join(offered)} as {what}; we have {', '.join(sorted(ours))}")
+        return offered
 
     def _ask(self, *messages: Message) -> Message:
         with suppress(queue.Empty):
@@ -149,18 +181,18 @@ class TraxClient:
 
     def _fail(self, fault: str) -> NoReturn:
         """End the server, and raise its fault with the last lines of its stderr."""
-        lines = self._log.read_text("utf-8", "replace").split("\n")
-        words = [line.strip()[:200] for line in lines if line.strip()]
-        self.close()
-        said = f": {' | '.join(words[-LAST_LINES:])}" if words else ""
-        raise ValueError(f"TraX server '{self._command}' {fault}{said}") from None
+        with self._log.open("rb") as log:
+            lines = deque(filter(bytes.strip, log), LAST_LINES)
+        self._close()
+        words = " | ".join(line.decode("utf-8", "replace").strip()[:200] for line in lines)
+        raise ValueError(f"{self._name} {fault}{words and f': {words}'}") from None
 
-    def _started(self) -> subprocess.Popen[bytes]:
+    def _started(self, command: str) -> subprocess.Popen[bytes]:
+        self._log = self._folder / "stderr.txt"
         try:
-            words = shlex.split(self._command)
             with self._log.open("wb") as log:
                 return subprocess.Popen(
-                    words,
+                    shlex.split(command),
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=log,
@@ -168,47 +200,38 @@ class TraxClient:
                     env=os.environ | {"TRAX": "1"},
                 )
         except (OSError, ValueError) as error:
-            self._folder.cleanup()
+            shutil.rmtree(self._folder)
             reason = getattr(error, "strerror", None) or error
-            text = f"TraX server '{self._command}' cannot be started: {reason}"
-            raise ValueError(text) from None
+            raise ValueError(f"{self._name} cannot be started: {reason}") from None
 
 
-def _write(process: subprocess.Popen[bytes], questions: Questions) -> None:
-    stdin = _pipe(process.stdin)
+def _words(hello: Mapping[str, str], key: str, default: str) -> list[str]:
+    return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
+
+
+def _write(stdin: IO[bytes], questions: Questions) -> None:
     with suppress(OSError), stdin:  # it has ended; the answer that does not come says so
         while line := questions.get():
             stdin.write(line.encode())
             stdin.flush()
 
 
-def _read(process: subprocess.Popen[bytes], answers: Answers) -> None:
-    with _pipe(process.stdout) as stdout:
-        for line in stdout:
+def _read(stdout: IO[bytes], answers: Answers) -> None:
+    with stdout:
+        while line := stdout.readline(LONGEST_LINE):
             if message := message_in(line.decode("utf-8", "replace")):
-                answers.put(message)
+                with suppress(queue.Full):
+                    answers.put_nowait(message)
     answers.put(None)
 
 
-def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-    assert pipe is not None  # `Popen` was asked for it
-    return pipe
-
-
 def _end(
-    process: subprocess.Popen[bytes],
-    questions: Questions,
-    folder: tempfile.TemporaryDirectory[str],
+    process: subprocess.Popen[bytes], questions: Questions, keeper: subprocess.Popen[bytes]
 ) -> None:
     """End a server with all that it has started."""
     questions.put(Message("quit").line())
     questions.put("")
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)
-    with suppress(OSError):
-        if os.name == "posix":
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
+    keeper.communicate(b"\n")
     process.wait()
-    folder.cleanup()
