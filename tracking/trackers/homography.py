@@ -13,9 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
+<<<<<<< HEAD
 from tracking.external.boxes import convex
 from tracking.loops import plane_alignment
 from tracking.loss import LossJudge, LossLimits
+=======
+from tracking.hot import plane_alignment
+from tracking.lock import Lock, LockLimits
+>>>>>>> guests
 from tracking.search.velocity import Velocity
 from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
@@ -27,6 +32,7 @@ from tracking.types import (
     check_region,
     unknown_covariance,
 )
+from tracking.wrapped.boxes import convex
 
 Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
 """Number of points of a template; those (n, 2) that were seen, their brightness (n,), its
