@@ -28,8 +28,8 @@ from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
+from servo.scenario.arguments import each_once, numbers, one_of, texts
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.given import each_once, numbers, one_of, texts
 from servo.scenario.load import Scenario, load, parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF

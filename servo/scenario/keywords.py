@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from servo.mistake import Mistake, unknown
+from servo.scenario.arguments import texts
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.draws import spelled
-from servo.scenario.given import texts
 from servo.scenario.toml import assignment, plain
 from sim import kinds
 

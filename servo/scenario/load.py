@@ -11,7 +11,7 @@ from typing import Any
 
 from servo.mistake import Mistake, unknown
 from servo.parts import Controller, Estimator, FeaturesConfig
-from servo.scenario import given, keywords, toml
+from servo.scenario import arguments, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import AS_WRITTEN, Draw, draws_of, flat
@@ -126,7 +126,7 @@ def load(
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
-    name = given.name(name, "scenario")
+    name = arguments.name(name, "scenario")
     changes = keywords.of_texts(overrides)
     if seed is not None:
         changes.append(Change("run.seed", toml.plain(seed), f"--seed {seed}"))
