@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
 from sim.installed import Trusted
-from sim.kinds import Kinds, UnknownKind, field_docs
+from sim.kinds import Kinds, UnknownKind, field_docs, kind_of
 
 Config = TypeVar("Config")
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
@@ -144,10 +144,17 @@ def _wrong(error: ErrorDetails, place: str) -> WrongSetting:
     return WrongSetting(f"{where}{found}: {sentence}", where)
 
 
-def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = "") -> Config:
+def fill_plugin(
+    kinds: Kinds[Config], table: object, place: str, default: str = "", own: Config | None = None
+) -> Config:
     """Return the `Config` of the kind that a table names, with the other settings of the table.
 
-    A `preset` gives the settings that the table leaves open.
+    Args:
+        kinds: All kinds of this part.
+        table: As TOML has it; a `preset` in it gives the settings that it leaves open.
+        place: The table's place, with which messages begin.
+        default: The kind of a table that names none.
+        own: A part that was given from Python: of its kind, it is there and need not be imported.
 
     Raises:
         WrongSetting: As for `fill`, or the kind or preset is unknown.
@@ -156,6 +163,8 @@ def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = 
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
     given = dict(cast(dict[str, Any], table))
     kind = given.pop("kind", default)
+    if own is not None and kind == kind_of(own):
+        return fill(type(own), given, place, own) if given else own
     preset = given.pop("preset", None)
     if kind == "" and "kind" not in table:
         raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}", place)
