@@ -99,7 +99,10 @@ def test_a_draw_reaches_a_part_of_ones_own_and_an_instance_is_left_as_it_is():
     [
         ({"gain": "x"}, "gain='x': controller.gain = 'x': input should be a valid number"),
         ({"gian": 1}, "there is no setting 'gian'; did you mean 'gain'?"),
-        ({"coast": 1.0}, "there is no setting 'coast'; did you mean 'contrast'?"),  # of the law that it replaces
+        (
+            {"coast": 1.0},
+            "there is no setting 'coast'; did you mean 'contrast'?",
+        ),  # of the law that it replaces
         (
             {"overrides": ["controller.coast=1"]},
             "--set controller.coast=1: controller: there is no key 'coast'; there is gain",
