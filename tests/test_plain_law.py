@@ -71,7 +71,9 @@ def test_a_function_is_given_the_goal_of_now_and_stands_still_without_a_target()
 
     moving = ["goal.depth_to=0.8", "goal.change_start=0", "goal.change_duration=1"]
     hidden = "disturbances=[{ kind = 'dropped_frames', share = 0.5 }]"
-    found = list(servo.run(servo.load("still", [*SHORT, *moving, hidden, "run.duration=1"], controller=law)))
+    found = list(
+        servo.run(servo.load("still", [*SHORT, *moving, hidden, "run.duration=1"], controller=law))
+    )
     assert len(set(goals)) == len(goals) < len(found)
     still = [not step.command.twist.any() for step in found]
     assert still.count(True) == len(found) - len(goals)
