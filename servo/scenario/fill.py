@@ -43,8 +43,16 @@ def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
         config: The dataclass; its instance without arguments has the defaults.
         described: Describe each setting by the docstring under it, for the JSON Schema; finding
             the docstrings takes longer than loading a scenario.
+
+    Raises:
+        UnknownKind: The type of a setting has no meaning here, such as one that is not imported.
     """
-    return _form_of(config(), described)
+    try:
+        return _form_of(config(), described)
+    except Exception as error:  # the annotations of other people's code are evaluated
+        why = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+        name = f"{config.__module__}:{config.__qualname__}"
+        raise UnknownKind(f"the settings of {name} cannot be used: {why}") from error
 
 
 def _form_of(settings: Any, described: bool) -> type[BaseModel]:
@@ -163,18 +171,22 @@ def fill_plugin(
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
     given = dict(cast(dict[str, Any], table))
     kind = given.pop("kind", default)
-    if own is not None and kind == kind_of(own):
-        return fill(type(own), given, place, own) if given else own
-    preset = given.pop("preset", None)
+    if own is not None and kind != kind_of(own):
+        own = None
+    if own is not None and not given:
+        return own
+    preset = given.pop("preset", None) if own is None else None
     if kind == "" and "kind" not in table:
         raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}", place)
     kind = kind if isinstance(kind, str) else str(kind)
     try:
-        config = kinds.config_of(kind)
+        config = kinds.config_of(kind) if own is None else type(own)
+        form(config)
     except UnknownKind as error:
         raise WrongSetting(f"{place}.kind: {error}", f"{place}.kind") from error
     try:
-        begin = kinds.config(kind, preset if preset is None else str(preset))
+        chosen = preset if preset is None else str(preset)
+        begin = kinds.config(kind, chosen) if own is None else own
     except UnknownKind as error:
         raise WrongSetting(f"{place}.preset: {error}", f"{place}.preset") from None
     for key in getattr(config, "not_from_file", ()):
