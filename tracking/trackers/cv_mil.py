@@ -9,10 +9,10 @@ from typing import final
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import box_of
-from tracking.external.cv2_tracker import Cv2Tracker
 from tracking.trackers._hue import HueTracker
 from tracking.types import Region, State
+from tracking.wrapped.boxes import box_of
+from tracking.wrapped.cv2_tracker import Cv2Tracker
 
 SEED_BITS = 31
 """Bits of the seeds that OpenCV takes."""
