@@ -7,8 +7,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.loop.settings import MeasureConfig
 from servo.loop.step import Step
-from servo.scenario.sections import MeasureConfig
 from sim.geometry import angle_of, half_turn
 from sim.types import Array
 from tracking.types import Status
