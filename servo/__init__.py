@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from servo.parts import Controller, Estimator, FeatureSet, Task
     from servo.result import Run, simulate
     from servo.scenario.load import Scenario, load
-    from servo.study.record import Record
+    from servo.study.run import Record
     from servo.swept import Sweep, sweep
     from servo.types import Command, Sight
     from sim.types import Camera, Frame, Pose, Posture
@@ -72,7 +72,7 @@ HOMES = {
     "servo.scenario.load": ("Scenario", "load"),
     "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
     "servo.result": ("Run", "simulate"),
-    "servo.study.record": ("Record",),
+    "servo.study.run": ("Record",),
     "servo.swept": ("Sweep", "sweep"),
     "servo.types": ("Command", "Sight"),
     "sim.types": ("Camera", "Frame", "Pose", "Posture"),

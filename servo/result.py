@@ -31,8 +31,7 @@ from servo.output.steps_table import quantities_of, table_of
 from servo.report.words import Table, shown
 from servo.scenario.load import Scenario, load
 from servo.study.bounds import MissedBound, check_expect
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
 from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded

@@ -24,13 +24,12 @@ from servo.report.cell_row import cell_row
 from servo.report.words import Table
 from servo.scenario import given
 from servo.study.execute import Workers, complete
-from servo.study.failure import ClusterLost, Failure
-from servo.study.files import StudyFile
 from servo.study.parse import load
 from servo.study.plan import Study
-from servo.study.record import Record, table_of
+from servo.study.record_file import table_of
 from servo.study.results import Cell, cells_csv, cells_of
-from servo.study.store import Store, opened
+from servo.study.run import ClusterLost, Failure, Record
+from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")

@@ -17,7 +17,7 @@ from servo.study.axes import MOST_VALUES, axes_of
 from servo.study.cluster import local as local_cluster
 from servo.study.cluster import remote as remote_cluster
 from servo.study.cluster import tasks as cluster
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 from servo.study.sequence_run import LONGEST_LABEL, Contender
 
 

@@ -8,7 +8,7 @@ import pytest
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
-from servo.study.job import Job
+from servo.study.run import Job
 from servo.study.scenario_run import StudiedScenario
 from sim import kinds
 from sim.installed import forget_packages

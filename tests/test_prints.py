@@ -28,8 +28,7 @@ from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.scenario_run import LoadedScenario
 from sim import robots
 from tracking.drawing import contact_sheet

@@ -21,7 +21,7 @@ from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
-from servo.study.record import Record
+from servo.study.run import Record
 from servo.study.run_report import RunReport
 from tracking.types import Estimate, State, Status
 

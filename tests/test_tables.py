@@ -17,12 +17,10 @@ from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
-from servo.study.failure import Failure
-from servo.study.files import StudyFile
 from servo.study.parse import KEYS, load
-from servo.study.record import Record
+from servo.study.run import Failure, Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE
-from servo.study.store import Store
+from servo.study.store import Store, StudyFile
 from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
 from tracking.files.json_text import as_json

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from servo.mistake import Mistake
-from servo.papers.loop_series import is_clear
+from servo.papers.experiments import is_clear
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import draws_of
 from servo.scenario.load import load, parse

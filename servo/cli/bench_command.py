@@ -13,13 +13,12 @@ from servo.output.versions import versions
 from servo.report import bench_section
 from servo.study import ranking, suites
 from servo.study.execute import Workers, check_number
-from servo.study.files import StudyFile
-from servo.study.job import Job
 from servo.study.parse import load
 from servo.study.ranking import Rank
-from servo.study.record import Record, parquet, table_of
+from servo.study.record_file import parquet, table_of
+from servo.study.run import Job, Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
-from servo.study.store import RESULTS, Store, opened
+from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet

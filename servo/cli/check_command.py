@@ -23,9 +23,7 @@ from servo.scenario import load as scenarios
 from servo.scenario.toml import assignment
 from servo.study.bounds import MissedBound
 from servo.study.execute import Workers, check_number, execute
-from servo.study.failure import ClusterLost, Failure
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario
 from sim.camera import gl
 from tracking.files import atomic

@@ -17,21 +17,23 @@ from servo.papers.claims import (
     FIGURES,
     JOINED,
     TITLES,
+    VERDICTS,
     Judged,
-    KnownVerdicts,
     PapersReport,
+    broken,
+    found_in,
     known,
 )
-from servo.papers.groups import words
-from servo.papers.loop_series import EstimatedLoop
+from servo.papers.experiments import EstimatedLoop
+from servo.papers.summaries import words
 from servo.papers.tuning import TUNING
 from servo.report.words import Table
 from servo.study.execute import Workers
-from servo.study.files import StudyFile
-from servo.study.store import GOES_ON, Store, opened
+from servo.study.store import GOES_ON, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing.figures import save
 from tracking.files import atomic
+from tracking.files.json_text import json_text
 from tracking.statistics.verdicts import Finding
 
 TONES = {Finding.HOLDS: "green", Finding.DOES_NOT_HOLD: "red", Finding.UNDECIDED: "yellow"}
@@ -73,16 +75,16 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
         written = PapersReport(
             command=again, versions=versions(), quick=effort.quick, claims=tested
         ).write(folder)
-        found = KnownVerdicts.of(verdicts)
-        found.write(folder)
+        found = found_in(verdicts)
+        atomic.write(folder, VERDICTS, json_text(found))
     plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
     for name, judged in tested.items():
         plain(console, judged.row(name))
     plain(console, f"  {folder / FIGURES}\n  {written}")
-    broken = [] if effort.quick else known().broken(found)
-    for sentence in broken:
+    others = [] if effort.quick else broken(found, known())
+    for sentence in others:
         complain(f"papers: {sentence}")
-    return 1 if broken or len(verdicts) < len(chosen) else 0
+    return 1 if others or len(verdicts) < len(chosen) else 0
 
 
 def _described(command: str) -> StudyFile:

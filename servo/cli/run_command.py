@@ -21,8 +21,7 @@ from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.bounds import check_expect
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl

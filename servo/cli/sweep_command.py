@@ -13,12 +13,11 @@ from servo.report.cell_row import cell_row
 from servo.report.words import Table
 from servo.study.bounds import missed_by_cells
 from servo.study.execute import Workers
-from servo.study.files import StudyFile
 from servo.study.parse import load
 from servo.study.plan import Study
-from servo.study.record import parquet, table_of
+from servo.study.record_file import parquet, table_of
 from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, grouped
-from servo.study.store import RESULTS, Store, opened
+from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 

@@ -15,8 +15,7 @@ from servo.cli.guard import exit_code
 from servo.mistake import Mistake, Refused
 from servo.report import words
 from servo.study.execute import Workers, complete
-from servo.study.failure import ClusterLost, Failure
-from servo.study.job import Job
+from servo.study.run import ClusterLost, Failure, Job
 from servo.study.store import Store
 
 STOPPED = "servobench: stopped; what was written is complete up to here."

@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from servo.mistake import Mistake
-from servo.study.failure import Failure
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Failure, Job, Record
 from servo.study.store import Store
 
 MOST_RUNS = 100_000

@@ -1,24 +1,88 @@
-"""The results of a study: cells with intervals, paired comparisons, and missed bounds."""
+"""The results of a study: its units, cells with intervals, and paired comparisons.
+
+A unit is what could have been otherwise, over which intervals are taken. Over several scenarios it
+is the scenario; else the seed, which decides the draws in all cells. Seeds that draw nothing, so
+that all runs of a cell are alike, are one observation.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from servo.loop.run_measures import MEANINGS
 from servo.study.bounds import SUCCESS_RATE
 from servo.study.plan import Study
-from servo.study.record import Row
-from servo.study.scenario_run import MEASURED
-from servo.study.units import SUCCESS, Units, values
+from servo.study.run import SCENARIO, Row
+from servo.study.scenario_run import MEASURED, TIMES
+from sim.types import Array
 from tracking.files.csv_text import csv_text
-from tracking.statistics.comparisons import Interval, McNemar, cells, holm, titles
+from tracking.statistics.comparisons import Interval, McNemar, cells, holm, mean_of, titles
 
+SUCCESS = "success"
+SIGNED = ("detour_m",)
+"""Measures that may be below 0."""
+UNTIMED = tuple(name for name in MEANINGS if name not in TIMES)
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")
 _Held = dict[Any, dict[tuple[Any, ...], bool]]
 """Whether runs succeeded, by unit and by what else distinguishes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Rows of a study by their unit."""
+
+    name: str
+    """scenario, draw, seed, or run where all is one observation."""
+    rows: dict[Any, list[Row]]
+
+    @staticmethod
+    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> Units:
+        """The units of rows.
+
+        Args:
+            rows: Runs of one study.
+            keys: Its axes.
+            drawn: Whether its seeds draw settings.
+            apart: An axis whose values are compared: where this is the scenario, scenarios are no
+                units.
+        """
+        if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
+            return Units("scenario", _by(rows, [SCENARIO]))
+        if drawn or _varies(rows, keys):
+            return Units("draw" if drawn else "seed", _by(rows, ["seed"]))
+        return Units("run", {(): list(rows)} if rows else {})
+
+    def mean(self, name: str) -> Interval | None:
+        """Mean over the units of a measure's mean in each; None if no run has it."""
+        scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
+        if not scores:
+            return None
+        least = -np.inf if name in SIGNED else 0.0
+        most = 1.0 if name == SUCCESS else np.inf
+        return mean_of(np.array(scores), least=least, most=most)
+
+
+def values(rows: Iterable[Row], name: str) -> Array:
+    """The finite values of a measure (n,)."""
+    found = np.array([r[name] for r in rows if r.get(name) is not None], dtype=float)
+    return found[np.isfinite(found)]
+
+
+def _by(rows: Sequence[Row], keys: Iterable[str]) -> dict[Any, list[Row]]:
+    found: dict[Any, list[Row]] = {}
+    for row in rows:
+        found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
+    return found
+
+
+def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
+    """Whether two seeds of a cell differ in anything but time."""
+    cells = _by(rows, [SCENARIO, *keys]).values()
+    return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from servo.output.formats import Made, Number
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.study.bounds import MissedBound
-from servo.study.record import Record
+from servo.study.run import Record
 from sim.models.target import dimensions
 from tracking.files.json_text import as_json, number
 

@@ -24,8 +24,7 @@ from servo.scenario.named_files import digest_of
 from servo.scenario.toml import assignment, put
 from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import check_expect, missed_bounds
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from sim.kinds import UnknownKind
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded

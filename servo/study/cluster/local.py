@@ -17,7 +17,7 @@ from distributed.system import MEMORY_LIMIT
 
 from servo.mistake import Mistake, Refused
 from servo.study.cluster.tasks import ONE_THREAD, TICK, Cluster, silence
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
