@@ -218,5 +218,4 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
     job = Job(0, LoadedScenario(scenario), 0)
     found = RunReport.of(record_of(job, scenario, steps), scenario, steps[0].scene)
     assert found.settings["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
-    assert found.table["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert as_json(found.settings) == found.settings
