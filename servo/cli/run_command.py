@@ -12,7 +12,7 @@ from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
 from servo.loop.episode import Episode
 from servo.loop.part import PartFailed
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.step import Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, prepare, with_traceback
@@ -145,9 +145,10 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
 
 def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
     stages = ("render", "track", "control", "physics")
-    each = {stage: median(getattr(s.seconds, stage) for s in steps) for stage in stages}
-    total = median(s.seconds.total for s in steps)
-    parts = "  ".join(f"{stage} {1e3 * seconds:.2f}" for stage, seconds in each.items())
+    seconds = [step.seconds for step in timed(steps)]
+    each = {stage: median(getattr(s, stage) for s in seconds) for stage in stages}
+    total = median(s.total for s in seconds)
+    parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in each.items())
     return (
         f"A step took {1e3 * total:.1f} ms: {parts}; "
         f"writing it took {1e3 * median(writing):.1f} ms (medians)"

@@ -13,7 +13,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from servo.loop.episode import measured_run
-from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise
+from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise, timed
 from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.formats import command_line
@@ -37,7 +37,7 @@ CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
 CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
 """Projected corners of the target's reference rectangle."""
 TRACK_MS = "track_ms"
-"""The tracker's time for a picture, median [ms]: a measure of records only."""
+"""The tracker's time for a picture that it was shown, median [ms]: a measure of records only."""
 MEASURED = (*MEANINGS, TRACK_MS)
 """The measures of a record."""
 TIMES = (TIMED, TRACK_MS)
@@ -163,7 +163,7 @@ def record_of(
     summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     outcome = summary.outcome.name
     expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
-    track_ms = 1e3 * float(np.median([s.seconds.track for s in steps]))
+    track_ms = 1e3 * float(np.median([s.seconds.track for s in timed(steps)]))
     return Record(
         number=job.number,
         subject=job.subject.name,
