@@ -142,7 +142,7 @@ def test_a_progress_bar_is_gone_when_the_work_is_done():
 
 def test_the_stages_of_a_step_are_told_as_medians():
     steps = [
-        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))))
+        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))), tracked=True)
         for t in ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])
     ]
     assert run_command._stage_line(steps, [0.002, 0.001, 0.5]) == (

@@ -7,7 +7,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from servo.cli.terminal import complain, complete_jobs, plain, print_table
+from servo.cli.jobs import complete_jobs, print_estimate
+from servo.cli.terminal import complain, plain, print_table
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
 from servo.output.versions import versions
@@ -39,7 +40,14 @@ from tracking.statistics.verdicts import Finding
 TONES = {Finding.HOLDS: "green", Finding.DOES_NOT_HOLD: "red", Finding.UNDECIDED: "yellow"}
 
 
-def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, quiet: bool) -> int:
+def run(
+    names: Sequence[str],
+    effort: Effort,
+    workers: int,
+    out: Path | None,
+    dry_run: bool,
+    quiet: bool,
+) -> int:
     """Test claims; the exit code: 1 if a run failed, or a full run found another verdict than is
     known.
 
@@ -58,6 +66,9 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     verdicts: dict[str, Verdict] = {}
     if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
         gl.backend()  # it says in one sentence where this machine cannot render
+    if dry_run:
+        every = {job.key: job for some in jobs.values() for job in some}
+        return print_estimate(list(every.values()), workers, console, Store(folder))
     with Workers(workers) as pool, opened(folder, _described(again)):
         plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
         for claim in chosen:

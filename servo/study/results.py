@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.run_measures import MEANINGS
+from servo.loop.run_measures import MEANINGS, TIMED
 from servo.study.bounds import SUCCESS_RATE
 from servo.study.plan import Study
 from servo.study.run import SCENARIO, Row
-from servo.study.scenario_run import MEASURED, TIMES
+from servo.study.scenario_run import MEASURED, TIMES, TRACK_MS
 from sim.types import Array
 from tracking.files.csv_text import csv_text
 from tracking.statistics.comparisons import Interval, McNemar, cells, holm, mean_of, titles
@@ -26,6 +26,13 @@ SUCCESS = "success"
 SIGNED = ("detour_m",)
 """Measures that may be below 0."""
 UNTIMED = tuple(name for name in MEANINGS if name not in TIMES)
+SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", TRACK_MS)
+"""Measures of a table in which nothing differs."""
+MOST_MOVED = 5
+LEAST_MOVED = 0.05
+"""Least difference between cells, over the largest mean."""
+ALIKE = 0.98
+"""Correlation over the cells from which on a second measure says the same."""
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")
 _Held = dict[Any, dict[tuple[Any, ...], bool]]
 """Whether runs succeeded, by unit and by what else distinguishes them."""
@@ -141,6 +148,36 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
     keys = [axis.key for axis in study.every_axis]
     drawn = bool(study.draws)
     return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(keys, rows)]
+
+
+def moved(cells: Sequence[Cell]) -> list[str]:
+    """Return the measures that differ most between the cells, at most `MOST_MOVED`.
+
+    A difference counts against the intervals of the means, and has to be a part of the largest
+    mean. A measure that goes with an earlier one is left out, as a peak with its rms.
+    """
+    scores: dict[str, float] = {}
+    values: dict[str, Array] = {}
+    for name in MEASURED:
+        means = [cell.means[name] for cell in cells if name in cell.means]
+        if name == TIMED or len(means) < max(2, len(cells)):
+            continue
+        values[name] = np.array([mean.value for mean in means])
+        largest = float(np.abs(values[name]).max()) or 1.0
+        share = float(np.ptp(values[name])) / largest
+        if share <= LEAST_MOVED:
+            continue
+        noise = float(np.mean([m.high - m.low if m.known else 0.0 for m in means])) / largest
+        score = share / (noise + LEAST_MOVED)
+        alike = [other for other in scores if _correlation(values, name, other) > ALIKE]
+        first = alike[0] if alike else name
+        scores[first] = max(score, scores.get(first, 0.0))
+    chosen = sorted(scores, key=lambda name: -scores[name])[:MOST_MOVED]
+    return [name for name in MEASURED if name in (chosen or SHOWN)]
+
+
+def _correlation(values: dict[str, Array], first: str, second: str) -> float:
+    return abs(float(np.corrcoef(values[first], values[second])[0, 1]))
 
 
 def comparisons(

@@ -22,6 +22,9 @@ Row = dict[str, Any]
 SCENARIO = "scenario"
 SEQUENCE = "sequence"
 VERSION = "version_"
+NO_THREAD = "can't start new thread"
+"""Python's words where there is no memory for the stack of a thread."""
+TOO_LITTLE = "there is too little memory, or too few processes are allowed (ulimit -a)"
 
 
 class Subject(Protocol):
@@ -158,6 +161,8 @@ class Failure:
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
             return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
+        if isinstance(error, MemoryError) or NO_THREAD in str(error):
+            return Failure(trace, f"{TOO_LITTLE} ({error or 'MemoryError'})", full=True)
         return Failure(trace, str(error) if isinstance(error, Mistake) else "")
 
     @property

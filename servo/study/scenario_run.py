@@ -44,6 +44,12 @@ TIMES = (TIMED, TRACK_MS)
 """Measured times, which differ when a run is repeated."""
 
 
+def meaning(name: str) -> str:
+    """Return what a measure of a record is, with its unit."""
+    unit, text = MEANINGS.get(name, ("ms", "the tracker's time for a picture, median"))
+    return f"{text} [{unit}]"
+
+
 @dataclass(frozen=True, slots=True)
 class LoadedScenario:
     """A subject: a scenario as it was loaded, with its seed."""
