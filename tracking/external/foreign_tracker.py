@@ -11,14 +11,12 @@ import numpy as np
 
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.layout import Sampling
-from tracking.appearance.model import SampledModel
+from tracking.appearance.model import AppearanceSettings
 from tracking.external.boxes import Box, Placement
-from tracking.lock import Lock, LockLimits
-from tracking.settings import AppearanceSettings
+from tracking.loss import LossJudge, LossLimits
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
-LOCK = LockLimits(floor=0.5, cap=0.75)
+LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of our histogram's distance: of hard bins, it is never near 0."""
 
 
@@ -104,27 +102,27 @@ class Judge:
 
     def __init__(self, settings: JudgeSettings, frame: Frame, region: Region, state: State) -> None:
         """Learn the target's histogram from the first frame, if that is to judge."""
-        lock = LOCK
+        lock = LIMITS
         self._by_score = settings.judge == "score"
         if self._by_score:
             doubt = 1 - settings.least_score
-            lock = LockLimits(floor=doubt, cap=doubt)
+            lock = LossLimits(floor=doubt, cap=doubt)
         else:
-            self._model = SampledModel(frame.image, region, state, AppearanceSettings(), Sampling())
-        self._lock = Lock(lock)
+            self._model = AppearanceSettings().model(frame.image, region, state)
+        self._loss = LossJudge(lock)
 
     def unseen(self, frame: Frame) -> tuple[float, Status]:
         """Return distance and status of a target that the tracker itself does not find."""
-        return 1.0, self._lock.judge(math.inf, frame.time)
+        return 1.0, self._loss.judge(math.inf, frame.time)
 
     def seen(self, frame: Frame, state: State, score: float | None) -> tuple[float, Status]:
         """Return distance and status at a state, with the tracker's score where it has one."""
         if self._by_score:
             distance = 1.0 - (score or 0.0)
-            return distance, self._lock.judge(distance, frame.time)
+            return distance, self._loss.judge(distance, frame.time)
         image = self._model.label(frame.image)
         distance = float(self._model.distances(image, state.vector[None])[0])
-        status = self._lock.judge(distance, frame.time)
+        status = self._loss.judge(distance, frame.time)
         if status is Status.LOCKED:
             self._model.learn(image, state)
         return distance, status
