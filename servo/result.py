@@ -172,8 +172,9 @@ class Run(Sequence[Step]):
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
             raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
-        from servo.output.recording.log import RerunLog  # rerun takes half a second to import
-        from servo.output.recording.notebook_recording import NotebookRecording
+        # rerun takes half a second to import
+        from servo.output.recording.destination import NotebookRecording
+        from servo.output.recording.log import RerunLog
 
         log = RerunLog(NotebookRecording(), self._episode, len(self))
         for step in self:

@@ -20,7 +20,7 @@ from pyarrow import csv
 from servo import notebook
 from servo.mistake import Refused
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table
 from servo.scenario import given
 from servo.study.execute import Workers, complete

@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from servo.cli.terminal import complain, complete_jobs, go_on, plain, print_table
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table
 from servo.study.bounds import missed_by_cells
 from servo.study.execute import Workers
