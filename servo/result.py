@@ -33,7 +33,7 @@ from servo.mistake import Mistake, Refused
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table, shown
 from servo.scenario import arguments
 from servo.scenario.load import Scenario, load
@@ -189,8 +189,9 @@ class Run(Sequence[Step]):
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
             raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
-        from servo.output.recording.log import RerunLog  # rerun takes half a second to import
-        from servo.output.recording.notebook_recording import NotebookRecording
+        # rerun takes half a second to import
+        from servo.output.recording.destination import NotebookRecording
+        from servo.output.recording.log import RerunLog
 
         log = RerunLog(NotebookRecording(), self._episode, len(self))
         for step in self:
