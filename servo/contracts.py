@@ -57,7 +57,7 @@ def check_estimate(estimate: object, *_: object) -> None:
     right = all(isinstance(n, Real) and abs(n) <= LARGEST for n in numbers)  # nan is not
     if not right or s.scale * LARGEST < 1:
         raise BrokenContract(
-            f"the state is {s}; its numbers must be finite, up to {LARGEST:g}, scale above 0"
+            f"the state is {s}; its numbers must be finite, scale above 0, none over {LARGEST:g}"
         )
     if not (isinstance(e.distance, Real) and 0 <= e.distance <= 1):
         raise BrokenContract(f"the distance is {e.distance}; it goes from 0 to 1")
@@ -262,8 +262,8 @@ def check_built(place: str, built: object) -> None:
 
 
 def _check_model(place: str, built: object) -> None:
+    from sim.kinematics.robot import Design
     from sim.models.target import Target  # MuJoCo: not for a tracker alone
-    from sim.robot.robot import Design
 
     kind = Design if place == "robot" else Target
     if not isinstance(built, kind):

@@ -40,8 +40,9 @@ def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 
     from sim.camera.camera import CameraConfig
+    from sim.kinematics.inverse_kinematics import reach
+    from sim.kinematics.robot import Robot
     from sim.models.assembly import build_model
-    from sim.robot.robot import Robot
     from sim.robots import arm
     from sim.targets import car
 
@@ -49,7 +50,7 @@ def test_a_pose_out_of_reach_is_not_reached():
     design = arm.Config().build(np.random.default_rng(0))
     model = build_model(480.0, CameraConfig(), design, target)
     far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([9.0, 9.0, 9.0]))
-    assert Robot(model, design).solve(mujoco.MjData(model), far).there is False
+    assert reach(Robot(model, design), mujoco.MjData(model), far).there is False
 
 
 @pytest.mark.parametrize(

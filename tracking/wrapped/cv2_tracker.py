@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from sim.files import reading
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 from sim.types import Image
 from tracking.wrapped.boxes import Box
 

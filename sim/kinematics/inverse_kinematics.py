@@ -6,22 +6,17 @@ import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
-from sim.geometry import angle_of, log_se3
-from sim.robot.drives import random_joints
+from sim.geometry import angle_of
+from sim.kinematics.drives import random_joints
+from sim.kinematics.robot import Robot
 from sim.types import Array, Pose
 
-STEPS = 200
-TOLERANCE = 1e-10
-DAMPING = 1e-3
-"""Steps of the damped iteration, the error at which it ends [m, rad], which leaves starts exact to
-rounding, and its damping; chosen by hand."""
 RESTARTS = 40
 ENOUGH = 8
 """The search begins at so many places at most, and ends with so many solutions."""
@@ -30,35 +25,10 @@ NEAR = 1e-3
 """Steps of the search, and the error at which the damped iteration takes over."""
 LEAST_COST = 1e-4
 """Weight of a step's size, which keeps it small in singular poses."""
-HALF_TURN = np.pi - 1e-5
-"""Angle beyond which a rotation has no clear axis, and the damped iteration no direction [rad]."""
 COMFORT = 0.5
 """Room before a limit beyond which more does not count [rad or m]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""
-
-
-class Kinematics(Protocol):
-    """Joints that carry a camera."""
-
-    model: mujoco.MjModel
-    ids: NDArray[np.intp]
-    """The joints (n,) in the model."""
-    qpos: NDArray[np.intp]
-    """Their places (n,) in `qpos`."""
-    names: tuple[str, ...]
-    lower: Array
-    """Lower limits (n,); -inf where there is none."""
-    upper: Array
-    """Upper limits (n,); inf where there is none."""
-
-    def eye(self, data: mujoco.MjData) -> Pose:
-        """Return T_world_camera, as of the last kinematics."""
-        ...
-
-    def jacobian(self, data: mujoco.MjData) -> Array:
-        """Return the camera twist per joint rate (6, n), as of the last kinematics."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,48 +57,39 @@ class Reach:
         return f"{left}, and no joint is at a limit; '{self.joint}' is nearest to one"
 
 
-def reach(
-    robot: Kinematics, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
-) -> Reach:
+def reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
     """Set the joints so that the camera takes a pose, or comes near it; how near.
 
+    The first of the robot's homes that leads there is taken.
+
     Args:
-        robot: Its joints and their limits.
+        robot: Its joints, their limits and its homes.
         data: What is set.
-        homes: Joint positions to begin at, by order; the first that leads there is taken.
         T_world_camera: The pose.
     """
-    if any(iterate(robot, data, home, T_world_camera) for home in homes):
-        return _reach(robot, data, T_world_camera, there=True)
-    return _search(robot, data, homes, T_world_camera)
+    there = any(robot.converge(data, home, T_world_camera) for home in robot.homes)
+    if not there:
+        there = _search(robot, data, T_world_camera)
+    error = robot.eye(data).inverse() @ T_world_camera
+    q = data.qpos[robot.qpos]
+    span = robot.upper - robot.lower
+    limited = np.isfinite(span)
+    room = np.full(len(q), np.inf)
+    np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)
+    tightest = int(room.argmin())
+    return Reach(
+        there,
+        distance=float(np.linalg.norm(error.translation)),
+        angle=angle_of(error.rotation),
+        joint=robot.names[tightest] if limited.any() else "",
+        room=float(room[tightest]),
+    )
 
 
-def iterate(
-    robot: Kinematics, data: mujoco.MjData, home: Sequence[float] | Array, T_world_camera: Pose
-) -> bool:
-    """Run Newton's method, damped, from one place; True where it ends inside the limits."""
-    data.qpos[robot.qpos] = home
-    for _ in range(STEPS):
-        _refresh(robot, data)
-        left = robot.eye(data).inverse() @ T_world_camera
-        if angle_of(left.rotation) > HALF_TURN:
-            return False
-        error = log_se3(left)
-        if np.linalg.norm(error) < TOLERANCE:
-            q = data.qpos[robot.qpos]
-            return bool(np.all((q >= robot.lower) & (q <= robot.upper)))
-        J = robot.jacobian(data)
-        damped = J @ J.T + DAMPING**2 * np.eye(6)
-        data.qpos[robot.qpos] += J.T @ np.linalg.solve(damped, error)
-    return False
-
-
-def _search(
-    robot: Kinematics, data: mujoco.MjData, homes: Sequence[Sequence[float]], T_world_camera: Pose
-) -> Reach:
+def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:
     """Take the most comfortable of several solutions, or the posture that came nearest."""
     rng = np.random.default_rng(0)
-    starts = [*homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
+    starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
     found: list[tuple[float, Array]] = []
     nearest: tuple[float, Array] = np.inf, np.array(starts[0])
     for start in starts:
@@ -136,17 +97,17 @@ def _search(
         q = data.qpos[robot.qpos].copy()
         if left < nearest[0]:
             nearest = left, q
-        if left < NEAR and iterate(robot, data, q, T_world_camera):
+        if left < NEAR and robot.converge(data, q, T_world_camera):
             found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
         if len(found) == ENOUGH:
             break
     _, data.qpos[robot.qpos] = max(found, key=lambda f: f[0]) if found else nearest
-    _refresh(robot, data)
-    return _reach(robot, data, T_world_camera, there=bool(found))
+    robot.refresh(data)
+    return bool(found)
 
 
 def _descend(
-    robot: Kinematics, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
+    robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
 ) -> float:
     """Walk from a place towards the pose inside the limits; the error that is left."""
     mink: Any = importlib.import_module("mink")  # only now: it takes a second
@@ -178,7 +139,7 @@ def _descend(
     return left
 
 
-def comfort(robot: Kinematics, data: mujoco.MjData) -> float:
+def comfort(robot: Robot, data: mujoco.MjData) -> float:
     """Rate a posture: higher where it is far from limits and singular poses, with no link before
     the camera or below the table.
     """
@@ -190,22 +151,3 @@ def comfort(robot: Kinematics, data: mujoco.MjData) -> float:
     seen = (z > 0) & (np.hypot(x, y) < VIEW * z)
     hidden = seen.any() or (links[:, 2] < 0).any()
     return float(min(room, COMFORT) * weakest) * (0.01 if hidden else 1.0)
-
-
-def _reach(robot: Kinematics, data: mujoco.MjData, T_world_camera: Pose, *, there: bool) -> Reach:
-    error = robot.eye(data).inverse() @ T_world_camera
-    angle = angle_of(error.rotation)
-    q = data.qpos[robot.qpos]
-    span = robot.upper - robot.lower
-    limited = np.isfinite(span)
-    room = np.full(len(q), np.inf)
-    np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)
-    tightest = int(room.argmin())
-    name = robot.names[tightest] if limited.any() else ""
-    distance = float(np.linalg.norm(error.translation))
-    return Reach(there, distance, angle, name, float(room[tightest]))
-
-
-def _refresh(robot: Kinematics, data: mujoco.MjData) -> None:
-    mujoco.mj_kinematics(robot.model, data)
-    mujoco.mj_comPos(robot.model, data)

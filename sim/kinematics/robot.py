@@ -1,25 +1,91 @@
-"""A robot that carries the camera: camera twist to joint rates, for any chain of velocity-driven
-joints.
+"""A robot that carries the camera: its design, and camera twist to joint rates, for any chain of
+velocity-driven joints.
 
 Nothing here knows which robot it is: joints, limits and actuators come from its model. There every
 actuator is a `velocity` servo of one joint, and the camera's optical centre is the site `eye`. A
 model that is built otherwise is refused: its robot would move, but not as it is asked to.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
 import mujoco
 import numpy as np
+from annotated_types import Ge, Le
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
-from sim.geometry import exp_se3, inverse_if_strong
-from sim.robot.design import CAMERA, EYE, Design, Inversion
-from sim.robot.drives import wrong_drive
-from sim.robot.start_pose import Reach, iterate, reach
+from sim.geometry import angle_of, exp_se3, inverse_if_strong, log_se3
+from sim.kinematics.drives import wrong_drive
+from sim.ranges import EachPlay
 from sim.types import Array, Pose, Posture
 
+EYE = "eye"
+"""Name of the camera in a robot's model, and of the site in its optical centre."""
+CAMERA = f"robot/{EYE}"
+"""Their name in the scene."""
 STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
+STEPS = 200
+TOLERANCE = 1e-10
+DAMPING = 1e-3
+"""Steps of Newton's method, the error at which it ends [m, rad], which leaves starts exact to
+rounding, and its damping; chosen by hand."""
+HALF_TURN = np.pi - 1e-5
+"""Angle beyond which a rotation has no clear axis, and Newton's method no direction [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drives:
+    """Errors of a robot's drives and encoders."""
+
+    encoder_noise: EachPlay = 0.0
+    """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
+    encoder_step: EachPlay = 0.0
+    """Joints are read in whole steps of this, one for all or one each [m or rad]."""
+    backlash: EachPlay = 0.0
+    """Play between motor and joint, one for all or one each [m or rad]: a motor that reverses turns
+    so far, and its encoder with it, until the joint follows."""
+    lag_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
+    """Time constant with which a drive takes over a new rate, before its own servo [ms]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inversion:
+    """The way from a camera twist to joint rates."""
+
+    weakest: float = 0.02
+    """Below this smallest singular value of the Jacobian [m/s or rad/s of the camera per unit of
+    joint rate] the inverse is damped."""
+    damping: float = 0.02
+    """Damping in a singular pose; the camera then moves less than asked for, and another way."""
+    centring: float = 1.0
+    """With more than six joints: how fast those with limits move towards the middle between them
+    [1/s], as far as this does not move the camera (Liegeois 1977)."""
+    exact: bool = False
+    """Take the rates that bring the camera exactly to where the twist leads by the next update of
+    the drives; otherwise those that the twist needs at the beginning are held until then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """A robot before it is put into the room."""
+
+    name: str
+    """Name of its model in messages, such as "gantry.xml"."""
+    spec: mujoco.MjSpec
+    """Its model, with a camera and a site `eye`, and one velocity actuator for each joint."""
+    drives: Drives
+    """Errors of its drives and encoders."""
+    homes: tuple[tuple[float, ...], ...]
+    """Joint positions from which all others are sought, one after another [m or rad]; where there
+    are none, from everywhere."""
+    base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
+    """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
+    inversion: Inversion = Inversion()
+    """How its joints follow a camera twist."""
 
 
 def own_name(name: str) -> str:
@@ -70,7 +136,7 @@ class Robot:
         """
         _check_drives(model, design)
         self.model = model
-        self._homes = design.homes
+        self.homes = design.homes
         self._inversion = design.inversion
         self._site = model.site(CAMERA).id
         self.ids = joints = model.actuator_trnid[:, 0]
@@ -101,15 +167,13 @@ class Robot:
             twist: Mean camera twist (6,) since the last frame.
             accepted: Mean camera twist (6,) that the drives were set to.
         """
-        J = self.jacobian(data)
-        joints = self.joints(data)
         return Posture(
             self.eye(data),
             twist,
-            joints,
+            self.joints(data),
             self.lower,
             self.upper,
-            J,
+            self.jacobian(data),
             self.slowest,
             self.fastest,
             accepted,
@@ -165,7 +229,7 @@ class Robot:
         ahead = self._ahead
         ahead.qpos[:] = data.qpos
         mujoco.mj_kinematics(self.model, ahead)
-        there = iterate(self, ahead, q, self.eye(ahead) @ exp_se3(twist * hold))
+        there = self.converge(ahead, q, self.eye(ahead) @ exp_se3(twist * hold))
         return (self.joints(ahead) - q) / hold if there else None
 
     def _slowed(self, data: mujoco.MjData, wanted: Array) -> float:
@@ -191,9 +255,35 @@ class Robot:
         free = -self._inversion.centring * away
         return free - np.linalg.pinv(J) @ (J @ free)
 
-    def solve(self, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
-        """Set the joints so that the camera takes this pose, or comes near it; how near."""
-        return reach(self, data, self._homes, T_world_camera)
+    def converge(
+        self, data: mujoco.MjData, begin: Sequence[float] | Array, T_world_camera: Pose
+    ) -> bool:
+        """Run Newton's method, damped, from one place; True where it ends inside the limits.
+
+        Args:
+            data: What is set; the camera then has the pose, or is anywhere.
+            begin: Joint positions (n,) [m or rad].
+            T_world_camera: The pose.
+        """
+        data.qpos[self.qpos] = begin
+        for _ in range(STEPS):
+            self.refresh(data)
+            left = self.eye(data).inverse() @ T_world_camera
+            if angle_of(left.rotation) > HALF_TURN:
+                return False
+            error = log_se3(left)
+            if np.linalg.norm(error) < TOLERANCE:
+                q = data.qpos[self.qpos]
+                return bool(np.all((q >= self.lower) & (q <= self.upper)))
+            J = self.jacobian(data)
+            damped = J @ J.T + DAMPING**2 * np.eye(6)
+            data.qpos[self.qpos] += J.T @ np.linalg.solve(damped, error)
+        return False
+
+    def refresh(self, data: mujoco.MjData) -> None:
+        """Compute the kinematics of where the joints are."""
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
         """T_world_camera, as of the last kinematics."""

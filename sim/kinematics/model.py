@@ -9,17 +9,17 @@ from math import cos, radians, sin
 import mujoco
 import numpy as np
 
-from sim.models.model_files import SIMULATION, compiled, leave_out
-from sim.models.quaternion import quaternion_of
-from sim.robot.chain import Chain, chain_to, name_all
-from sim.robot.design import EYE
-from sim.robot.drives import (
+from sim.kinematics.chain import Chain, chain_to, name_all
+from sim.kinematics.drives import (
     SPEEDS,
     add_drives,
     forces_of,
     has_velocity_drives,
     kind_of_joint,
 )
+from sim.kinematics.robot import EYE
+from sim.models.model_files import SIMULATION, compiled, leave_out
+from sim.models.quaternion import quaternion_of
 from sim.types import Array, Pose
 
 CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
