@@ -19,10 +19,10 @@ from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
-from tracking.external import OF_THE_USER
 from tracking.sequences.sequence import source_of
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
+from tracking.wrapped import OF_THE_USER
 
 
 def test_a_kind_without_settings_says_so():

@@ -1,19 +1,25 @@
-"""Our trackers for clients of the TraX protocol: `python -m tracking.adapters.trax_server KIND`."""
+"""Our trackers for clients of the TraX protocol: `python -m tracking.exported.trax_server KIND`."""
 
 import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from sim.files.picture_file import read_image
 from sim.types import Array
-from tracking.adapters.toolkits import Follower
-from tracking.external.trax_messages import Message, message_in, picture_in, region_in, region_text
+from tracking.exported.toolkits import Follower
 from tracking.sequences.sources import RATE
+from tracking.wrapped.trax_messages import (
+    CORNERS,
+    Message,
+    box_around,
+    message_in,
+    picture_in,
+    region_in,
+    region_text,
+)
 
 ABOUT = {
     "trax.version": "4",
@@ -56,29 +62,46 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
     """Yield a hello, and the answers to a client's messages."""
     yield Message("hello", named=ABOUT | {"trax.name": kind})
     given: Array | None = None  # a region, until its first picture comes
-    boxes = True
-    for line in requests:
-        asked = message_in(line)
-        if asked is None:
-            continue
-        if asked.type == "quit":
-            return
-        pictures = list(asked.arguments)
-        if asked.type == "initialize":
-            given = region_in(pictures.pop()) if pictures else None
-        if not pictures:
-            continue
-        image = picture_in(pictures[0])
-        image = read_image(image) if isinstance(image, Path) else image
+    region: Array | None = None
+    for message in filter(None, map(message_in, requests)):
+        match (message.type, *message.arguments):
+            case ("quit", *_):
+                return
+            case ("initialize", text) if given is None:
+                given = _region(text)
+                continue
+            case ("initialize", picture, *_, text) if given is None:
+                given = _region(text)
+            case ("frame", picture, *_) if given is not None or region is not None:
+                pass
+            case _:
+                raise ValueError(
+                    f"the client sent {message.line().strip()[:60]!r}, but one region is expected, "
+                    "then its pictures"
+                )
+        image = picture_in(picture)
         if given is not None:
-            follower.start(image, given.ravel(), turned=True)
-            boxes = given.ndim == 1
-            yield _state(given, 1.0)
+            region = given
             given = None
+            box = region.ndim == 1 or len(region) == CORNERS
+            follower.start(image, region.ravel() if box else box_around(region), turned=True)
+            yield _state(region, 1.0)
         else:
             found, rect = follower.update(image)
-            region = np.array(rect) if boxes else found.outline(follower.region)
-            yield _state(region, 1.0 - found.distance)
+            boxes = region is not None and region.ndim == 1
+            outline = np.array(rect) if boxes else found.outline(follower.region)
+            yield _state(outline, 1.0 - found.distance)
+
+
+def _region(text: str) -> Array:
+    """Return the box (4,) or the polygon (n, 2) of a client."""
+    try:
+        region = region_in(text)
+    except ValueError as error:
+        raise ValueError(f"the client's region {text[:40]!r} is {error}") from None
+    if region is None or (region.ndim == 1 and region[2:].min() <= 0):
+        raise ValueError(f"the client's region {text[:40]!r} has no area")
+    return region
 
 
 def _state(region: Array, confidence: float) -> Message:
@@ -87,7 +110,7 @@ def _state(region: Array, confidence: float) -> Message:
 
 def main() -> None:
     """Serve the tracker that the command line names."""
-    parser = argparse.ArgumentParser(prog="python -m tracking.adapters.trax_server")
+    parser = argparse.ArgumentParser(prog="python -m tracking.exported.trax_server")
     parser.add_argument("kind")
     parser.add_argument("settings", nargs="*", help="such as particles=80")
     parser.add_argument("--seed", type=int, default=0)
@@ -96,7 +119,7 @@ def main() -> None:
     try:
         settings = tomllib.loads("\n".join(given.settings))
         run_trax(given.kind, given.seed, preset=given.preset, **settings)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OSError) as error:
         raise SystemExit(f"trax_server: {error}") from None
 
 

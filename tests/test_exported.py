@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.adapters import Got10kTracker, OpenCVTracker, run_vot
+from tracking.exported import Got10kTracker, OpenCVTracker, run_vot
 from tracking.types import Estimate, Status
 
 FRAMES = 10
@@ -122,7 +122,7 @@ def test_each_picture_has_the_time_of_its_number(monkeypatch):
             seen.append((frame.index, frame.time))
             return Estimate(self.given[1], np.zeros((4, 4)), 0.0, Status.LOCKED)
 
-    monkeypatch.setattr("tracking.adapters.toolkits.create", lambda *_, **__: Watching())
+    monkeypatch.setattr("tracking.exported.toolkits.create", lambda *_, **__: Watching())
     tracker = OpenCVTracker("kams", rate=10.0)
     for _ in range(2):  # a target that is given anew begins at 0 again
         seen.clear()
@@ -222,7 +222,7 @@ def test_traxs_own_client_follows_with_ours(tmp_path):
     from trax.region import Rectangle as TraxRectangle
 
     paths = written(tmp_path)
-    command = [sys.executable, "-m", "tracking.adapters.trax_server", "mk_ssd"]
+    command = [sys.executable, "-m", "tracking.exported.trax_server", "mk_ssd"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
         pipes = (server.stdin.fileno(), server.stdout.fileno())
         client = trax.Client(pipes, log=lambda _: None)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Image
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
 
 
 @compiled()

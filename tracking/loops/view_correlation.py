@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
 
 LEAST = 1e-6
 """A view with a smaller sum of squares has no contrast, and is like nothing."""
@@ -46,7 +46,7 @@ def view(image: Image, state: Array, points: Array) -> Array:
 
 
 @compiled()
-def likeness(image: Image, states: Array, points: Array, stored: Array) -> Array:
+def correlations(image: Image, states: Array, points: Array, stored: Array) -> Array:
     """Return the largest correlation (N,), -1..1, of the view under each state with a stored one.
 
     Args:

@@ -6,7 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
+
+BISECTIONS = 40
+LARGEST_BETA = 1e4
+"""With these the exponent is found to 1e-8; a larger one has no use."""
 
 
 @compiled()
@@ -15,11 +19,8 @@ def moved(samples: Array, change: Array, spread: Array, draws: Array, most: floa
 
     The last coordinate, ln scale, is limited to -most..most.
     """
-    found = np.empty_like(samples)
-    for n in range(len(samples)):
-        for d in range(4):
-            found[n, d] = samples[n, d] + change[d] + spread[d] * draws[n, d]
-        found[n, 3] = min(max(found[n, 3], -most), most)
+    found = samples + change + spread * draws
+    found[:, 3] = np.minimum(np.maximum(found[:, 3], -most), most)
     return found
 
 
@@ -95,20 +96,18 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
 
 
 @compiled()
-def exponent(log_likelihood: Array, target: float, highest: float, steps: int) -> float:
-    """Return the beta below `highest` for which w^beta has a given effective sample size, by
+def exponent(log_likelihood: Array, target: float) -> float:
+    """Return the beta below `LARGEST_BETA` for which w^beta has a given effective sample size, by
     bisection.
 
     Args:
         log_likelihood: ln w (N,).
         target: Effective sample size 1 / sum w^2 of the normalised weights.
-        highest: Largest beta.
-        steps: Number of bisections.
     """
     low = 0.0
-    high = highest
+    high = LARGEST_BETA
     top = np.max(log_likelihood)
-    for _ in range(steps):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         total = squares = 0.0
         for w in log_likelihood:

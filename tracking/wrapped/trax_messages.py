@@ -10,12 +10,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from sim.stderr import silent_libraries
+from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
 
 PREFIX = "@@TRAX:"
@@ -29,7 +28,11 @@ ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
 BOX = 4
 FEWEST_NUMBERS = 6
 """Numbers of a rectangle, and fewest of a polygon."""
+CORNERS = 4
+"""A polygon with as many may turn a region; of others, the box around them counts."""
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+BYTES = {"rgb": 3, "gray8": 1, "gray16": 2}
+"""Bytes of a pixel in each format of raw pictures."""
 MASK = "m"
 """First letter of a region that is a mask."""
 
@@ -81,16 +84,21 @@ def region_in(text: str) -> Array | None:
     if text.startswith(MASK):
         raise ValueError("a mask; rectangles and polygons are known")
     try:
-        numbers = np.array([float(part) for part in text.split(",")])
+        numbers = np.array(text.split(","), dtype=float)
     except ValueError:
-        raise ValueError("no region") from None
-    if len(numbers) == 1 or (len(numbers) == BOX and not numbers.any()):
+        numbers = np.empty(0)
+    count = len(numbers)
+    if count == 1 or (count == BOX and not numbers.any()):
         return None
-    if len(numbers) == BOX:
-        return numbers
-    if len(numbers) < FEWEST_NUMBERS or len(numbers) % 2:
+    polygon = count >= FEWEST_NUMBERS and count % 2 == 0
+    if not (polygon or count == BOX) or not np.isfinite(numbers).all():
         raise ValueError("no region")
-    return numbers.reshape(-1, 2)
+    return numbers.reshape(-1, 2) if polygon else numbers
+
+
+def box_around(polygon: Array) -> Array:
+    """Return the box (4,) around a polygon (n, 2)."""
+    return np.concatenate([polygon.min(axis=0), np.ptp(polygon, axis=0)])
 
 
 def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
@@ -107,24 +115,25 @@ def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
     return f"file://{file}"
 
 
-def picture_in(text: str) -> Image | Path:
-    """Return the RGB picture in a message, or the path of its file.
+def picture_in(text: str) -> Image:
+    """Return the RGB picture in a message, or in the file that it names.
 
     Raises:
-        ValueError: It cannot be decoded.
+        ValueError: It cannot be read or decoded, or its data are not those of its size.
     """
     scheme, _, rest = text.partition(":")
     try:
         if scheme == "image":
             width, height, kind, data = rest.split(";", 3)
-            pixels = np.frombuffer(base64.b64decode(data), np.uint8)
-            image = pixels.reshape(int(height), int(width), -1)
-            return image if kind == "rgb" else np.repeat(image[..., :1], 3, axis=2)
+            check_size(int(width), int(height))
+            if kind not in BYTES:
+                raise ValueError(f"there is no format '{kind}'; there is {', '.join(BYTES)}")
+            pixels = np.frombuffer(base64.b64decode(data, validate=True), np.uint8)
+            image = pixels.reshape(int(height), int(width), BYTES[kind])
+            # Of 16 bits, the last byte is the high one.
+            return image if kind == "rgb" else np.repeat(image[..., -1:], 3, axis=2)
         if scheme == "data":
-            data = re.sub(r"^[^;,]*[;,](?:base64[;,])?", "", rest)
-            with silent_libraries():
-                read: Any = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), 1)
-            return cv2.cvtColor(read, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
-    except (ValueError, cv2.error):
-        raise ValueError(f"the picture {text[:40]}... cannot be decoded") from None
-    return Path(rest.removeprefix("//") if scheme == "file" else text)
+            return decoded(base64.b64decode(re.split("[;,]", rest)[-1], validate=True))
+    except ValueError as error:
+        raise ValueError(f"the picture {text[:40]!r}... cannot be decoded: {error}") from None
+    return read_image(Path(rest.removeprefix("//") if scheme == "file" else text))

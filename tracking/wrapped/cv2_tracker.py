@@ -1,7 +1,6 @@
 """OpenCV's own trackers, made by their names; their failures become sentences."""
 
 import ctypes
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from sim.files import reading
 from sim.stderr import silent_libraries
 from sim.types import Image
-from tracking.external.boxes import Box
+from tracking.wrapped.boxes import Box
 
 MODELS = {
     "Nano": ("backbone", "neckhead"),
@@ -132,7 +131,7 @@ def seed_opencv(seed: int) -> None:
     """Seed what OpenCV's trackers draw from."""
     cv2.setRNGSeed(seed)
     # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.
-    ctypes.CDLL(None if os.name == "posix" else "msvcrt").srand(seed)
+    ctypes.CDLL(None).srand(seed)
 
 
 def _reason(error: cv2.error) -> str:

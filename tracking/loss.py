@@ -5,10 +5,8 @@ hysteresis, for all trackers.
 import math
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
-import numpy as np
-
-from sim.types import Array
 from tracking.types import Status
 
 # Chosen by hand on the shipped scenarios.
@@ -35,7 +33,7 @@ DOUBT = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class LockLimits:
+class LossLimits:
     """Limits that decide when a distance is too large to be the target."""
 
     floor: float = 0.25
@@ -52,10 +50,10 @@ class LockLimits:
     it and draws the estimate along. 0: it is believed."""
 
 
-class Lock:
+class LossJudge:
     """Judge of each frame's distance by the good frames before it."""
 
-    def __init__(self, limits: LockLimits) -> None:
+    def __init__(self, limits: LossLimits) -> None:
         self._limits = limits
         self._good: deque[float] = deque(maxlen=HISTORY)
         self._unseen_since: float | None = None
@@ -113,13 +111,5 @@ class Lock:
 
     def _usual(self) -> tuple[float, float]:
         """Return median and robust standard deviation of the recent good frames' distances."""
-        good = np.array(self._good)
-        middle = _median(good)
-        return middle, MAD_TO_SIGMA * _median(np.abs(good - middle))
-
-
-def _median(values: Array) -> float:
-    """Return the median at a fraction of the cost of `np.median`, which takes any shape."""
-    ordered = np.sort(values)
-    half = len(values) // 2
-    return float(ordered[half] + ordered[-half - 1]) / 2
+        middle = median(self._good)
+        return middle, MAD_TO_SIGMA * median(abs(good - middle) for good in self._good)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import descent
-from tracking.hot import kernel_histograms as hot
+from tracking.loops import descent
 
 RNG = np.random.default_rng(5)
 
@@ -56,7 +55,7 @@ SHAPE = ((25.0, 15.0), np.array([[-16.0, -10.0], [0.0, 0.0], [16.0, 10.0]]), (18
 
 @pytest.mark.parametrize(("state", "stride"), CASES)
 def test_kernel_histograms_agree_with_numpy(smooth_image, state, stride):
-    sums, totals = hot.kernel_histograms(smooth_image, state, *SHAPE, stride)
+    sums, totals = descent.kernel_histograms(smooth_image, state, *SHAPE, stride)
     twin = histogram_twin(smooth_image, state, *SHAPE, stride)
     np.testing.assert_allclose(sums[:, :, 0], twin, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(totals[:, 0], twin.sum(axis=1), rtol=1e-12)
@@ -69,12 +68,12 @@ def both(monkeypatch):
     """
 
     def histograms(*case):
-        yield hot.kernel_histograms(*case)
+        yield descent.kernel_histograms(*case)
         with monkeypatch.context() as plain:
-            for name, loop in list(vars(hot).items()):
+            for name, loop in list(vars(descent).items()):
                 if hasattr(loop, "py_func"):
-                    plain.setattr(hot, name, loop.py_func)
-            yield hot.kernel_histograms(*case)
+                    plain.setattr(descent, name, loop.py_func)
+            yield descent.kernel_histograms(*case)
 
     return histograms
 
@@ -131,18 +130,18 @@ def test_a_pixel_on_the_rim_of_the_template_counts_by_half_and_one_beyond_it_doe
     image = np.zeros((9, 12, 3), np.uint8)
     for x, count in ((6.0, 8), (6.5, 7 + 2 * 0.5)):
         kernels = np.zeros((1, 2)), (1e9, 1e9), 2, 1
-        _, totals = hot.kernel_histograms(image, np.array([x, 4.5, 0, 0]), (4.0, 0.5), *kernels)
+        _, totals = descent.kernel_histograms(image, np.array([x, 4.5, 0, 0]), (4.0, 0.5), *kernels)
         assert totals[0, 0] == pytest.approx(count)
 
 
 @pytest.mark.parametrize(("state", "step"), [(CASES[0][0], 1e-6), (CASES[1][0], 1e-6)])
 def test_kernel_histogram_derivatives_agree_with_finite_differences(smooth_image, state, step):
     state = state + [0.123, 0.217, 0.05, 0.03]  # away from where a pixel's coverage has its kinks
-    sums, totals = hot.kernel_histograms(smooth_image, state, *SHAPE, 1)
+    sums, totals = descent.kernel_histograms(smooth_image, state, *SHAPE, 1)
     for p in range(4):
         d = step * np.eye(4)[p]
-        forward, f_total = hot.kernel_histograms(smooth_image, state + d, *SHAPE, 1)
-        back, b_total = hot.kernel_histograms(smooth_image, state - d, *SHAPE, 1)
+        forward, f_total = descent.kernel_histograms(smooth_image, state + d, *SHAPE, 1)
+        back, b_total = descent.kernel_histograms(smooth_image, state - d, *SHAPE, 1)
         difference = (forward[:, :, 0] - back[:, :, 0]) / (2 * step)
         error = np.linalg.norm(sums[:, :, 1 + p] - difference) / np.linalg.norm(difference)
         assert error < 1e-6, p
@@ -181,7 +180,7 @@ def test_a_large_target_is_read_at_every_second_or_third_pixel(smooth_image):
         state = np.array([80.0, 60.0, 0.1, 0.0])
         kernels = (*SHAPE, pixels)
         found = descent.histograms(smooth_image, state, kernels)
-        expected = hot.kernel_histograms(smooth_image, state, *SHAPE, stride)
+        expected = descent.kernel_histograms(smooth_image, state, *SHAPE, stride)
         np.testing.assert_array_equal(found[0], expected[0])
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tracking.hot import likeness as loops
+from tracking.loops import view_correlation as loops
 
 RNG = np.random.default_rng(0)
 
@@ -28,7 +28,7 @@ def test_views_agree_with_numpy():
     stored = np.stack([view_twin(image, s, points) for s in states[:2]])
     twins = np.stack([view_twin(image, s, points) for s in states])
     np.testing.assert_allclose(loops.view(image, states[3], points), twins[3], atol=1e-12)
-    found = loops.likeness(image, states, points, stored)
+    found = loops.correlations(image, states, points, stored)
     np.testing.assert_allclose(found, (twins @ stored.T).max(axis=1), rtol=0, atol=1e-12)
     nothing = loops.view(np.full_like(image, 7), states[0], points)
     assert not nothing.any()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import colour_labels, particle_loops, point_histograms
+from tracking.loops import colour_labels, particle_loops, point_histograms
 
 RNG = np.random.default_rng(5)
 
@@ -81,13 +81,13 @@ def test_histograms_agree_with_numpy():
 
 def test_the_exponent_agrees_with_numpy():
     w, target = -RNG.gamma(2.0, 3.0, 50), 20.0
-    low, high = 0.0, 100.0
-    for _ in range(30):
+    low, high = 0.0, particle_loops.LARGEST_BETA
+    for _ in range(particle_loops.BISECTIONS):
         middle = (low + high) / 2
         weights = np.exp(middle * (w - w.max()))
         weights /= weights.sum()
         low, high = (middle, high) if 1 / np.sum(weights**2) > target else (low, middle)
-    assert particle_loops.exponent(w, target, 100.0, 30) == pytest.approx(low, rel=1e-9)
+    assert particle_loops.exponent(w, target) == pytest.approx(low, rel=1e-9)
 
 
 def test_mean_shift_reports_the_coefficients_of_where_it_ends():
@@ -221,8 +221,9 @@ def test_positions_at_the_end_of_a_sample_belong_to_the_next_one(weights, first,
 
 @pytest.mark.parametrize(("target", "expected"), [(7.9, None), (8.0, 0.0), (9.0, 0.0)])
 def test_equal_likelihoods_have_the_highest_exponent_up_to_their_number(target, expected):
-    found = particle_loops.exponent(np.full(8, -3.0), target, 64.0, 10)
-    assert found == (64.0 * (1 - 2.0**-10) if expected is None else expected)
+    found = particle_loops.exponent(np.full(8, -3.0), target)
+    last = 1 - 2.0**-particle_loops.BISECTIONS
+    assert found == (particle_loops.LARGEST_BETA * last if expected is None else expected)
 
 
 @pytest.mark.parametrize("levels", [2, 8, 10, 32])

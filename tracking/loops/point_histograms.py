@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.hot.compiled import compiled
+from tracking.loops.compiled import compiled
 
 Window = tuple[NDArray[Any], int, int]
 """Labels (h, w) of a part of the image, and its left and top [px]."""

@@ -1,21 +1,115 @@
-"""A class with `init(image, box)` and `update(image)` as one of our trackers."""
+"""A class with `init(image, box)` and `update(image)` as one of our trackers.
+
+It follows one of two conventions:
+
+| | OpenCV | GOT-10k |
+|---|---|---|
+| picture | BGR | RGB |
+| box | integers x, y, width, height, pixels counted from 0 | array (4,), pixels counted from 1 |
+| answer of `update` | (ok, box) or a box | a box |
+"""
 
 import dataclasses
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, Protocol, get_args
 
+import cv2
 import numpy as np
 
-from tracking.external.conventions import Caller, Convention, Foreign, Score, convention_of
-from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
+from sim.types import Array, Image
+from tracking.types import Region, State
+from tracking.wrapped.boxes import Box, box_in, box_of, score_in
+from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
 
+Convention = Literal["opencv", "got10k"]
+Score = str | Callable[[Any], float]
+"""Attribute or method of a tracker that gives its score, or a function of the tracker."""
+BOXES = {"box", "bbox"}
+"""Names of the second argument of `init` in GOT-10k's convention."""
 DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
     "rng": lambda rng: rng,
     "seed": lambda rng: int(rng.integers(1 << 31)),
 }
 """Arguments that a factory may ask for."""
+
+
+class Foreign(Protocol):
+    """A tracker in one of the conventions."""
+
+    def init(self, image: Any, box: Any, /) -> Any:
+        """Learn the target in a box; False refuses it."""
+        ...
+
+    def update(self, image: Any, /) -> Any:
+        """Return the target's box in the next picture."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """A tracker of boxes that is called in its convention."""
+
+    tracker: Foreign
+    convention: Convention
+    name: str
+    """Name of the tracker, for messages."""
+    score_of: Score | None
+
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the target's box, and return the box.
+
+        Raises:
+            ValueError: The tracker refuses by returning False.
+        """
+        box = box_of(region, state, image)
+        given = box if self.convention == "opencv" else np.array(box, dtype=float) + (1, 1, 0, 0)
+        if self.tracker.init(self._picture(image), given) is False:
+            raise ValueError(f"{self.name}: init refused the region x, y, width, height = {box}")
+        return box
+
+    def update(self, image: Image) -> Array | None:
+        """Return the target's box (4,) in the next picture [px]; None where it is not seen.
+
+        Raises:
+            ValueError: The tracker returned something else.
+        """
+        box = box_in(self.tracker.update(self._picture(image)), self.name)
+        return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
+
+    def score(self) -> float:
+        """Return the tracker's own score, 0..1.
+
+        Raises:
+            ValueError: It is not there, or not between 0 and 1.
+        """
+        if callable(self.score_of):
+            return score_in(self.score_of(self.tracker), self.name)
+        name = str(self.score_of)
+        if not hasattr(self.tracker, name):
+            raise ValueError(f"{self.name} has no '{name}', which is to give its score")
+        found = getattr(self.tracker, name)
+        return score_in(found() if callable(found) else found, self.name)
+
+    def _picture(self, image: Image) -> Image:
+        """Return a picture that the tracker may keep and write to."""
+        if self.convention == "opencv":
+            return cv2.cvtColor(image, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+        return np.array(image, order="C")
+
+
+def convention_of(tracker: Foreign) -> Convention:
+    """Return the convention of a tracker: GOT-10k's for a subclass of its toolkit's `Tracker`, and
+    where the second argument of `init` is named box or bbox; else OpenCV's.
+    """
+    if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
+        return "got10k"
+    try:
+        names = list(inspect.signature(tracker.init).parameters)
+    except (TypeError, ValueError):  # compiled, such as OpenCV's own
+        return "opencv"
+    return "got10k" if BOXES & set(names[1:2]) else "opencv"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +191,7 @@ def wrap(
         factory: Their class, a function that makes one, or one that is made. It may take `seed` or
             `rng`.
         convention: "opencv" (BGR, `update` gives (ok, box) or a box) or "got10k" (RGB arrays, boxes
-            counted from 1); None: see `conventions.convention_of`.
+            counted from 1); None: see `convention_of`.
         score: Attribute or method of the tracker, or a function of it, that gives its score, 0..1.
         judge: Judge whether the target is seen; None: the score where there is one, else our colour
             histogram.

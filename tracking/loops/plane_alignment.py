@@ -4,17 +4,13 @@ A point x of the template, in a unit square, is seen at H x; pixel (i, j) has it
 (j + 0.5, i + 0.5).
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array
-from tracking.hot.compiled import compiled
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from tracking.loops.compiled import compiled
 
 TUKEY = 4.685
 """Residuals beyond so many robust standard deviations have no weight: the usual constant, with 95 %
@@ -78,11 +74,8 @@ def sigma_of(error: Array) -> float:
 def tukey(error: Array, sigma: float) -> Array:
     """Tukey's weights (n,), 0..1, of errors (n,) with this standard deviation."""
     limit = TUKEY * sigma
-    weights = np.zeros(len(error))
-    for i in range(len(error)):
-        if abs(error[i]) < limit:  # nan is not
-            weights[i] = (1.0 - (error[i] / limit) ** 2) ** 2
-    return weights
+    # An error of nan, outside the picture, is not below the limit.
+    return np.where(np.abs(error) < limit, (1.0 - (error / limit) ** 2) ** 2, 0.0)
 
 
 @compiled(error_model="numpy")
@@ -92,16 +85,8 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
     An object that hides the target hides whole parts of it, of which some points are alike by
     chance.
     """
-    total = np.zeros(cells.max() + 1)
-    count = np.zeros(cells.max() + 1)
-    for i in range(len(cells)):
-        total[cells[i]] += weights[i]
-        count[cells[i]] += 1.0
-    better = np.empty(len(weights))
-    for i in range(len(cells)):
-        mean = total[cells[i]] / count[cells[i]]
-        better[i] = weights[i] * min(max((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
-    return better
+    mean = (np.bincount(cells, weights) / np.bincount(cells))[cells]
+    return weights * np.minimum(np.maximum((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
 
 
 @compiled(error_model="numpy")
@@ -134,7 +119,7 @@ def normal_equations(
 
 
 @compiled(error_model="numpy")
-def likeness(seen: Array, template: Array, weights: Array) -> float:
+def correlation(seen: Array, template: Array, weights: Array) -> float:
     """Weighted correlation of two brightnesses (n,), less where many points have little weight."""
     total = 1e-12
     mean = 0.0
@@ -160,7 +145,7 @@ def likeness(seen: Array, template: Array, weights: Array) -> float:
 
 
 @compiled(error_model="numpy")
-def surprise(weights: Array, sigma: float, spread: float) -> float:
+def misfit(weights: Array, sigma: float, spread: float) -> float:
     """Mean logarithm of the points' standard deviations: sigma [grey levels] for the share that is
     seen, for what hides the others that of the template's brightness, spread.
 
@@ -186,8 +171,8 @@ def align(
         tolerance: After a step with all parts below this the descent ends.
 
     Returns:
-        The new H, the new light, the likeness and the surprise there; the likeness is 0 where the
-        template left the picture.
+        The new H, the new light, the correlation and the misfit there; the correlation is 0 where
+        the template left the picture.
     """
     points, template, rows, cells = level
     at = begin
@@ -202,9 +187,9 @@ def align(
         sigma = sigma_of(error)
         weights = agreed(tukey(error, sigma), cells)
         if k >= most:
-            alike = likeness(seen, template, weights)
+            alike = correlation(seen, template, weights)
             spread = gain * np.std(template)
-            return at, np.array([gain, bias]), alike, surprise(weights, sigma, spread)
+            return at, np.array([gain, bias]), alike, misfit(weights, sigma, spread)
         A, g = normal_equations(error, weights, rows, template, gain)
         d = np.linalg.solve(A, g)
         size = np.max(np.abs(d[:8]))
