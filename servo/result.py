@@ -40,14 +40,12 @@ from servo.scenario.load import Scenario, load
 from servo.study import parse
 from servo.study.bounds import MissedBound, check_expect
 from servo.study.execute import Workers, complete
-from servo.study.failure import ClusterLost, Failure
-from servo.study.files import StudyFile
-from servo.study.job import Job
 from servo.study.plan import Study
-from servo.study.record import Record, table_of
+from servo.study.record_file import table_of
 from servo.study.results import Cell, cells_csv, cells_of
+from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
-from servo.study.store import opened
+from servo.study.store import StudyFile, opened
 from sim.camera import gl
 from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded

@@ -28,8 +28,7 @@ from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.scenario_run import LoadedScenario
 from sim import robots
 from tracking.drawing import contact_sheet
@@ -146,7 +145,7 @@ def test_a_progress_bar_is_gone_when_the_work_is_done():
 
 def test_the_stages_of_a_step_are_told_as_medians():
     steps = [
-        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))))
+        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))), tracked=True)
         for t in ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])
     ]
     assert run_command._stage_line(steps, [0.002, 0.001, 0.5]) == (

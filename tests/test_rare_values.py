@@ -8,7 +8,7 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
-from servo.study.record import _cell, _type
+from servo.study.record_file import _cell, _type
 from sim.camera import gl
 from sim.files import picture_file
 from sim.geometry import inverse_if_strong

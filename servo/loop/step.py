@@ -237,6 +237,11 @@ class Step:
         return tilt(self.truth.T_world_camera.rotation)
 
     @property
+    def tracked(self) -> bool:
+        """Whether the tracker was called in this frame interval; in the first one it is started."""
+        return self.frame.index > 0 and self.frame.fresh and self.seconds.track > 0
+
+    @property
     def seen(self) -> bool:
         """Whether the tracker saw the target in this frame, and there was one."""
         return self.frame.fresh and self.estimate.status is Status.LOCKED

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from servo.output import formats
-from servo.study.files import FailureFile, StudyFile
-from servo.study.record import Record, Row
-from servo.study.store import FAILURES, RUNS
-from servo.study.units import SUCCESS, Units, values
+from servo.study.record_file import decoded
+from servo.study.results import SUCCESS, Units, values
+from servo.study.run import Record, Row
+from servo.study.store import FAILURES, RUNS, FailureFile, StudyFile
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
@@ -103,7 +103,7 @@ def load_records(folder: Path) -> list[Record]:
 
 
 def _record(path: Path) -> Record | None:
-    return Record.decoded(formats.content(path))
+    return decoded(formats.content(path))
 
 
 def duration(series: Series) -> float:

@@ -14,7 +14,7 @@ import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
-from servo.study.failure import ClusterLost, Failure
+from servo.study.run import ClusterLost, Failure
 
 DEATHS = 2
 """Most workers that may die at a task; after one more, the task has failed."""
