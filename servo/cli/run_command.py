@@ -27,6 +27,7 @@ from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
 from sim.models.target import dimensions
 from sim.types import Array
+from tracking.advice import advice
 
 
 def run_scenario(
@@ -59,6 +60,9 @@ def run_scenario(
     with episode:
         if episode.world.outline_found:
             console.print(_outline_line(episode.world.outline))
+        first, region, state = episode.shown
+        if line := advice(scenario.tracker, first.image, region, state):
+            plain(console, line)
         viewer = outputs.viewer()
         folder = prepare(out, name)
         announce(viewer, console)

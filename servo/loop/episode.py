@@ -157,6 +157,8 @@ class Episode:
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         region = Region(*sides.tolist(), quad=change.corners(truth))
+        self.shown = first, region, given
+        """The first picture, and the target in it as the tracker is given it."""
         with self._refusals():
             self.running = self.loop.start(first, region, given, goal, self._true_motion)
         self._scene = Scene(
