@@ -11,7 +11,10 @@ import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from math import inf
 from pathlib import Path
+from threading import Timer
+from time import monotonic
 from types import FrameType
 from typing import Any, TextIO, cast
 
@@ -111,6 +114,14 @@ ENDING = tuple(
 )
 
 
+IMPORTER = "<frozen importlib._bootstrap>"
+"""File of Python's own code that imports modules."""
+SOON = 0.02
+"""Time until a signal that comes during an import is tried again [s]."""
+LONGEST_IMPORT = 5.0
+"""From then on the import is stopped as well: it may hang [s]."""
+
+
 class StopSignal(KeyboardInterrupt):
     """A signal that ends the command."""
 
@@ -131,11 +142,16 @@ def ending_signals() -> Generator[None]:
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
     """
     stopped = False
+    latest = inf
 
     def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal stopped
-        del frame
-        if not stopped:
+        nonlocal stopped, latest
+        latest = min(latest, monotonic() + LONGEST_IMPORT)
+        if _imports(frame) and monotonic() < latest:
+            again = Timer(SOON, os.kill, (os.getpid(), number))
+            again.daemon = True
+            again.start()
+        elif not stopped:
             stopped = True
             raise StopSignal(number)
 
@@ -149,3 +165,12 @@ def ending_signals() -> Generator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported: those of C, such as NumPy's, take an exception in
+    the middle of it for a fault of their own.
+    """
+    while frame is not None and frame.f_code.co_filename != IMPORTER:
+        frame = frame.f_back
+    return frame is not None
