@@ -136,24 +136,27 @@ def exit_code(cause: KeyboardInterrupt) -> int:
 
 
 @contextmanager
-def ending_signals() -> Generator[None]:
+def ending_signals() -> Generator[list[StopSignal]]:
     """Raise `StopSignal` at the first ending signal within the block, and ignore all later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
+
+    Yields:
+        What was raised: libraries of C make other exceptions of it.
     """
-    stopped = False
+    raised = list[StopSignal]()
     latest = inf
 
     def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal stopped, latest
+        nonlocal latest
         latest = min(latest, monotonic() + LONGEST_IMPORT)
         if _imports(frame) and monotonic() < latest:
             again = Timer(SOON, os.kill, (os.getpid(), number))
             again.daemon = True
             again.start()
-        elif not stopped:
-            stopped = True
-            raise StopSignal(number)
+        elif not raised:
+            raised.append(StopSignal(number))
+            raise raised[0]
 
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
@@ -161,7 +164,7 @@ def ending_signals() -> Generator[None]:
     for number in before:
         signal.signal(number, stop)
     try:
-        yield
+        yield raised
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
