@@ -13,7 +13,7 @@ from servo.scenario.load import load, parse
 from servo.study.job import Job
 from servo.study.scenario_run import StudiedScenario
 from sim import kinds
-from sim.installed import forget_packages
+from sim.installed import entries
 from tracking import create
 from tracking.trackers import KINDS as TRACKERS
 
@@ -89,7 +89,7 @@ VALUE = 3
 def package(tmp_path, monkeypatch):
     """Makes an installed package with a module and kinds of trackers."""
     monkeypatch.syspath_prepend(tmp_path)
-    forget_packages()
+    entries.cache_clear()
 
     def make(name, **kinds_of):
         module = name.replace("-", "_")
@@ -102,7 +102,7 @@ def package(tmp_path, monkeypatch):
         return module
 
     yield make
-    forget_packages()
+    entries.cache_clear()
 
 
 def test_a_kind_of_an_installed_package_stands_beside_ours(package):

@@ -20,8 +20,8 @@ from servo.study.files import StudyFile
 from servo.study.parse import load
 from servo.study.record import table_of
 from servo.study.scenario_run import MEASURED, TIMES
-from tracking.external import OF_THE_USER
 from tracking.trackers import KINDS as TRACKERS
+from tracking.wrapped import OF_THE_USER
 
 SMALL = """# mine
 # Two trackers on a car that stands.

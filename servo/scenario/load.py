@@ -31,12 +31,12 @@ from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, section_of
 from servo.scenario.toml import put, with_settings
 from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
-from sim.believed import BelievedConfig
 from sim.camera.camera import CameraConfig
 from sim.installed import Trusted
 from sim.kinds import PartConfig
+from sim.kinematics.robot import Design
+from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
-from sim.robot.robot import Design
 from sim.stage import Disturbance, Motion
 from sim.timing import Rates
 from sim.world import WorldConfig
