@@ -11,15 +11,15 @@ from rich.markup import escape
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
 from servo.loop.episode import Episode
-from servo.loop.part import PartFailed
+from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.settings import DOES_NOT_REPEAT
 from servo.loop.step import Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.bounds import check_expect
 from servo.study.job import Job
 from servo.study.record import Record

@@ -20,7 +20,7 @@ from servo.cli.terminal import (
     print_table,
     progress_bar,
 )
-from servo.loop.part import Part, PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback

@@ -203,6 +203,19 @@ class Step:
         return np.full(len(self.scene.features.names), np.nan)
 
     @property
+    def servoed(self) -> tuple[bool, bool]:
+        """True where the features servo the angle, and the size: they are known only with it, and
+        the tracker follows it.
+        """
+        goal = self.goal_sight
+        known = self.scene.features.known
+        follows = np.array(self.estimate.follows) | (self.estimate.corners is not None)
+        without = (replace(goal, angle_known=False), replace(goal, size_known=False))
+        needed = [(known(goal) & ~known(sight)).any() for sight in without]
+        angle, size = (follows & needed).tolist()
+        return angle, size
+
+    @property
     def joints(self) -> Array:
         """Joint positions (n,) at the time of the frame [m or rad]."""
         return self.posture.joints

@@ -14,7 +14,7 @@ import numpy as np
 
 from servo.loop.loop import Decision, Observation, Running
 from servo.loop.posture_record import PostureRecord
-from servo.scenario.sections import RunConfig
+from servo.loop.settings import RunConfig
 from sim.types import Array, Frame, Posture
 
 SAME = 1e-9

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from servo.loop.episode import Episode
-from servo.loop.part import PartFailed
+from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, refusal, unwritable
 from servo.output import plots

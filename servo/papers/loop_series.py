@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 
 from servo.loop.episode import measured_run
+from servo.loop.settings import stream
 from servo.scenario import load as scenarios
-from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
 from servo.study.job import Job
 from servo.study.record import Record
