@@ -138,7 +138,7 @@ class Run(Sequence[Step]):
     @cached_property
     def measures(self) -> Any:
         """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
-        table.
+        table that prints as one.
         """
         columns = {
             "measure": list(MEANINGS),
@@ -148,7 +148,8 @@ class Run(Sequence[Step]):
             "meaning": [meaning for _, meaning in MEANINGS.values()],
         }
         table = notebook.frame_of(pa.table(columns))
-        return table if isinstance(table, pa.Table) else table.set_index("measure")
+        is_plain = isinstance(table, pa.Table)
+        return notebook.TextTable(table) if is_plain else table.set_index("measure")
 
     @cached_property
     def steps(self) -> Any:
