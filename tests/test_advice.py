@@ -61,7 +61,7 @@ def test_a_tracker_that_does_not_recognise_the_first_picture_is_a_poor_choice():
     picture = np.repeat(image, 3, axis=2), Region(60.0, 40.0), State(160.0, 120.0)
     assert said("cv_mean_shift", picture) == (
         "cv_mean_shift is a poor choice for this target: shown the first picture again, it does "
-        "not recognise it; pf_ssd: 0.0 px"
+        "not recognise it; pf_ssd: 0.1 px"
     )
 
 
