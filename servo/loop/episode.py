@@ -231,6 +231,8 @@ class Episode:
             goal_sight=self._goal_sight(frame.time),
             estimate=decision.estimate,
             truth_estimated=self._truths[latest.picture],
+            picture=latest.picture,
+            decided=timeline.decided > 0,
             age=latest.age,
             skipped=latest.skipped,
             command=decision.command,

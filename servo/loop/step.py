@@ -94,6 +94,10 @@ class Step:
     """What the tracker reported last."""
     truth_estimated: Truth
     """The truth at the picture that this estimate is of."""
+    picture: int
+    """Number of that picture."""
+    decided: bool
+    """Whether estimate and command are new since the last frame, and not those of an older one."""
     age: float
     """From that picture to the estimate [s]."""
     skipped: int

@@ -67,7 +67,8 @@ def _described(config: Any) -> Table:
     """Return the kind of a `Config` and its settings."""
     value: Any = config
     settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
-    return {"kind": kinds.kind_of(config)} | settings
+    # The kind comes first, and is the part's own even if it has a field of this name.
+    return {"kind": ""} | settings | {"kind": kinds.kind_of(config)}
 
 
 def load(
