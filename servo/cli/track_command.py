@@ -36,7 +36,7 @@ from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.sequences.sources import End, Picture, Source
+from tracking.sequences.sources import SECOND, End, Picture, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
@@ -130,7 +130,8 @@ def run(request: TrackRequest) -> int:
         linger(viewer, console)
     if files.refused is not None:
         raise files.refused
-    return code or (REFUSED if source.end is not None and source.end.lost else 0)
+    is_lost = source.end is not None and source.end.lost
+    return code or (REFUSED if is_lost or any(shot.blind for shot in seen) else 0)
 
 
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
@@ -272,6 +273,7 @@ def _report(
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
         end="" if end is None else end.sentence,
+        start=next((s.picture.stamp / SECOND for s in seen if s.picture.stamp is not None), None),
         dropped=0 if end is None else end.dropped,
     )
     return report.write(folder)

@@ -26,7 +26,6 @@ from tracking.sequences.video_file import (
     FASTEST,
     FORMATS,
     SLOWEST,
-    Stamped,
     decoded,
     only_video,
 )
@@ -51,6 +50,7 @@ OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000"}
 all pictures up to the next one."""
 WAKE = 0.1
 """Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
+Stamped = tuple[float | None, Image | None]
 Item = tuple[int, float | None, Image]
 
 
@@ -196,7 +196,7 @@ def _stream(address: str) -> Generator[Feed]:
 
 def _pictures(container: InputContainer, video: av.VideoStream) -> Iterator[Stamped]:
     try:
-        yield from decoded(container, video)
+        yield from ((frame.stamp, frame.image) for frame in decoded(container, video))
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
 
