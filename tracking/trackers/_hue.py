@@ -9,14 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-<<<<<<< HEAD
-from tracking.external.boxes import box_of
 from tracking.loss import LossJudge, LossLimits
-=======
-from tracking.lock import Lock, LockLimits
->>>>>>> guests
 from tracking.types import Estimate, Region, State, check_region, unknown_covariance
-from tracking.wrapped.boxes import Box, box_of
+from tracking.wrapped.boxes import box_of
 
 # As OpenCV's own sample program of CamShift has them, which most users start from.
 BINS = 16

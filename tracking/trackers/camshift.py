@@ -7,15 +7,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
-<<<<<<< HEAD
-from tracking.external.boxes import box_of
 from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import Region, State
-=======
-from tracking.trackers._hue import ENDS, HueTracker
-from tracking.types import State
-from tracking.wrapped.boxes import Box
->>>>>>> guests
+from tracking.wrapped.boxes import box_of
 
 SMALLEST_BOX = 4
 """A window that shrank below this begins at this size again [px]."""

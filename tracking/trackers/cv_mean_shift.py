@@ -7,13 +7,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
-<<<<<<< HEAD
-from tracking.external.boxes import box_of
-=======
->>>>>>> guests
 from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State
-from tracking.wrapped.boxes import Box, box_of
+from tracking.wrapped.boxes import box_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,17 +9,10 @@ from typing import final
 import numpy as np
 
 from sim.types import Array, Frame
-<<<<<<< HEAD
-from tracking.external.boxes import box_of
-from tracking.external.cv2_tracker import Cv2Tracker
 from tracking.trackers._hue import HueTracker
 from tracking.types import Region, State
-=======
-from tracking.trackers._hue import HueTracker
-from tracking.types import State
-from tracking.wrapped.boxes import Box
+from tracking.wrapped.boxes import box_of
 from tracking.wrapped.cv2_tracker import Cv2Tracker
->>>>>>> guests
 
 SEED_BITS = 31
 """Bits of the seeds that OpenCV takes."""

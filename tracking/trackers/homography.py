@@ -13,14 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-<<<<<<< HEAD
-from tracking.external.boxes import convex
 from tracking.loops import plane_alignment
 from tracking.loss import LossJudge, LossLimits
-=======
-from tracking.hot import plane_alignment
-from tracking.lock import Lock, LockLimits
->>>>>>> guests
 from tracking.search.velocity import Velocity
 from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (

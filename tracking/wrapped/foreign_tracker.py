@@ -11,10 +11,8 @@ import numpy as np
 
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.layout import Sampling
-from tracking.appearance.model import SampledModel
-from tracking.lock import Lock, LockLimits
-from tracking.settings import AppearanceSettings
+from tracking.appearance.model import AppearanceSettings
+from tracking.loss import LossJudge, LossLimits
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 from tracking.wrapped.boxes import Box
 
@@ -24,7 +22,7 @@ RESIZED = 1e-3
 """A change of ln scale by less than this is none."""
 ORDERS = [np.roll(order, k) for k in range(4) for order in ((0, 1, 2, 3), (3, 2, 1, 0))]
 """The orders in which four corners may be given."""
-LOCK = LockLimits(floor=0.5, cap=0.75)
+LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of our histogram's distance: of hard bins, it is never near 0."""
 
 
@@ -82,10 +80,10 @@ class ForeignTracker:
         self._placement = Placement(region, state, box, sizes=c.follow_size)
         if c.judge == "score":
             doubt = 1 - c.least_score
-            self._lock = Lock(LockLimits(floor=doubt, cap=doubt))
+            self._loss = LossJudge(LossLimits(floor=doubt, cap=doubt))
         else:
-            self._lock = Lock(LOCK)
-            self._model = SampledModel(frame.image, region, state, AppearanceSettings(), Sampling())
+            self._loss = LossJudge(LIMITS)
+            self._model = AppearanceSettings().model(frame.image, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Take over the tracker's region, if it gives one.
@@ -96,7 +94,7 @@ class ForeignTracker:
         found = self._source.update(frame.image)
         corners = None
         if found is None:
-            distance, status = 1.0, self._lock.judge(math.inf, frame.time)
+            distance, status = 1.0, self._loss.judge(math.inf, frame.time)
         else:
             if found.ndim > 1:
                 corners = self._placement.follow_corners(found)
@@ -112,11 +110,11 @@ class ForeignTracker:
         """Return distance and status of the region that the tracker has given."""
         if self._settings.judge == "score":
             distance = 1.0 - self._source.score()
-            return distance, self._lock.judge(distance, frame.time)
+            return distance, self._loss.judge(distance, frame.time)
         state = self._placement.state
         image = self._model.label(frame.image)
         distance = float(self._model.distances(image, state.vector[None])[0])
-        status = self._lock.judge(distance, frame.time)
+        status = self._loss.judge(distance, frame.time)
         if status is Status.LOCKED:
             self._model.learn(image, state)
         return distance, status
