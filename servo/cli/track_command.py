@@ -2,8 +2,10 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
     STOPPED,
+    WAITING,
     complain,
     plain,
     print_table,
@@ -37,10 +40,13 @@ from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.sequences.sources import SECOND, End, Picture, Source
+from tracking.sequences.sources import RATE, SECOND, End, Picture, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
+
+NOISE = (240, 320)
+"""Height and width of the pictures on which a tracker is warmed up [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +103,11 @@ def run(request: TrackRequest) -> int:
     """
     settings, config = tracker_of(request.tracker, request.changes)
     request.outputs.check()
+    console = Console(quiet=request.quiet)
     try:
         source = source_of(request.source, request.rate, request.topic)
         truth = _truth(request, source)
+        _warm_up(request, source, config, console)
         request, pictures = _selected(request, source)
         region, start = _placement(request, truth)
     except ValueError as error:
@@ -109,10 +117,9 @@ def run(request: TrackRequest) -> int:
     shots = _shots(itertools.islice(follow(tracker, pictures, region, start), request.frames))
     kind = settings["kind"]
     name = request.name_with(kind)
+    viewer = request.outputs.viewer()  # before the first picture of a stream, which goes on
     first = _first(request, shots, name)
-    viewer = request.outputs.viewer()
     folder = prepare(request.out, name)
-    console = Console(quiet=request.quiet)
     comparison = None
     announce(viewer, console)
     image = first.picture.image
@@ -143,6 +150,33 @@ def run(request: TrackRequest) -> int:
     return code or (REFUSED if is_lost or any(shot.blind for shot in seen) else 0)
 
 
+def _warm_up(request: TrackRequest, source: Source, config: Any, console: Console) -> None:
+    """Compile and load what tracker and recording of a live source need, on pictures of noise.
+
+    It does not wait: after its first picture, a second of it would be lost.
+    """
+    if source.count is not None:
+        return
+    rng = np.random.default_rng(0)
+    noise = rng.integers(0, 256, (2, *NOISE, 3), np.uint8)
+    with (
+        console.status(WAITING),
+        suppress(Exception),
+    ):  # what fails here fails again on the pictures, with its sentence
+        shots = follow(
+            config.build(rng),
+            [Picture("noise", 0.0, image) for image in noise],
+            Region(NOISE[1] / 4, NOISE[0] / 4),
+            State(NOISE[1] / 2, NOISE[0] / 2),
+        )
+        with TemporaryDirectory() as place:
+            region = Region(1.0, 1.0)
+            files = TrackFolder(Path(place), region, RATE, recording=request.rerun)
+            for shot in shots:
+                files.add(shot, None)
+            files.close()
+
+
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
     """Yield the shots; a ValueError of source or tracker is the user's mistake."""
     try:
@@ -155,12 +189,11 @@ def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
 
 def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
     try:
-        first = next(shots, None)
+        return next(shots)
     except PartFailed as error:
         raise with_traceback(error, prepare(request.out, name)) from None
-    if first is None:
-        raise Mistake(f"{request.source}: there are no pictures in it")
-    return first
+    except StopIteration:
+        raise Mistake(f"{request.source}: there are no pictures in it") from None
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
