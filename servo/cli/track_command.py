@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 
 from servo.cli.guard import REFUSED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
@@ -19,6 +18,7 @@ from servo.cli.terminal import (
     STOPPED,
     WAITING,
     complain,
+    escape,
     plain,
     print_table,
     progress_bar,
@@ -106,6 +106,7 @@ def run(request: TrackRequest) -> int:
     console = Console(quiet=request.quiet)
     try:
         source = source_of(request.source, request.rate, request.topic)
+        request = replace(request, source=shown(request.source))
         truth = _truth(request, source)
         _warm_up(request, source, config, console)
         request, pictures = _selected(request, source)
@@ -159,10 +160,8 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
         return
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (2, *NOISE, 3), np.uint8)
-    with (
-        console.status(WAITING),
-        suppress(Exception),
-    ):  # what fails here fails again on the pictures, with its sentence
+    # What fails here fails again on the pictures, with its sentence.
+    with console.status(WAITING), suppress(Exception):
         shots = follow(
             config.build(rng),
             [Picture("noise", 0.0, image) for image in noise],
@@ -212,8 +211,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
 
 
 def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
-    """The request without a password, with the region if a person draws it; and the pictures."""
-    request = replace(request, source=shown(request.source))
+    """The request with the region, if a person draws it; and the pictures."""
     pictures = iter(source)
     if not request.select:
         return request, pictures
@@ -233,7 +231,7 @@ def _truth(request: TrackRequest, source: Source) -> Array | None:
             f"{path}: the pictures of {request.source} cannot be counted, so there is no "
             "truth for them"
         )
-    truth = truths.read(path, form)
+    truth = truths.read(path, form, source.count)
     check_truth(truth, source, str(path), form)
     return truth
 

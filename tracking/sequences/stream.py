@@ -31,7 +31,8 @@ from tracking.sequences.video_file import (
 )
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
-PASSWORD = re.compile(r"(?<=//)([^/@:]*):[^/@]*@")
+PASSWORD = re.compile(r"^(\w+://[^/@:]*):.*@", re.DOTALL)
+"""A password may hold every character: the last @ ends it."""
 PROTOCOLS = {
     "rtsp": "rtp,udp,tcp",
     "rtsps": "rtp,udp,tcp,tls",
@@ -156,6 +157,8 @@ def shown(address: str) -> str:
     """Return an address without its password, to print and to store.
 
     >>> shown("rtsp://eye:secret@10.0.0.7/one")
+    'rtsp://eye:***@10.0.0.7/one'
+    >>> shown("rtsp://eye:p@ss/word@10.0.0.7/one")
     'rtsp://eye:***@10.0.0.7/one'
     """
     return PASSWORD.sub(r"\1:***@", address)
