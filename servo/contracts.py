@@ -283,7 +283,7 @@ def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> Non
     if not (angle and size) and not features.known(sight).any():
         missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
         raise BrokenContract(
-            f"the tracker follows no {missing}, without which none of them is known"
+            f"the tracker follows no {missing} of this target, without which none of them is known"
         )
 
 
