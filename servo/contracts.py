@@ -208,8 +208,8 @@ def check_built(place: str, built: object) -> None:
 
 
 def _check_model(place: str, built: object) -> None:
+    from sim.kinematics.robot import Design
     from sim.models.target import Target  # MuJoCo: not for a tracker alone
-    from sim.robot.robot import Design
 
     kind = Design if place == "robot" else Target
     if not isinstance(built, kind):

@@ -222,7 +222,7 @@ def installed(wheel, pip, tmp_path_factory):
     """A folder with the wheel installed into it, and with the loops that are compiled here."""
     folder = tmp_path_factory.mktemp("installed")
     pip("--target", str(folder), str(wheel))
-    there, here = folder / "tracking" / "hot", ROOT / "tracking" / "hot"
+    there, here = folder / "tracking" / "loops", ROOT / "tracking" / "loops"
     for source in here.glob("*.py"):  # of the same time as here, as numba's files have it
         shutil.copystat(source, there / source.name)
     (there / "__pycache__").mkdir(exist_ok=True)

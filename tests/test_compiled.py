@@ -6,14 +6,14 @@ import sys
 
 import pytest
 
-from tracking.hot import compiled
+from tracking.loops import compiled
 
 READ_ONLY = """
 import numba, numba.core.caching as caching
 for name in ("InTreeCacheLocator", "UserWideCacheLocator"):
     getattr(caching, name).from_function = classmethod(lambda *_: None)
 import numpy as np
-from tracking.hot.particle_loops import normalised
+from tracking.loops.particle_loops import normalised
 print(normalised(np.zeros(4)).tolist(), numba.config.CACHE_DIR)
 """
 

@@ -8,9 +8,9 @@ import tiny_onnx
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from sim.types import Frame
-from tracking.external import cv2_tracker
 from tracking.trackers.opencv import Config
 from tracking.types import Region, State, Status
+from tracking.wrapped import cv2_tracker
 
 REGION, START = Region(30.0, 20.0), State(65.0, 50.0)
 

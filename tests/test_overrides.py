@@ -121,3 +121,14 @@ def test_a_file_that_is_wrong_is_blamed_whatever_is_changed(tmp_path):
 def test_the_last_of_two_overrides_holds_and_an_earlier_one_may_be_wrong():
     changes = ["run.latency=2", "run.latency=500", " run . latency = 0x03"]
     assert s.load("still", changes).run.latency == 3
+
+
+def test_a_name_with_dots_stands_in_quotes():
+    changes = ['expect.tracker."mine.py:Name".servo_rms_px=3', "expect.tracker.kams.servo_rms_px=4"]
+    others = s.load("still", changes).bounds.others
+    assert others["mine.py:Name"] == {"servo_rms_px": 3}
+    assert others["kams"] == {"servo_rms_px": 4}
+    wrong = 'expect.tracker."mine.py:Name"=3'
+    assert mistake("still", [wrong]) == (
+        f"--set {wrong}: expect.tracker should be a table of bounds by kind of tracker"
+    )

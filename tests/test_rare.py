@@ -19,10 +19,10 @@ from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
-from tracking.external import OF_THE_USER
 from tracking.sequences.sequence import source_of
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
+from tracking.wrapped import OF_THE_USER
 
 
 def test_a_kind_without_settings_says_so():
@@ -40,8 +40,9 @@ def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 
     from sim.camera.camera import CameraConfig
+    from sim.kinematics.inverse_kinematics import reach
+    from sim.kinematics.robot import Robot
     from sim.models.assembly import build_model
-    from sim.robot.robot import Robot
     from sim.robots import arm
     from sim.targets import car
 
@@ -49,7 +50,7 @@ def test_a_pose_out_of_reach_is_not_reached():
     design = arm.Config().build(np.random.default_rng(0))
     model = build_model(480.0, CameraConfig(), design, target)
     far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([9.0, 9.0, 9.0]))
-    assert Robot(model, design).solve(mujoco.MjData(model), far).there is False
+    assert reach(Robot(model, design), mujoco.MjData(model), far).there is False
 
 
 @pytest.mark.parametrize(

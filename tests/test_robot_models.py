@@ -10,8 +10,7 @@ import pytest
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from sim.robot.design import Design, Drives, Inversion
-from sim.robot.robot import Robot
+from sim.kinematics.robot import Design, Drives, Inversion, Robot
 from sim.robots import gantry
 
 ONE_JOINT = """

@@ -20,8 +20,8 @@ from servo.study.record_file import table_of
 from servo.study.run import Failure
 from servo.study.scenario_run import MEASURED, TIMES
 from servo.study.store import StudyFile
-from tracking.external import OF_THE_USER
 from tracking.trackers import KINDS as TRACKERS
+from tracking.wrapped import OF_THE_USER
 
 SMALL = """# mine
 # Two trackers on a car that stands.

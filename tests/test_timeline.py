@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from servo.controllers._pending_commands import PendingCommands
 from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import summarise
+from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.sections import MeasureConfig
 from servo.study.run import Job
 from servo.study.scenario_run import LoadedScenario, record_of
+from sim.types import Pose, Posture
 
 T = 1 / 30
 SPEED = 29.0
@@ -221,3 +224,49 @@ def test_a_dropped_frame_neither_displaces_a_picture_nor_takes_time():
     assert shown == [0, 1, 2, 3, 4, 6, 7, 10, 12, 13]
     assert decided(steps)[1].age == pytest.approx(0.06 + T - 2 * T)
     assert steps[-1].skipped == 1  # picture 11
+
+
+@pytest.mark.parametrize(
+    ("ms", "acts"),
+    [
+        (0.0, 0.0),
+        (1.0, 1 / 120),  # rounded up to the next update of the drives
+        (80.0, 10 / 120),
+        (1000 / 30, 1 / 30),
+        (100.0, 0.1),
+    ],
+)
+def test_a_latency_in_milliseconds_acts_from_the_next_update_of_the_drives_on(ms, acts):
+    steps = stepped("line", f"run.latency_ms={ms}", "run.duration=0.5", "start.x=-20")
+    first = next(s for s in steps if s.twist_acting.any())
+    assert first.frame.index == int(acts / T + 1e-9)
+    share = 1 - (acts - first.frame.time) / T
+    assert_allclose(first.twist_acting, share * steps[0].command.twist, atol=1e-12)
+
+
+def test_a_latency_of_whole_frames_is_the_same_in_milliseconds():
+    in_frames, in_time = (
+        stepped("line", change, "run.duration=0.7", "start.x=-20")
+        for change in ("run.latency=2", "run.latency_ms=66.66666666666667")
+    )
+    for one, other in zip(in_frames, in_time, strict=True):
+        assert_allclose(one.command.twist, other.command.twist, atol=1e-9)
+        assert_allclose(one.twist_acting, other.twist_acting, atol=1e-9)
+
+
+def test_the_law_learns_how_long_the_first_of_its_pending_commands_still_acts():
+    pending = PendingCommands(2.4)
+    for k in range(5):
+        pending.add(np.full(6, float(k)))
+    posture = Posture(
+        Pose(np.eye(3), np.zeros(3)), np.zeros(6), *[np.zeros(0)] * 3, np.zeros((6, 0))
+    )
+    found = pending.coming(posture, T)
+    assert [twist[0] for twist, _ in found] == [2.0, 3.0, 4.0]
+    assert_allclose([share for _, share in found], [0.4, 1.0, 1.0])
+    assert PendingCommands(0).coming(posture, T) == []
+
+
+def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other():
+    with pytest.raises(Mistake, match=r"run: latency_ms takes the place of latency; leave latency"):
+        load("line", ["run.latency_ms=80", "run.latency=2"])

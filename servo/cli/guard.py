@@ -2,9 +2,11 @@
 signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
+import errno
 import io
 import logging
 import os
+import platform
 import signal
 import sys
 from collections.abc import Callable, Generator
@@ -27,6 +29,7 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
+WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
 def guarded(command: Callable[[], Any]) -> None:
@@ -37,11 +40,19 @@ def guarded(command: Callable[[], Any]) -> None:
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
-    sys.stdout = cast(TextIO, Printer(sys.stdout))
+    printer = Printer(sys.stdout)
+    sys.stdout = cast(TextIO, printer)
     sys.stderr = cast(TextIO, Printer(sys.stderr))
     try:
+        if platform.system() == "Windows":
+            raise Mistake(WINDOWS)
         check_environment()
         command()
+    except SystemExit as end:  # of every command that click has run
+        printer.flush()
+        if printer.refused is not None and not end.code:
+            _end(f"standard output: {refusal(printer.refused)}", REFUSED)
+        raise
     except (Mistake, NoRenderer, UnknownKind) as error:
         _end(str(error), MISTAKEN)
     except Refused as error:
@@ -60,12 +71,14 @@ def _end(sentence: str, code: int) -> None:
 class Printer:
     """A stream that accepts text in any state: closed, full, or with a small character set.
 
-    A command writes its files before it prints; an error in printing does not make it fail.
+    A command writes its files before it prints; an error in printing does not interrupt it.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
         """Print to a standard stream; None: it was closed before the start."""
         self._stream = stream or io.StringIO()
+        self.refused: OSError | None = None
+        """Why not all could be printed; a reader that has seen enough (`| head`) is no reason."""
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
@@ -84,7 +97,9 @@ class Printer:
     def _try(self, act: Callable[[], Any]) -> None:
         try:
             act()
-        except (OSError, ValueError):
+        except (OSError, ValueError) as error:
+            if isinstance(error, OSError) and error.errno != errno.EPIPE:
+                self.refused = error
             # Python flushes the stream again when it ends: its buffer goes to the null device.
             with suppress(OSError, ValueError), Path(os.devnull).open("w") as nowhere:
                 os.dup2(nowhere.fileno(), self._stream.fileno())

@@ -28,7 +28,7 @@ from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
 from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
-from servo.scenario.toml import override
+from servo.scenario.toml import assignment, put
 from sim.types import Array
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
@@ -162,7 +162,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     """
     table: dict[str, Any] = {"tracker": TRACKERS.named(kind)}
     for item in changes:
-        override(table, item)
+        put(table, *assignment(item), f"--set {item}")
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
     return table["tracker"], fill_plugin(TRACKERS, table["tracker"], "tracker")

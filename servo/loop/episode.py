@@ -24,7 +24,7 @@ from servo.scenario.sections import StartConfig
 from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 from sim.geometry import exp_so3
-from sim.robot.start_pose import Reach
+from sim.kinematics.inverse_kinematics import Reach
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Unstable, World, WorldParts
 from tracking.types import Region, State

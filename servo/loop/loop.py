@@ -205,7 +205,7 @@ class Running:
                 loop.estimator,
                 loop.camera,
                 loop.outline,
-                scenario.run.latency,
+                scenario.run.frames_late(self._period),
             )
         )
 
@@ -289,7 +289,7 @@ class Running:
             observation: What `track` returned last.
             posture: What the robot knows of itself at the time of the picture.
             acts: When the command begins to act [s], for an estimator that needs the truth; None:
-                `run.latency` frame intervals after the picture.
+                the latency of the scenario after the picture.
         """
         began = perf_counter()
         loop = self._loop
@@ -297,7 +297,7 @@ class Running:
         interval = observation.interval
         if loop.needs_truth is not None and self._true_motion is not None:
             if acts is None:
-                acts = frame.time + loop.scenario.run.latency * self._period
+                acts = frame.time + loop.scenario.run.frames_late(self._period) * self._period
             motion = self._true_motion(frame.index, acts, acts + interval)
             loop.needs_truth.give(motion / self._scales)
         if loop.scenario.goal.depth_to is not None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from servo.mistake import Mistake
-from servo.scenario.toml import is_number
+from servo.scenario.toml import is_number, names_of
 
 Value = Any
 """Value of a setting, in the types of TOML."""
@@ -120,10 +120,10 @@ def spelled(key: str, place: str) -> str:
     Raises:
         Mistake: One of its names is empty; the message begins with `place`.
     """
-    names = [name.strip() for name in key.split(".")]
+    names = names_of(key)
     if not all(names):
         raise Mistake(f"{place}: '{key}' is not the name of a setting, such as run.latency")
-    return ".".join(names)
+    return ".".join(f'"{name}"' if "." in name else name for name in names)
 
 
 def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from servo.mistake import Mistake, unknown
+from servo.scenario.arguments import texts
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.draws import spelled
-from servo.scenario.given import texts
 from servo.scenario.toml import assignment, plain
 from sim import kinds
 
@@ -94,11 +94,24 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     return found[0]
 
 
-def own_part(key: str, value: Any) -> Any:
-    """Return the `Config` of a part from an instance, a class, or what `tracking.wrap` takes."""
-    name = getattr(value, "__qualname__", repr(value))
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+def own_parts(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the `Config` of each part among keywords that is no name and no table.
+
+    Raises:
+        Mistake: A part is neither a `Config` nor anything that its folder can adapt.
+    """
+    return {
+        key: _own_part(key, value)
+        for key, value in given.items()
+        if key in PLUGINS and not isinstance(value, str | dict)
+    }
+
+
+def _own_part(key: str, value: Any) -> Any:
+    is_config = dataclasses.is_dataclass(value) and callable(getattr(value, "build", None))
+    if is_config and not isinstance(value, type):
         return value
+    name = getattr(value, "__qualname__", repr(value))
     try:
         return PLUGINS[key][0].as_config(value, name)()
     except kinds.UnknownKind as error:

@@ -8,6 +8,7 @@ import functools
 import hashlib
 from collections import defaultdict
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import fields
 from importlib import resources
 from pathlib import Path
@@ -59,9 +60,13 @@ def path_of(name: str) -> Path:
 
 @functools.cache
 def file_settings(config: type[Any]) -> frozenset[str]:
-    """Return the settings of a dataclass that name a file, or several."""
-    hints = get_type_hints(config, include_extras=True)
-    return frozenset(field.name for field in fields(config) if _names_file(hints[field.name]))
+    """Return the settings of a dataclass that name a file, or several; none where its types cannot
+    be evaluated, which parsing reports.
+    """
+    with suppress(Exception):
+        hints = get_type_hints(config, include_extras=True)
+        return frozenset(field.name for field in fields(config) if _names_file(hints[field.name]))
+    return frozenset()
 
 
 def _names_file(hint: Any) -> bool:

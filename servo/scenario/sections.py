@@ -16,6 +16,8 @@ MOST_FRAMES = 360_000
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
 MOST_LATENCY = 100
+LATENCY = 1
+"""Frames, where nothing else is given."""
 DOES_NOT_REPEAT = (
     'run.tracker_ms = "measured": the tracker\'s time on this machine decided what it saw, so the '
     "same seed does not give the same numbers"
@@ -32,9 +34,12 @@ class RunConfig:
     """Simulated time [s]."""
     seed: Annotated[int, Ge(0), Le(MOST_SEED)] = 0
     """Seed of every random stream."""
-    latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = 1
+    latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = LATENCY
     """Frame intervals until a command acts: what frame k asks for moves the camera from frame
     k + latency on, or as much later as its estimate is."""
+    latency_ms: Annotated[float, Ge(0), Le(10_000)] | None = None
+    """The same as a time [ms], which is then rounded up to the next update of the drives; by
+    default `latency` counts."""
     tracker_ms: Annotated[float, Ge(0), Le(60_000)] | Literal["measured"] = 0.0
     """Time that the tracker takes for a picture [ms]: its estimate is there that much later, and it
     skips the pictures that arrive meanwhile, all but the newest. "measured": what it takes on this
@@ -45,6 +50,14 @@ class RunConfig:
     ego: bool = False
     """Give the tracker the motion of the target's image that the measured camera motion caused: its
     prediction then covers the target's own motion only."""
+
+    def __post_init__(self) -> None:
+        if self.latency_ms is not None and self.latency != LATENCY:
+            raise ValueError("latency_ms takes the place of latency; leave latency out")
+
+    def frames_late(self, period: float) -> float:
+        """Return how many frame intervals [s] pass from an estimate until its command acts."""
+        return self.latency if self.latency_ms is None else 1e-3 * self.latency_ms / period
 
     @property
     def repeats(self) -> bool:

@@ -12,9 +12,9 @@ from servo.scenario.sections import (
     StartConfig,
 )
 from servo.sight.estimate_to_sight import SightConfig
-from sim.believed import BelievedConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind
+from sim.miscalibration import BelievedConfig
 from sim.world import WorldConfig
 
 SECTIONS: dict[str, type[Any]] = {

@@ -11,10 +11,9 @@ from servo.contracts import BrokenContract, require
 from servo.testing._subject import built, config_of, contract
 from sim.camera.camera import CameraConfig
 from sim.geometry import log_se3
+from sim.kinematics.robot import Design, Robot
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
-from sim.robot.design import Design
-from sim.robot.robot import Robot
 from sim.types import Array, Effect, Pose
 
 PHYSICS_RATE = 480.0
@@ -75,8 +74,8 @@ def check_disturbance(disturbance: Any) -> None:
 
 @contract
 def check_robot(robot: Any) -> None:
-    """Check that a robot keeps the contract of `sim.robot.robot.Design`: it can be put into the
-    room, and its joints move the camera as its Jacobian says.
+    """Check that a robot keeps the contract of `sim.kinematics.robot.Design`: it can be put into
+    the room, and its joints move the camera as its Jacobian says.
 
     Raises:
         BrokenContract: It does not; the sentence says what to change.
@@ -91,15 +90,14 @@ def check_robot(robot: Any) -> None:
     for home in design.homes:
         n = len(machine.names)
         require(len(home) == n, f"a home has {len(home)} joints; the robot has {n}")
-        _check_jacobian(machine, data, model, np.array(home, dtype=float))
+        _check_jacobian(machine, data, np.array(home, dtype=float))
 
 
-def _check_jacobian(machine: Robot, data: Any, model: Any, home: Array) -> None:
+def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
     def eye(q: Array) -> Pose:
         for name, value in zip(machine.names, q.tolist(), strict=True):
             data.joint(f"robot/{name}").qpos[:] = value
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+        machine.refresh(data)
         return machine.posture(data, np.zeros(6)).T_base_camera
 
     found = [

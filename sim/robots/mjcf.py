@@ -12,11 +12,11 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
+from sim.kinematics.chain import FEWEST
+from sim.kinematics.model import camera_chain, drive, make_robot, mount_pose
+from sim.kinematics.robot import Design, Drives, Inversion
 from sim.models.model_files import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
-from sim.robot.chain import FEWEST
-from sim.robot.design import Design, Drives, Inversion
-from sim.robot.model import camera_chain, drive, make_robot, mount_pose
 from sim.types import Pose
 
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]

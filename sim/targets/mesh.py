@@ -115,19 +115,23 @@ class Config(Outlined):
         return points + (0, 0, max(0.0, FLAT - float(points[:, 2].max())))
 
 
+def trimesh() -> Any:
+    """Import trimesh, only now: it takes half a second."""
+    return importlib.import_module("trimesh")
+
+
 def read_mesh(path: Path) -> Triangles:
     """Return the surface in an OBJ or STL file.
 
     Raises:
         ValueError: It cannot be read, or has no triangle.
     """
-    trimesh: Any = importlib.import_module("trimesh")  # only now: it takes half a second
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
     with reading.opened(path, "mesh") as file:
         try:
-            found = trimesh.load_mesh(file, suffix[1:], process=False, skip_materials=True)
+            found = trimesh().load_mesh(file, suffix[1:], process=False, skip_materials=True)
             vertices, same = np.unique(found.vertices, axis=0, return_inverse=True)
             faces = same.reshape(-1)[found.faces]
         except Exception:  # trimesh's readers raise what they meet in a broken file
@@ -144,17 +148,15 @@ def read_mesh(path: Path) -> Triangles:
 
 def _seen_from_outside(mesh: Triangles) -> Triangles:
     """A closed mesh whose faces point outwards; of an open one both sides can be seen."""
-    faces = mesh.faces
+    vertices = mesh.vertices
     places = mesh.places
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    ahead, back = (np.sort(e @ (len(mesh.vertices), 1)) for e in (edges, edges[:, ::-1]))
-    inside_out = faces[:, ::-1], None if places is None else places[:, ::-1]
-    if np.array_equal(ahead, back) and (np.diff(ahead) > 0).all():
-        a, b, c = (mesh.vertices - mesh.vertices.mean(axis=0))[faces.T]
-        volume = float(np.einsum("ij,ij", a, np.cross(b, c)))
-        return mesh if volume >= 0 else Triangles(mesh.vertices, *inside_out)
+    faces = mesh.faces[:, ::-1]
+    turned = None if places is None else places[:, ::-1]
+    shape: Any = trimesh().Trimesh(vertices, mesh.faces, process=False)
+    if shape.is_watertight and shape.is_winding_consistent:
+        return mesh if shape.volume >= 0 else Triangles(vertices, faces, turned)
     return Triangles(
-        np.concatenate([mesh.vertices, mesh.vertices]),
-        np.concatenate([faces, inside_out[0] + len(mesh.vertices)]),
+        np.concatenate([vertices, vertices]),
+        np.concatenate([mesh.faces, faces + len(vertices)]),
         None if places is None else np.concatenate([places, places[:, ::-1]]),
     )

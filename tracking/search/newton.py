@@ -22,8 +22,8 @@ from math import sqrt
 
 import numpy as np
 
-from sim.types import Array, Image
-from tracking.hot import descent as hot
+from sim.types import Image
+from tracking.loops import descent as loops
 from tracking.types import Region, State
 
 TINY = 1e-12
@@ -42,14 +42,9 @@ class Descent:
 
     state: State
     distance: float
-    """The distance d_m there."""
+    """The distance d_m there: the objective is O = 2 d_m^2."""
     evaluations: int
     """Number of times the histograms were computed."""
-
-
-def distance_of(cost: float) -> float:
-    """Return the Bhattacharyya distance d_m of a value O = 2 d_m^2 of the objective."""
-    return sqrt(min(cost / 2, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +80,11 @@ class KernelModel:
         centres = np.stack([u.ravel(), v.ravel()], axis=1)
         cell = grid.span * inside.width / grid.per_side, grid.span * inside.height / grid.per_side
         half = (inside.width / 2, inside.height / 2)
-        self._kernels: hot.Kernels = half, centres, cell, grid.levels, PIXELS
-        sums, totals = self.histograms(image, state.vector)
-        self._root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + hot.FLOOR)
-
-    def histograms(self, image: Image, x: Array) -> tuple[Array, Array]:
-        """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at x (4,)."""
-        return hot.histograms(image, x, self._kernels)
-
-    def linearise(self, image: Image, x: Array) -> tuple[float, Array, Array]:
-        """Return the objective at x (4,), half its gradient (4,), and half its curvature (4, 4) by
-        Gauss and Newton.
-        """
-        return hot.linearise(image, x, self._kernels, self._root_reference)
+        self.kernels: loops.Kernels = half, centres, cell, grid.levels, PIXELS
+        """The kernels, as the compiled loops take them."""
+        sums, totals = loops.histograms(image, state.vector, self.kernels)
+        self.root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + loops.FLOOR)
+        """Square roots of the reference histograms (K, B)."""
 
     def descend(
         self,
@@ -120,14 +107,14 @@ class KernelModel:
         Returns:
             The last state, its distance, and the number of evaluations.
         """
-        x, cost, evaluations = hot.descend(
+        x, cost, evaluations = loops.descend(
             image,
             state.vector,
-            self._kernels,
-            self._root_reference,
+            self.kernels,
+            self.root_reference,
             UNITS,
             most,
             tolerance,
             2 * hopeless**2,
         )
-        return Descent(State.of(x), distance_of(cost), evaluations)
+        return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)

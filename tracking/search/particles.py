@@ -5,7 +5,7 @@
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import particle_loops
+from tracking.loops import particle_loops
 from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
@@ -64,14 +64,6 @@ class ParticleFilter:
         """True where the angle, and the size, vary between the samples."""
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
-    def ess(self) -> float:
-        """Effective sample size."""
-        return particle_loops.effective_size(self.weights)
-
-    def cloud(self) -> Array:
-        """Return samples and weights as (N, 5): x, y, theta, scale, weight."""
-        return particle_loops.cloud(self.samples, self.weights)
-
     def best(self) -> State:
         """Return the sample with the largest weight."""
         return State.of(self.samples[int(np.argmax(self.weights))])
@@ -84,9 +76,9 @@ class ParticleFilter:
             distance=distance,
             status=status,
             follows=self._follows,
-            ess=self.ess(),
+            ess=particle_loops.effective_size(self.weights),
             evaluations=evaluations,
-            particles=self.cloud(),
+            particles=particle_loops.cloud(self.samples, self.weights),
         )
 
     def resample(self, power: float = 1.0) -> None:
