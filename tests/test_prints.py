@@ -57,6 +57,7 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
     monkeypatch.setattr(doctor_command.gl, "describe", lambda: "a renderer")
+    monkeypatch.setattr(doctor_command, "running", lambda: "5.x without the additional modules")
 
     step = SimpleNamespace(seconds=SimpleNamespace(render=0.002))
     monkeypatch.setattr(doctor_command, "Episode", lambda _: nullcontext([step]))
@@ -64,7 +65,9 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     approved("prints/doctor", lines(console))
     monkeypatch.setattr(doctor_command, "clash", lambda: "uninstall one")
     assert doctor_command.examine() == 1
-    assert capsys.readouterr().err == "servobench: uninstall one\n"
+    assert capsys.readouterr().err == (
+        "servobench: uninstall one; OpenCV 5.x without the additional modules is used\n"
+    )
     assert doctor_command.FINE not in lines(console)
 
 

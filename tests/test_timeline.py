@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from servo.controllers._pending_commands import PendingCommands
 from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import summarise
+from servo.loop.settings import MeasureConfig
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from servo.scenario.sections import MeasureConfig
 from servo.study.run import Job
 from servo.study.scenario_run import LoadedScenario, record_of
 from sim.types import Pose, Posture

@@ -261,7 +261,7 @@ def doctor() -> None:
 
 
 @app.command()
-@click.argument("model", type=opt.PATH, help="Its file, MJCF or URDF.")
+@click.argument("model", type=opt.SOURCE, help="Its file, MJCF or URDF, or a shipped one's name.")
 @click.option("--flange", default="", help="The body or site that carries the camera.")
 @click.option(
     "--mount",
@@ -279,12 +279,12 @@ def doctor() -> None:
 @click.option(
     "--out", type=opt.PATH, default=Path("robot.png"), show_default=True, help="Picture to write."
 )
-def robot(model: Path, out: Path, **given: Any) -> None:
+def robot(model: str, out: Path, **given: Any) -> None:
     """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
     from servo.cli.robot_command import examine
 
     named = {key: value for key, value in given.items() if value}
-    sys.exit(examine({"model": str(model)} | named, out))
+    sys.exit(examine({"model": model} | named, out))
 
 
 def main() -> None:

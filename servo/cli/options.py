@@ -9,6 +9,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from servo.cli.guard import ending_signals
+from servo.mistake import Refused
 from servo.scenario import catalogue
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -129,10 +130,15 @@ class Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
-        with ending_signals():
+        with ending_signals() as raised:
             try:
                 return super().invoke(ctx)
-            except KeyboardInterrupt as cause:
+            except (Refused, OSError):
+                raise
+            except (KeyboardInterrupt, Exception) as error:
                 from servo.cli.terminal import stop  # it imports rich
 
-                stop(cause)
+                cause = raised[0] if raised else error
+                if isinstance(cause, KeyboardInterrupt):
+                    stop(cause)
+                raise

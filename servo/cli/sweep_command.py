@@ -11,7 +11,7 @@ from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.terminal import complain, plain, print_table
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table
 from servo.study.bounds import missed_by_cells
 from servo.study.execute import Workers

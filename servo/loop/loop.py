@@ -18,11 +18,10 @@ import numpy as np
 from servo.contracts import check_followed
 from servo.estimators.difference import Difference
 from servo.loop.goal import Goal
-from servo.loop.part import Part, PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.loop.posture_record import elapsed
+from servo.loop.settings import Setup, stream
 from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
-from servo.scenario.draws import stream
-from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import CameraImage, Command, Sight
 from sim.types import Array, Camera, Frame, Image, Posture
@@ -77,7 +76,7 @@ class Loop:
     """Tracker, features, estimator and controller of a scenario."""
 
     def __init__(
-        self, scenario: Scenario, camera: Camera, outline: Array, true: Camera | None = None
+        self, scenario: Setup, camera: Camera, outline: Array, true: Camera | None = None
     ) -> None:
         """Build the parts.
 

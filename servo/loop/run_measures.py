@@ -8,8 +8,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.loop.settings import MeasureConfig
 from servo.loop.step import Step
-from servo.scenario.sections import MeasureConfig
 from sim.geometry import angle_of, half_turn
 from sim.types import Array
 from tracking.types import Status
@@ -22,12 +22,16 @@ FINAL_SPAN = 1.0
 """The outcome is decided by this last part of a run [s]."""
 CONVERGED_PX = 10.0
 """Largest servo error in that part that still counts as holding the target."""
+CONVERGED_RAD = np.radians(15.0)
+CONVERGED_SCALE = 0.25
+"""The same of angle and size, where the features servo them: `six_motion` lags by up to 10 deg, and
+`bad_init` keeps the fifth by which its region is too large."""
 
 
 class Outcome(Enum):
     """How a run ended; each member carries its sentence."""
 
-    CONVERGED = "The camera holds the target's centre at the goal."
+    CONVERGED = "The camera holds the target at the goal, in all that the features servo."
     TIMED_OUT = "The run ended before the camera was at the goal."
     TARGET_LOST = "The tracker lost the target."
     LIMIT_HIT = "A joint at its limit keeps the camera from the goal."
@@ -184,11 +188,21 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
         return Outcome.TARGET_LOST
     if last.truth.depth <= 0:
         return Outcome.DIVERGED
-    if all(s.servo_error <= CONVERGED_PX for s in final):
+    if all(_held(s) for s in final):
         return Outcome.CONVERGED
     if all(s.limited for s in final):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
+
+
+def _held(step: Step) -> bool:
+    """Return whether centre, angle and size are near the goal, as far as they are servoed."""
+    if step.servo_error > CONVERGED_PX:
+        return False
+    angle, size = step.servoed
+    turned = angle and abs(_servo_angle(step)) > CONVERGED_RAD
+    grown = size and abs(step.truth.size / step.goal_size - 1) > CONVERGED_SCALE
+    return not (turned or grown)
 
 
 def _servo_angle(step: Step) -> float:

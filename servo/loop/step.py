@@ -94,6 +94,10 @@ class Step:
     """What the tracker reported last."""
     truth_estimated: Truth
     """The truth at the picture that this estimate is of."""
+    picture: int
+    """Number of that picture."""
+    decided: bool
+    """Whether estimate and command are new since the last frame, and not those of an older one."""
     age: float
     """From that picture to the estimate [s]."""
     skipped: int
@@ -201,6 +205,19 @@ class Step:
     @property
     def _unknown(self) -> Array:
         return np.full(len(self.scene.features.names), np.nan)
+
+    @property
+    def servoed(self) -> tuple[bool, bool]:
+        """True where the features servo the angle, and the size: they are known only with it, and
+        the tracker follows it.
+        """
+        goal = self.goal_sight
+        known = self.scene.features.known
+        follows = np.array(self.estimate.follows) | (self.estimate.corners is not None)
+        without = (replace(goal, angle_known=False), replace(goal, size_known=False))
+        needed = [(known(goal) & ~known(sight)).any() for sight in without]
+        angle, size = (follows & needed).tolist()
+        return angle, size
 
     @property
     def joints(self) -> Array:

@@ -29,6 +29,7 @@ from servo.study.axes import (
 from servo.study.bounds import SUCCESS_RATE, check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
+from sim.files.shipped import warn_of_own
 
 KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
@@ -62,6 +63,7 @@ def load(
     if path.suffix != ".toml":
         if name not in studies():
             raise Mistake(f"{unknown(name, studies(), 'study')} (or give a .toml file)")
+        warn_of_own(name, f"{name}.toml", "study")
         path = Path(str(resources.files("scenes") / "studies" / f"{name}.toml"))
     table, place = read(str(path))
     if "sweep" in table:
