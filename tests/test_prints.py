@@ -126,7 +126,7 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
 def test_the_list_is_laid_out_so(console, monkeypatch, approved):
     monkeypatch.setattr(list_command, "shipped", lambda: ["still"])
     monkeypatch.setattr(list_command, "studies", lambda: ["noise"])
-    monkeypatch.setattr(list_command, "FOLDERS", {"robot": robots.KINDS})
+    monkeypatch.setattr(list_command, "PARTS", ("scenario", "study", "robot"))
     list_command.show_all()
     approved("prints/list", lines(console))
 
