@@ -33,21 +33,19 @@ from servo.mistake import Mistake, Refused
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table, shown
 from servo.scenario import arguments
 from servo.scenario.load import Scenario, load
 from servo.study import parse
 from servo.study.bounds import MissedBound, check_expect
 from servo.study.execute import Workers, complete
-from servo.study.failure import ClusterLost, Failure
-from servo.study.files import StudyFile
-from servo.study.job import Job
 from servo.study.plan import Study
-from servo.study.record import Record, table_of
+from servo.study.record_file import table_of
 from servo.study.results import Cell, cells_csv, cells_of
+from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
-from servo.study.store import opened
+from servo.study.store import StudyFile, opened
 from sim.camera import gl
 from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded
@@ -192,8 +190,9 @@ class Run(Sequence[Step]):
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
             raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
-        from servo.output.recording.log import RerunLog  # rerun takes half a second to import
-        from servo.output.recording.notebook_recording import NotebookRecording
+        # rerun takes half a second to import
+        from servo.output.recording.destination import NotebookRecording
+        from servo.output.recording.log import RerunLog
 
         log = RerunLog(NotebookRecording(), self._episode, len(self))
         for step in self:

@@ -9,6 +9,7 @@ import os
 import platform
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from math import inf
@@ -20,6 +21,7 @@ from typing import Any, TextIO, cast
 
 from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.camera.gl import NoRenderer, check_environment
+from sim.files.shipped import SameName
 from sim.kinds import UnknownKind
 
 MISTAKEN = 2
@@ -43,6 +45,7 @@ def guarded(command: Callable[[], Any]) -> None:
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
+    _say_warnings_in_a_line()
     printer = Printer(sys.stdout)
     sys.stdout = cast(TextIO, printer)
     sys.stderr = cast(TextIO, Printer(sys.stderr))
@@ -64,6 +67,18 @@ def guarded(command: Callable[[], Any]) -> None:
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
         _end("there is not enough memory for this", REFUSED)
+
+
+def _say_warnings_in_a_line() -> None:
+    """Print our warning without Python's place in the code."""
+    of_python = warnings.formatwarning
+
+    def formatted(message: Warning | str, category: type[Warning], *place: Any) -> str:
+        if category is SameName:
+            return f"servobench: {message}\n"
+        return of_python(message, category, *place)
+
+    warnings.formatwarning = formatted
 
 
 def _end(sentence: str, code: int) -> None:

@@ -96,6 +96,11 @@ changes_option = click.option(
 workers_option = click.option(
     "--workers", type=COUNT, default=2, show_default=True, help="Processes at the same time."
 )
+dry_run_option = click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Print how many runs there are and, after trying a few, how long they take; keep nothing.",
+)
 
 
 def out_option(default: str) -> Callable[[Command], Command]:
