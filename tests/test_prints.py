@@ -30,7 +30,6 @@ from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
 from servo.study.run import Job, Record
 from servo.study.scenario_run import LoadedScenario
-from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
