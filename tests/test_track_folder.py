@@ -36,10 +36,10 @@ def shot(k):
     return Shot(Picture(f"{k}.png", k / 30, None), k, estimate, 0.002, (64, 48))
 
 
-def tracked(folder, extras, count=3, rate=30.0):
+def tracked(folder, extras, count=3):
     """The folder after some shots."""
     more = {folder / name: extra for name, extra in extras.items()}
-    files = TrackFolder(folder, Region(10.0, 6.0), rate, recording=False, more=more)
+    files = TrackFolder(folder, Region(10.0, 6.0), recording=False, more=more)
     for k in range(count):
         files.add(shot(k), None)
     files.close()
@@ -77,16 +77,21 @@ def test_the_first_of_two_refusals_is_named(tmp_path):
     assert str(files.refused) == f"{tmp_path}/b: it ends too early: first"
 
 
-@pytest.mark.parametrize(("rate", "looked"), [(2.4, 3), (0.1, 5), (2.6, 2)])
-def test_once_a_second_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
-    tmp_path, monkeypatch, rate, looked
+def test_before_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
+    tmp_path, monkeypatch
 ):
-    found = []
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: found.append(1))
-    assert tracked(tmp_path, {"a": Extra()}, 5, rate).refused is None
-    assert len(found) == looked
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: True)
+    free = [False, False, True]  # at the beginning, and before each shot
+    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: free.pop(0))
     extra = Extra()
-    files = tracked(tmp_path, {"a": extra}, 2)
+    files = tracked(tmp_path, {"a": extra}, 3)
     assert str(files.refused) == f"{tmp_path}/a: it ends too early: the disk is full"
-    assert extra.done == ["abandon"]
+    assert extra.done == ["begin", "abandon"]
+
+
+def test_on_a_full_disk_no_recording_begins(tmp_path, monkeypatch):
+    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: True)
+    files = TrackFolder(tmp_path, Region(10.0, 6.0), recording=True)
+    files.add(shot(0), None)
+    files.close()
+    assert str(files.refused) == f"{tmp_path}/track.rrd: it ends too early: the disk is full"
+    assert [path.name for path in tmp_path.iterdir()] == ["track.csv"]

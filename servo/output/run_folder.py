@@ -99,9 +99,8 @@ class RunFolder:
         """
         self.folder = folder
         self._scenario = episode.scenario
-        at_once = max(1, round(episode.scenario.camera.rate))
         try:
-            self._table = StepsTable(folder, episode, at_once)
+            self._table = StepsTable(folder, episode)
         except FileExistsError:
             raise Mistake(f"{folder}: another run is writing into this folder") from None
         except OSError as error:
@@ -115,7 +114,7 @@ class RunFolder:
             from servo.output.recording.log import RerunLog
 
             path = folder / RECORDING
-            sinks[path] = RerunLog(RecordingFile(path), episode, at_once)
+            sinks[path] = RerunLog(RecordingFile(path), episode)
         self._sinks = Sinks({**sinks, **(more or {})})
 
     @property

@@ -66,7 +66,28 @@ class Sinks:
 
     def _end(self, name: Path | str, reason: str) -> None:
         self._sinks.pop(name).abandon()
-        self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
+        self.refused = self.refused or ended_early(name, reason)
+
+
+def ended_early(name: Path | str, reason: str) -> Refused:
+    """Return the sentence about a file, or a viewer, that is not complete."""
+    return Refused(f"{name}: it ends too early: {reason}")
+
+
+class Every:
+    """Says once in a while that it is time again, by the wall clock: what a kill may cost."""
+
+    def __init__(self, seconds: float = 1.0) -> None:
+        self._seconds = seconds
+        self._due = time.monotonic() + seconds
+
+    def due(self) -> bool:
+        """Return whether so many seconds have passed since this was last true."""
+        now = time.monotonic()
+        if now < self._due:
+            return False
+        self._due = now + self._seconds
+        return True
 
 
 class PacedSink:

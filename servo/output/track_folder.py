@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from servo.mistake import Refused
 from servo.output.formats import Made, Number
-from servo.output.sinks import Sink, Sinks
+from servo.output.sinks import Sink, Sinks, ended_early
 from sim.types import Array
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
@@ -16,6 +16,7 @@ from tracking.types import Region
 
 TRACK = "track.csv"
 RECORDING = "track.rrd"
+FULL = "the disk is full"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
 
@@ -27,7 +28,6 @@ class TrackFolder:
         self,
         folder: Path,
         region: Region,
-        rate: float,
         *,
         recording: bool,
         more: Mapping[Path | str, Sink] | None = None,
@@ -37,7 +37,6 @@ class TrackFolder:
         Args:
             folder: Where to write.
             region: What is tracked.
-            rate: Of the pictures [1/s].
             recording: Whether a recording is written.
             more: What else takes the shots.
 
@@ -45,17 +44,21 @@ class TrackFolder:
             OSError: A file cannot be written.
         """
         self._folder = folder
-        self._at_once = max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
         sinks = dict(more or {})
-        if recording:
+        full = self._nearly_full()
+        if recording and not full:  # rows come first
             # rerun takes half a second to import
             from servo.output.recording.destination import RecordingFile
             from servo.output.recording.track_log import TrackLog
 
             path = folder / RECORDING
-            sinks[path] = TrackLog(RecordingFile(path), region, self._at_once)
+            sinks[path] = TrackLog(RecordingFile(path), region)
         self._sinks = Sinks(sinks)
+        if full:
+            self._sinks.end(FULL)
+            if recording:
+                self._sinks.refused = ended_early(folder / RECORDING, FULL)
         self.paths = [folder / TRACK, *self._sinks.paths]
 
     @property
@@ -70,8 +73,8 @@ class TrackFolder:
             OSError: The row cannot be written.
         """
         self._rows.add(shot)
-        if self._sinks and shot.index % self._at_once == 0 and self._nearly_full():
-            self._sinks.end("the disk is full")
+        if self._sinks and self._nearly_full():
+            self._sinks.end(FULL)
         self._sinks.add(shot, truth)
 
     def close(self) -> None:

@@ -36,6 +36,10 @@ class Recording(Protocol):
         """Send the last data, and end; errors are those of `flush`."""
         ...
 
+    def abandon(self) -> None:
+        """Leave everything as it is, without waiting for anything."""
+        ...
+
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
     """A stream that goes nowhere yet, of a recording with a name, without Rerun's own times."""
@@ -55,10 +59,15 @@ def flushed(stream: rr.RecordingStream, refused: Callable[[], Refused]) -> None:
     try:
         stream.flush(timeout_sec=PATIENCE)
     except RuntimeError:
-        # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
-        rr.unregister_shutdown()
         raise refused() from None
+
+
+def leak(stream: rr.RecordingStream) -> None:
+    """Never end a stream: deleting it, and Rerun's shutdown, would wait for its last bytes for ever
+    where they cannot be written.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+    rr.unregister_shutdown()
 
 
 class RecordingFile:
@@ -95,6 +104,10 @@ class RecordingFile:
         self.flush()
         self._stream.disconnect()
 
+    def abandon(self) -> None:
+        """Leave the file as it is."""
+        leak(self._stream)
+
 
 class NotebookRecording:
     """A recording in memory, which is shown in a notebook when it is complete."""
@@ -113,3 +126,6 @@ class NotebookRecording:
         from rerun.notebook import Viewer  # of the extra "notebook"
 
         Viewer(recording=self._stream, blueprint=self._blueprint).display()
+
+    def abandon(self) -> None:
+        """Show nothing."""
