@@ -1,5 +1,7 @@
 """A track's files beside its rows: where the disk refuses one, the others go on."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -77,21 +79,27 @@ def test_the_first_of_two_refusals_is_named(tmp_path):
     assert str(files.refused) == f"{tmp_path}/b: it ends too early: first"
 
 
-def test_before_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
+def test_after_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
     tmp_path, monkeypatch
 ):
-    free = [False, False, True]  # at the beginning, and before each shot
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: free.pop(0))
+    full = [False, True]
+    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: full.pop(0))
     extra = Extra()
     files = tracked(tmp_path, {"a": extra}, 3)
     assert str(files.refused) == f"{tmp_path}/a: it ends too early: the disk is full"
     assert extra.done == ["begin", "abandon"]
 
 
-def test_on_a_full_disk_no_recording_begins(tmp_path, monkeypatch):
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: True)
-    files = TrackFolder(tmp_path, Region(10.0, 6.0), recording=True)
+def test_a_recording_without_room_does_not_begin(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(Path, "write_bytes", refuse)
+        files = TrackFolder(tmp_path, Region(10.0, 6.0), recording=True)
     files.add(shot(0), None)
     files.close()
-    assert str(files.refused) == f"{tmp_path}/track.rrd: it ends too early: the disk is full"
+    assert str(files.refused) == (
+        f"{tmp_path}/track.rrd: it ends too early: No space left on device"
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["track.csv"]

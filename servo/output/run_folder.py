@@ -107,15 +107,14 @@ class RunFolder:
             (folder / STREAM).unlink(missing_ok=True)
             sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
             raise Refused(sentence) from None
-        sinks: dict[Path | str, Sink] = {}
+        self._sinks = Sinks(more or {})
         if rerun:
             # rerun takes half a second to import
             from servo.output.recording.destination import RecordingFile
             from servo.output.recording.log import RerunLog
 
             path = folder / RECORDING
-            sinks[path] = RerunLog(RecordingFile(path), episode)
-        self._sinks = Sinks({**sinks, **(more or {})})
+            self._sinks.begin(path, lambda: RerunLog(RecordingFile(path), episode))
 
     @property
     def refused(self) -> Refused | None:

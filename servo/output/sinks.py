@@ -38,6 +38,15 @@ class Sinks:
         self._sinks = dict(sinks)
         self.paths = [name for name in sinks if isinstance(name, Path)]
 
+    def begin(self, path: Path, make: Callable[[], Sink]) -> None:
+        """Make a sink that writes a file, and give it the frames to come if it can be made."""
+        try:
+            self._sinks[path] = make()
+        except OSError as error:
+            self._refuse(path, error.strerror or str(error))
+        else:
+            self.paths.append(path)
+
     def __bool__(self) -> bool:
         return bool(self._sinks)
 
@@ -66,12 +75,10 @@ class Sinks:
 
     def _end(self, name: Path | str, reason: str) -> None:
         self._sinks.pop(name).abandon()
-        self.refused = self.refused or ended_early(name, reason)
+        self._refuse(name, reason)
 
-
-def ended_early(name: Path | str, reason: str) -> Refused:
-    """Return the sentence about a file, or a viewer, that is not complete."""
-    return Refused(f"{name}: it ends too early: {reason}")
+    def _refuse(self, name: Path | str, reason: str) -> None:
+        self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
 
 
 class Every:

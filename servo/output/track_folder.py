@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from servo.mistake import Refused
 from servo.output.formats import Made, Number
-from servo.output.sinks import Sink, Sinks, ended_early
+from servo.output.sinks import Sink, Sinks
 from sim.types import Array
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
@@ -16,7 +16,6 @@ from tracking.types import Region
 
 TRACK = "track.csv"
 RECORDING = "track.rrd"
-FULL = "the disk is full"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
 
@@ -45,20 +44,14 @@ class TrackFolder:
         """
         self._folder = folder
         self._rows = TrackFile(folder / TRACK, region)
-        sinks = dict(more or {})
-        full = self._nearly_full()
-        if recording and not full:  # rows come first
+        self._sinks = Sinks(more or {})
+        if recording:
             # rerun takes half a second to import
             from servo.output.recording.destination import RecordingFile
             from servo.output.recording.track_log import TrackLog
 
             path = folder / RECORDING
-            sinks[path] = TrackLog(RecordingFile(path), region)
-        self._sinks = Sinks(sinks)
-        if full:
-            self._sinks.end(FULL)
-            if recording:
-                self._sinks.refused = ended_early(folder / RECORDING, FULL)
+            self._sinks.begin(path, lambda: TrackLog(RecordingFile(path), region))
         self.paths = [folder / TRACK, *self._sinks.paths]
 
     @property
@@ -74,7 +67,7 @@ class TrackFolder:
         """
         self._rows.add(shot)
         if self._sinks and self._nearly_full():
-            self._sinks.end(FULL)
+            self._sinks.end("the disk is full")
         self._sinks.add(shot, truth)
 
     def close(self) -> None:

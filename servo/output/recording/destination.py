@@ -17,6 +17,10 @@ FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
 
 
+ROOM = 1 << 18
+"""Space that a recording needs to begin [bytes]."""
+
+
 class Recording(Protocol):
     """The destination of a recording."""
 
@@ -77,7 +81,16 @@ class RecordingFile:
         self.path = path
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the file."""
+        """Open the file.
+
+        Raises:
+            OSError: There is no room for it; Rerun would wait for ever.
+        """
+        try:
+            self.path.write_bytes(bytes(ROOM))
+        except OSError:
+            self.path.unlink(missing_ok=True)
+            raise
         self._stream = new_stream(app, self.path.parent.name)
         self._stream.save(self.path, default_blueprint=blueprint)
         return self._stream
