@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from servo.loop.step import Step
     from servo.mistake import Mistake
     from servo.parts import Controller, Estimator, FeatureSet, Task
-    from servo.result import Run, simulate
+    from servo.result import Run, Sweep, simulate, sweep
     from servo.scenario.load import Scenario, load
-    from servo.study.record import Record
-    from servo.swept import Sweep, sweep
+    from servo.study.run import Record
     from servo.types import Command, Sight
+    from sim.ranges import File
     from sim.types import Camera, Frame, Pose, Posture
     from tracking import create
     from tracking.types import Estimate, Region, State, Status, Tracker
@@ -40,6 +40,7 @@ __all__ = [
     "Estimate",
     "Estimator",
     "FeatureSet",
+    "File",
     "Frame",
     "Loop",
     "Mistake",
@@ -71,10 +72,10 @@ HOMES = {
     "servo.mistake": ("Mistake",),
     "servo.scenario.load": ("Scenario", "load"),
     "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
-    "servo.result": ("Run", "simulate"),
-    "servo.study.record": ("Record",),
-    "servo.swept": ("Sweep", "sweep"),
+    "servo.result": ("Run", "Sweep", "simulate", "sweep"),
+    "servo.study.run": ("Record",),
     "servo.types": ("Command", "Sight"),
+    "sim.ranges": ("File",),
     "sim.types": ("Camera", "Frame", "Pose", "Posture"),
     "tracking": ("create",),
     "tracking.types": ("Estimate", "Region", "State", "Status", "Tracker"),

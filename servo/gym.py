@@ -17,20 +17,17 @@ that `[vary]` draws for it. Without a seed, one is drawn.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from servo.loop.episode import Episode
+from servo import Episode, Mistake, Scenario, Step, load
 from servo.loop.run_measures import CONVERGED_PX
-from servo.loop.step import Step
-from servo.mistake import Mistake
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
-from servo.scenario.catalogue import PLUGINS
-from servo.scenario.given import each_once, numbers, one_of, texts
-from servo.scenario.load import Scenario, load, parse
+from servo.scenario.arguments import each_once, numbers, one_of, texts
+from servo.scenario.keywords import own_parts
+from servo.scenario.load import parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
 from sim.types import Array
@@ -163,9 +160,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             seed = given.pop("seed", seed)
             return load(name, overrides, seed, **given)
         base = self._base
-        scenario = parse(with_settings(base.table, {"run.seed": seed}, name), base.name, name)
-        parts = {k for k in PLUGINS if k in settings and not isinstance(settings[k], str | dict)}
-        return replace(scenario, **{k: getattr(base, k) for k in parts}) if parts else scenario
+        table = with_settings(base.table, {"run.seed": seed}, name)
+        return parse(table, base.name, name, own=own_parts(settings))
 
     def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Let an action act as the law's command would, and look again.

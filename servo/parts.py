@@ -141,8 +141,8 @@ class Task:
     """Intrinsics and image size."""
     outline: Array
     """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
-    latency: int = 0
-    """Frames until a command acts."""
+    latency: float = 0
+    """Frame intervals until a command acts."""
 
 
 class Controller(Protocol):

@@ -1,14 +1,18 @@
-"""A whole run as a value, for notebooks and scripts: its tables, figures, pictures and film.
+"""What `servo.simulate` and `servo.sweep` return: a run or a study as tables, figures and film.
 
 result = servo.simulate("reversal", gain=1.5)
 result.measures, result.steps, result.figure(), result.frame(7.7)
+
+study = servo.sweep("latency_gain", ["run.duration=6"], seeds=3)
+study.cells, study.runs
 """
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from importlib.util import find_spec
@@ -19,27 +23,38 @@ import cv2
 import numpy as np
 import pyarrow as pa
 from PIL import Image as Pillow
+from pyarrow import csv
 
 from servo import notebook
 from servo.loop.episode import Episode
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
-from servo.mistake import Mistake
-from servo.output import plots
+from servo.mistake import Mistake, Refused
+from servo.output import plots, steps_table
 from servo.output.annotated import annotated
-from servo.output.steps_table import quantities_of, table_of
+from servo.output.formats import command_line
+from servo.report.study_data import cell_row
 from servo.report.words import Table, shown
+from servo.scenario import arguments
 from servo.scenario.load import Scenario, load
+from servo.study import parse
 from servo.study.bounds import MissedBound, check_expect
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.execute import Workers, complete
+from servo.study.plan import Study
+from servo.study.record_file import table_of
+from servo.study.results import Cell, cells_csv, cells_of
+from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
+from servo.study.store import StudyFile, opened
+from sim.camera import gl
 from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded
 
 QUALITY = 95
 """Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""
 MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
+SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
+"""Means of a cell that a notebook shows; `cells` has all."""
 
 
 def simulate(
@@ -123,7 +138,7 @@ class Run(Sequence[Step]):
     @cached_property
     def measures(self) -> Any:
         """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
-        table.
+        table that prints as one.
         """
         columns = {
             "measure": list(MEANINGS),
@@ -133,14 +148,17 @@ class Run(Sequence[Step]):
             "meaning": [meaning for _, meaning in MEANINGS.values()],
         }
         table = notebook.frame_of(pa.table(columns))
-        return table if isinstance(table, pa.Table) else table.set_index("measure")
+        is_plain = isinstance(table, pa.Table)
+        return notebook.TextTable(table) if is_plain else table.set_index("measure")
 
     @cached_property
     def steps(self) -> Any:
         """A row for each frame, with the columns of steps.parquet: a DataFrame, or, without pandas,
         an Arrow table.
         """
-        return notebook.frame_of(table_of(self._light, quantities_of(self._episode)))
+        return notebook.frame_of(
+            steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
+        )
 
     def figure(self) -> Drawing:
         """Errors and the target's own motion over time."""
@@ -197,18 +215,104 @@ class Run(Sequence[Step]):
         return f"<p><b>{escape(self.title)}</b>: {ending}</p>{table}{plot}"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Clip:
     """A film in memory."""
 
-    mp4: bytes
+    mp4: bytes = field(repr=False)
 
     def save(self, path: str | Path) -> None:
         """Write it to a file."""
         Path(path).write_bytes(self.mp4)
 
-    def __repr__(self) -> str:
-        return f"Clip({len(self.mp4) / 1e3:.0f} kB, MP4)"
-
     def _repr_html_(self) -> str:
         return notebook.html_film(self.mp4)
+
+
+def sweep(
+    study: str | Path,
+    overrides: Sequence[str] = (),
+    seeds: int | None = None,
+    workers: int = 2,
+    out: str | Path | None = None,
+) -> Sweep:
+    """Do the runs of a study on worker processes; in a notebook with a progress bar.
+
+    Args:
+        study: A name or a file.
+        overrides: Settings of all runs, such as "run.duration=6".
+        seeds: Replaces the study's seeds by 0, 1, ... up to this number.
+        workers: How many processes.
+        out: The study's folder, as `servobench sweep --out` has it: what is there already is not
+            done again. By default nothing is kept.
+
+    Raises:
+        Mistake: The study, a setting or the folder is wrong.
+        Refused: The workers cannot work, or every run failed.
+    """
+    study = arguments.name(study, "study")
+    overrides = arguments.texts(overrides)
+    seeds = None if seeds is None else arguments.whole(seeds, "seeds", 1)
+    workers = arguments.whole(workers, "workers", 1)
+    out = None if out is None else arguments.name(out, "folder")
+    plan = parse.load(study, overrides, seeds)
+    jobs = list(plan.jobs())
+    gl.backend()
+    command = command_line("sweep", study, set=list(overrides), seeds=seeds)
+    failed = list[str]()
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
+        store = stack.enter_context(opened(Path(folder), StudyFile.of(plan, command)))
+        team = stack.enter_context(Workers(workers))
+        store.find(jobs)
+        bar = stack.enter_context(notebook.progress(plan.name, plan.size))
+        try:
+            for job, end in complete(jobs, store, team):
+                if isinstance(end, Failure):
+                    failed.append(f"{end.reason} (again: {job.command})")
+                bar(len(store.done) + len(failed), f"{len(failed)} failed")
+        except ClusterLost as lost:
+            raise Refused(f"{lost}; give `out` to go on from what is finished") from None
+        records = store.records(jobs)
+        if not records:
+            raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")
+        return Sweep(plan, records, failed)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Sweep:
+    """A study whose runs are done."""
+
+    study: Study
+    records: list[Record]
+    failed: list[str]
+    """A sentence for each run that failed, with the command that repeats it."""
+
+    @cached_property
+    def runs(self) -> Any:
+        """A row for each run: a DataFrame, or, without pandas, an Arrow table."""
+        return notebook.frame_of(table_of(self.records))
+
+    @cached_property
+    def cells(self) -> Any:
+        """A row for each combination of axis values: success rate and means with 95 % intervals."""
+        text = cells_csv(self.study, self._cells).encode()
+        table = csv.read_csv(pa.BufferReader(text))
+        numbers = [pa.float64() if pa.types.is_null(t) else t for t in table.schema.types]
+        return notebook.frame_of(
+            table.cast(pa.schema(zip(table.column_names, numbers, strict=True)))
+        )
+
+    @cached_property
+    def _cells(self) -> list[Cell]:
+        return cells_of(self.study, table_of(self.records).to_pylist())
+
+    def __repr__(self) -> str:
+        runs = len(self.records)
+        cells = len(self._cells)
+        return f"Sweep({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
+
+    def _repr_html_(self) -> str:
+        keys = [axis.key for axis in self.study.every_axis]
+        rows = [cell_row(cell, SHOWN) for cell in self._cells]
+        return notebook.html_table(Table((*keys, "units", "held", *SHOWN), rows))

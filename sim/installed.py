@@ -46,7 +46,7 @@ GROUPS = "servobench."
 
 
 @functools.cache  # looking through all packages takes 20 ms
-def _entries() -> dict[str, frozenset[Installed]]:
+def entries() -> dict[str, frozenset[Installed]]:
     """Return the kinds that packages bring, by group."""
     entries = metadata.entry_points()
     return {
@@ -62,17 +62,12 @@ def _entries() -> dict[str, frozenset[Installed]]:
 
 def installed(group: str) -> tuple[Installed, ...]:
     """Return the kinds that packages bring to a group such as "servobench.trackers"."""
-    return tuple(sorted(_entries().get(group, ()), key=lambda k: (k.kind, k.package)))
+    return tuple(sorted(entries().get(group, ()), key=lambda k: (k.kind, k.package)))
 
 
 def packages() -> dict[str, str]:
     """Return the versions of all packages that bring kinds, by name."""
-    return {k.package: k.version for kinds in _entries().values() for k in kinds}
-
-
-def forget_packages() -> None:
-    """Look through the packages anew next time: one has been installed meanwhile."""
-    _entries.cache_clear()
+    return {k.package: k.version for kinds in entries().values() for k in kinds}
 
 
 def imported(path: str) -> Any:

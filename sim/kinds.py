@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast
 
 from sim.installed import BrokenPart, Installed, Trusted, imported, installed
 
@@ -41,6 +41,15 @@ class PartConfig(Protocol[Thing]):
     def build(self, rng: np.random.Generator) -> Thing:
         """Return the part; its random numbers come from the generator only."""
         ...
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class BuildsItself:
+    """Settings that do the work, too: the part draws nothing."""
+
+    def build(self, rng: np.random.Generator) -> Self:  # noqa: ARG002
+        """Return the part; draws nothing."""
+        return self
 
 
 class UnknownKind(ValueError):

@@ -10,17 +10,15 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim import placement
-from sim.believed import RIGHT, BelievedConfig
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.lens import Lens, Sensor
 from sim.camera.renderer import MakeRenderer, OpenGLRenderer, camera_pose
 from sim.geometry import log_se3
+from sim.kinematics.inverse_kinematics import Reach, reach
+from sim.kinematics.robot import CAMERA, Design, Robot
+from sim.miscalibration import RIGHT, BelievedConfig, as_believed
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
-from sim.robot.design import CAMERA, Design
-from sim.robot.known_robot import as_known
-from sim.robot.robot import Robot
-from sim.robot.start_pose import Reach
 from sim.stage import Disturbance, Motion, Stage
 from sim.timing import Rates, exposures
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
@@ -101,7 +99,7 @@ class World:
         self.robot = Robot(self.model, robot)
         self.camera = camera_of(camera, self.model, CAMERA)
         self.camera_believed = parts.believed.camera(self.camera)
-        self._known = as_known(self.robot, robot, parts.believed, encoders)
+        self._known = as_believed(self.robot, robot, parts.believed, encoders)
         self._eye = self.model.camera(CAMERA).id
         self.outline = parts.target.outline
         self.outline_found = parts.target.found
@@ -152,7 +150,7 @@ class World:
 
     def _go(self, T_world_camera: Pose) -> Reach:
         placement.check_sight(self.outline, T_world_camera, self._stage.target(0.0))
-        reached = self.robot.solve(self.data, T_world_camera)
+        reached = reach(self.robot, self.data, T_world_camera)
         mujoco.mj_forward(self.model, self.data)
         self._eye_at = self._set_stage(0.0)
         return reached

@@ -165,8 +165,8 @@ def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
 
     from servo.study import store
-    from servo.study.files import StudyFile
     from servo.study.parse import load
+    from servo.study.store import StudyFile
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)
@@ -222,7 +222,7 @@ def installed(wheel, pip, tmp_path_factory):
     """A folder with the wheel installed into it, and with the loops that are compiled here."""
     folder = tmp_path_factory.mktemp("installed")
     pip("--target", str(folder), str(wheel))
-    there, here = folder / "tracking" / "hot", ROOT / "tracking" / "hot"
+    there, here = folder / "tracking" / "loops", ROOT / "tracking" / "loops"
     for source in here.glob("*.py"):  # of the same time as here, as numba's files have it
         shutil.copystat(source, there / source.name)
     (there / "__pycache__").mkdir(exist_ok=True)

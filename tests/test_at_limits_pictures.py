@@ -12,7 +12,7 @@ from sim.types import Frame
 from tracking.appearance.bins import Window
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track_measures import OVERLAPS, Comparison, frames_until_loss, lost_signal
-from tracking.lock import FEW, Lock, LockLimits
+from tracking.loss import FEW, LossJudge, LossLimits
 from tracking.sequences import quadrilateral, truth
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import PaintedSource
@@ -204,7 +204,7 @@ def test_a_window_holds_itself_and_nothing_larger():
 
 
 def judged(*distances, **settings):
-    lock = Lock(LockLimits(**{"floor": 0.2, "cap": 0.5, "patience": 1.0} | settings))
+    lock = LossJudge(LossLimits(**{"floor": 0.2, "cap": 0.5, "patience": 1.0} | settings))
     return [lock.judge(d, 0.5 * k) for k, d in enumerate(distances)], lock
 
 

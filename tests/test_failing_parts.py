@@ -11,7 +11,7 @@ import pytest
 from servo.estimators.none import Nothing
 from servo.features.moments import MomentFeatures, Scaling
 from servo.loop.episode import run
-from servo.loop.part import PartFailed
+from servo.loop.part_failures import PartFailed
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.testing import check_tracker

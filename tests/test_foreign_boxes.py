@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from tracking.external.boxes import Placement, convex
 from tracking.types import Region, State
+from tracking.wrapped.boxes import convex
+from tracking.wrapped.foreign_tracker import Placement
 
 REGION, START = Region(40.0, 20.0), State(100.0, 60.0, 0.3, 1.5)
 BOX = np.array([60.0, 30.0, 80.0, 60.0])

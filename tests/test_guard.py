@@ -48,6 +48,14 @@ def test_an_error_of_our_own_keeps_its_traceback():
         guarded(command)
 
 
+def test_windows_is_named_at_the_start(capsys, monkeypatch):
+    monkeypatch.setattr("platform.system", lambda: "Windows")
+    with pytest.raises(SystemExit) as ended:
+        guarded(lambda: None)
+    sentence = "servobench: this runs on Linux and macOS; on Windows use WSL (wsl --install)\n"
+    assert (ended.value.code, capsys.readouterr().err) == (2, sentence)
+
+
 def test_a_printer_goes_on_after_its_stream_is_gone():
     class Gone(io.StringIO):
         def write(self, _):
@@ -78,17 +86,35 @@ def printed(words, where, place, **environment):
     return ended.returncode, ended.stderr
 
 
-@pytest.mark.parametrize("where", ["> /dev/full", ">&- 2>&-", "| true"])
-def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, where):
+FULL = (1, "servobench: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize(
+    ("where", "end"), [("> /dev/full", FULL), (">&- 2>&-", (0, "")), ("| true", (0, ""))]
+)
+def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, where, end):
     odd = {"PYOPENGL_PLATFORM": "nonsense", "MPLBACKEND": "nonsense"}  # does not matter either
-    assert printed(RUN, where, tmp_path, **odd) == (0, "")
+    assert printed(RUN, where, tmp_path, **odd) == end
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES
 
 
-@pytest.mark.parametrize("where", [">&-", "2>&-", "> /dev/full 2> /dev/full"])
-def test_so_does_a_command_that_is_quick_to_start(tmp_path, where):
-    assert printed(("new", "tracker", "mine"), where, tmp_path) == (0, "")
+@pytest.mark.parametrize(
+    ("where", "end"),
+    [
+        (">&-", (0, "")),
+        ("2>&-", (0, "")),
+        ("> /dev/full", FULL),
+        ("> /dev/full 2> /dev/full", (1, "")),
+    ],
+)
+def test_so_does_a_command_that_is_quick_to_start(tmp_path, where, end):
+    assert printed(("new", "tracker", "mine"), where, tmp_path) == end
     assert (tmp_path / "mine" / "README.md").exists()
+
+
+@pytest.mark.parametrize("words", [("list",), ("list", "camera"), ("schema",), ("--help",)])
+def test_what_cannot_be_printed_ends_with_a_sentence(tmp_path, words):
+    assert printed(words, "> /dev/full", tmp_path) == FULL
 
 
 def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from tilted import Scene, placed, rms, tilted
 from sim.targets import plate
 from sim.types import Frame
 from tracking import create
-from tracking.hot import plane_alignment
+from tracking.loops import plane_alignment
 from tracking.trackers._plane import SQUARE, homography, through
 from tracking.types import Region, State, Status
 
@@ -170,4 +170,4 @@ def test_weights_and_equations_are_those_of_plain_numpy():
     cov = np.cov(seen, template, aweights=weights, ddof=0)
     share = min(1.0, weights.sum() / (0.8 * 50))
     expected = cov[0, 1] / np.sqrt(cov[0, 0] * cov[1, 1]) * share
-    assert plane_alignment.likeness(seen, template, weights) == pytest.approx(expected, rel=1e-9)
+    assert plane_alignment.correlation(seen, template, weights) == pytest.approx(expected, rel=1e-9)

@@ -1,5 +1,7 @@
 """Settings given from Python as keywords."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,73 @@ def test_a_part_of_ones_own_goes_with_settings():
     assert scenario.controller.gain == 1.0
     assert scenario.expect == {"outcome": "CONVERGED", "servo_rms_px": 4.0}
     assert "Mine" in str(scenario.settings()["tracker"]["kind"])
+
+
+@dataclass(frozen=True)
+class Law:
+    """A control law of one's own, and the setting of it."""
+
+    gain: float = 1.0
+
+    def build(self, rng):
+        return self
+
+
+@pytest.mark.parametrize(
+    ("part", "changes", "given"),
+    [
+        (Law, [], {"gain": 2}),
+        (Law, ["controller.gain=2"], {}),
+        (Law(3.0), ["controller.gain=2"], {}),
+        (Law(2.0), [], {}),
+        (Law, [], {"controller.gain": 2}),
+    ],
+)
+def test_settings_reach_a_part_of_ones_own(part, changes, given):
+    scenario = servo.load("still", changes, seed=3, controller=part, **given)
+    assert scenario.controller == Law(2.0)
+    assert scenario.run.seed == 3
+    assert scenario.settings()["controller"] == {"kind": f"{__name__}:Law", "gain": 2.0}
+
+
+@dataclass(frozen=True)
+class Named(Law):
+    """A part with a field that has the name of the kind."""
+
+    kind: str = "mine"
+
+
+def test_a_field_called_kind_does_not_rename_a_part():
+    scenario = servo.load("still", controller=Named, gain=2)
+    assert scenario.controller == Named(2.0)
+    assert scenario.settings()["controller"] == {"kind": f"{__name__}:Named", "gain": 2.0}
+
+
+def test_a_draw_reaches_a_part_of_ones_own_and_an_instance_is_left_as_it_is():
+    law = Law()
+    drawn = servo.load("still", seed=1, controller=law, vary={"controller.gain": {"choice": [7.0]}})
+    assert (drawn.controller, law) == (Law(7.0), Law())
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"gain": "x"}, "gain='x': controller.gain = 'x': input should be a valid number"),
+        ({"gian": 1}, "there is no setting 'gian'; did you mean 'gain'?"),
+        (
+            {"coast": 1.0},
+            "there is no setting 'coast'; did you mean 'contrast'?",
+        ),  # of the law that it replaces
+        (
+            {"overrides": ["controller.coast=1"]},
+            "--set controller.coast=1: controller: there is no key 'coast'; there is gain",
+        ),
+    ],
+)
+def test_a_setting_that_a_part_of_ones_own_lacks_is_refused(given, message):
+    with pytest.raises(Mistake) as found:
+        servo.load("still", controller=Law, **given)
+    assert str(found.value) == message
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from dark import Dark
 
-from sim.believed import BelievedConfig
 from sim.geometry import log_se3
+from sim.miscalibration import BelievedConfig
 from sim.motions import still
 from sim.robots import arm, gantry, mjcf
 from sim.targets import car

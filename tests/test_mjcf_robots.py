@@ -9,8 +9,9 @@ from robot_files import built, mjcf_arm, urdf_arm
 
 from servo.loop.episode import measured_run
 from servo.scenario.load import load
-from sim.robot.design import Inversion
-from sim.robot.model import mount_pose
+from sim.kinematics.inverse_kinematics import reach
+from sim.kinematics.model import mount_pose
+from sim.kinematics.robot import Inversion
 from sim.robots import mjcf
 from sim.types import Pose
 
@@ -156,7 +157,7 @@ def test_centring_gives_way_where_it_would_slow_the_camera(seven):
 def test_a_start_pose_is_inside_the_limits_and_exact(seven):
     robot, _, data = built(model=str(seven), base=BASE)
     wanted = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.1, 0.05, 1.0]))
-    assert robot.solve(data, wanted)
+    assert reach(robot, data, wanted)
     q = robot.joints(data)
     assert np.all((q > robot.lower) & (q < robot.upper))
     np.testing.assert_allclose(robot.eye(data).translation, wanted.translation, atol=1e-9)
@@ -166,12 +167,12 @@ def test_a_start_pose_is_inside_the_limits_and_exact(seven):
 def test_a_home_decides_between_solutions(urdf):
     wanted = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 1.0]))
     robot, _, data = built(model=str(urdf), base=BASE)
-    assert robot.solve(data, wanted)
+    assert reach(robot, data, wanted)
     q = robot.joints(data) + 0.1
     other = np.where(np.arange(6) == 5, q - 2 * np.pi * np.sign(q), q)
     for home in (q, other):
         robot, _, data = built(model=str(urdf), base=BASE, home=(tuple(home),))
-        assert robot.solve(data, wanted)
+        assert reach(robot, data, wanted)
         assert np.abs(robot.joints(data) - home).max() < 0.5
 
 
@@ -203,15 +204,17 @@ def test_a_home_that_looks_straight_up_is_no_obstacle(tmp_path):
     mujoco.mj_kinematics(robot.model, data)
     above = robot.eye(data)
     robot, _, data = built(model=str(tmp_path / "arm.urdf"), base=BASE, home=((0.3,) * 6,))
-    reach = robot.solve(data, Pose(above.rotation @ np.diag([1.0, -1.0, -1.0]), above.translation))
-    assert reach.there or 0.0 < reach.angle <= np.pi
+    reached = reach(
+        robot, data, Pose(above.rotation @ np.diag([1.0, -1.0, -1.0]), above.translation)
+    )
+    assert reached.there or 0.0 < reached.angle <= np.pi
 
 
 def test_the_angle_that_is_left_is_right_up_to_half_a_turn(seven):
     robot, _, data = built(model=str(seven), base=BASE)
     far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 9.0]))
-    reach = robot.solve(data, far)
+    reached = reach(robot, data, far)
     error = robot.eye(data).inverse() @ far
-    assert not reach
-    assert reach.distance == pytest.approx(float(np.linalg.norm(error.translation)))
-    assert reach.angle == pytest.approx(np.arccos((np.trace(error.rotation) - 1) / 2), abs=1e-6)
+    assert not reached
+    assert reached.distance == pytest.approx(float(np.linalg.norm(error.translation)))
+    assert reached.angle == pytest.approx(np.arccos((np.trace(error.rotation) - 1) / 2), abs=1e-6)

@@ -13,7 +13,7 @@ from servo.scenario.load import load
 from servo.sight import estimate_to_sight
 from servo.study.bounds import missed_bounds
 from servo.types import Plane
-from sim.robot.robot import Robot
+from sim.kinematics.robot import Robot
 from sim.world import World
 
 

@@ -14,11 +14,10 @@ from servo.scenario.named_files import (
     named_by,
     named_in,
 )
-from servo.study.files import StudyFile
 from servo.study.parse import load as load_study
 from servo.study.sequence_run import Contender
-from servo.study.store import opened
-from sim.installed import forget_packages
+from servo.study.store import StudyFile, opened
+from sim.installed import entries
 from tracking.trackers import opencv
 
 WEDGE = """v -1 -.5 0\nv 1 -.5 0\nv 1 .5 0\nv -1 .5 0\nv -1 -.5 {height}\nv -1 .5 {height}
@@ -102,7 +101,7 @@ def test_the_types_of_a_plugin_say_which_of_its_settings_name_files(folder, monk
         'scenario = "net.toml"\nset = {run.duration = 0.1}\n'
         '[axes]\ntracker.model = ["resnet", "alexnet"]\ntracker.weights = ["net.pt"]\n'
     )
-    forget_packages()
+    entries.cache_clear()
     try:
         tracker = load(str(folder / "net.toml"), ["tracker.model=resnet"]).tracker
         weights = str(folder / "net.pt")
@@ -114,7 +113,7 @@ def test_the_types_of_a_plugin_say_which_of_its_settings_name_files(folder, monk
         given = load(str(folder / "net.toml"), ["tracker.weights=net.pt"]).tracker.weights
         assert given == "net.pt"  # of the working directory
     finally:
-        forget_packages()
+        entries.cache_clear()
 
 
 def test_a_digest_follows_the_content_of_a_file_and_of_what_a_model_consists_of(folder):

@@ -2,9 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.hot import kernel_histograms as hot
-from tracking.hot.descent import FLOOR
-from tracking.search.newton import UNITS, KernelGrid, KernelModel, distance_of
+from tracking.loops import descent as loops
+from tracking.search.newton import UNITS, KernelGrid, KernelModel
 from tracking.types import Region, State
 
 REGION, TRUE = Region(60.0, 40.0), State(80.0, 60.0, 0.3, 1.0)
@@ -22,19 +21,29 @@ def target_image(state=TRUE, seed=2):
     return cv2.warpAffine(texture, warp, (160, 120), flags=cv2.INTER_LINEAR)
 
 
+def linearise(model, image, x):
+    """The objective, half its gradient and half its curvature at x."""
+    return loops.linearise(image, x, model.kernels, model.root_reference)
+
+
+def histograms(image):
+    kernels = KernelModel(image, REGION, TRUE, KernelGrid()).kernels
+    return loops.histograms(image, TRUE.vector, kernels)
+
+
 def test_gradient_is_half_the_derivative_of_the_objective():
     image = target_image()
     model, x = KernelModel(image, REGION, TRUE, KernelGrid()), TRUE.vector + [2.0, -1.0, 0.05, 0.03]
-    gradient, h = model.linearise(image, x)[1], 1e-5
+    gradient, h = linearise(model, image, x)[1], 1e-5
     for p in range(4):
         d = h * np.eye(4)[p]
-        rise = (model.linearise(image, x + d)[0] - model.linearise(image, x - d)[0]) / (2 * h)
+        rise = (linearise(model, image, x + d)[0] - linearise(model, image, x - d)[0]) / (2 * h)
         assert 2 * gradient[p] == pytest.approx(rise, rel=1e-4, abs=1e-8)
 
 
 def test_derivatives_of_a_normalised_histogram_sum_to_zero():
     image = target_image()
-    sums, totals = KernelModel(image, REGION, TRUE, KernelGrid()).histograms(image, TRUE.vector)
+    sums, totals = histograms(image)
     q = sums[:, :, 0] / totals[:, :1]
     dq = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
     np.testing.assert_allclose(dq.sum(axis=1), 0.0, atol=1e-12)
@@ -42,7 +51,7 @@ def test_derivatives_of_a_normalised_histogram_sum_to_zero():
 
 def test_without_the_normalisers_derivative_the_scale_column_is_mostly_wrong():
     image = target_image()
-    sums, totals = KernelModel(image, REGION, TRUE, KernelGrid()).histograms(image, TRUE.vector)
+    sums, totals = histograms(image)
     q = sums[:, :, 0] / totals[:, :1]
     full = (sums[:, :, 1:] - q[:, :, None] * totals[:, None, 1:]) / totals[:, :1, None]
     naive = sums[:, :, 1:] / totals[:, :1, None]
@@ -53,7 +62,7 @@ def test_without_the_normalisers_derivative_the_scale_column_is_mostly_wrong():
 
 def test_the_objective_is_zero_at_the_true_state():
     image = target_image()
-    assert KernelModel(image, REGION, TRUE, KernelGrid()).linearise(image, TRUE.vector)[0] < 1e-20
+    assert linearise(KernelModel(image, REGION, TRUE, KernelGrid()), image, TRUE.vector)[0] < 1e-20
 
 
 @pytest.mark.parametrize("span", [1.0, 1.5])
@@ -84,8 +93,8 @@ def test_a_descent_ends_at_the_moved_target_to_a_tenth_of_a_pixel():
 def test_one_round_kernel_cannot_see_rotation_and_nine_can():
     region = Region(40.0, 40.0)
     image = target_image()
-    one = KernelModel(image, region, TRUE, KernelGrid(1, 0.5)).linearise(image, TRUE.vector)
-    nine = KernelModel(image, region, TRUE, KernelGrid()).linearise(image, TRUE.vector)
+    one = linearise(KernelModel(image, region, TRUE, KernelGrid(1, 0.5)), image, TRUE.vector)
+    nine = linearise(KernelModel(image, region, TRUE, KernelGrid()), image, TRUE.vector)
     smallest = [np.linalg.eigvalsh(m[2] * np.outer(UNITS, UNITS))[0] for m in (one, nine)]
     assert smallest[1] > 1e-5
     assert smallest[0] < 1e-3 * smallest[1]
@@ -106,7 +115,7 @@ def test_a_step_never_makes_the_objective_worse():
     image = target_image()
     model = KernelModel(image, REGION, TRUE, KernelGrid())
     for x in TRUE.vector + np.random.default_rng(1).normal(0, [12, 12, 0.3, 0.2], (20, 4)):
-        before = distance_of(model.linearise(image, x)[0])
+        before = np.sqrt(linearise(model, image, x)[0] / 2)
         assert model.descend(image, State.of(x), most=6).distance <= before
 
 
@@ -115,12 +124,12 @@ def test_a_large_target_is_read_at_fewer_pixels():
     image, large = target_image(), Region(120.0, 80.0)
     model = KernelModel(image, large, TRUE, KernelGrid())
     every, some = (
-        hot.kernel_histograms(
+        loops.kernel_histograms(
             image, TRUE.vector, (60.0, 40.0), np.zeros((1, 2)), (40.0, 80 / 3), 8, stride
         )[1]
         for stride in (1, 2)
     )
     assert some[0, 0] == pytest.approx(every[0, 0] / 4, rel=0.02)
-    _, totals = model.histograms(image, TRUE.vector)
+    _, totals = loops.histograms(image, TRUE.vector, model.kernels)
     assert totals[4, 0] == pytest.approx(some[0, 0], rel=1e-12)
-    assert FLOOR == 1e-3
+    assert loops.FLOOR == 1e-3

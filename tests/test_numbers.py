@@ -19,10 +19,10 @@ from sim import disturbances, motions
 from sim.disturbances import KINDS as DISTURBANCES
 from sim.motions import KINDS as MOTIONS
 from sim.types import Frame
-from tracking.external import OF_THE_USER
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
+from tracking.wrapped import OF_THE_USER
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
 KINDS = [kind for kind in TRACKERS.names() if kind not in OF_THE_USER]

@@ -96,6 +96,15 @@ def test_setting_another_kind_clears_the_rest_of_its_table():
             ["start.pose=[0, 0, 1, 0, 0, 0]", "start.pose.6=1"],
             "--set start.pose.6=1: 'start.pose.6' is not a key of a table",
         ),
+        (
+            ['run."lat.ency"=2'],
+            "--set run.\"lat.ency\"=2: run: there is no key 'lat.ency'; did you mean 'latency'?",
+        ),
+        (
+            [f"run.{'a.' * 30}b=1"],
+            f"--set run.{'a.' * 30}b=1: tables and lists lie too deep in each other; the limit is "
+            "20",
+        ),
         (["sweep=3"], "--set sweep=3: sweep should be a table, not 3"),
         (
             ["controller.weights=[1, 2]"],
@@ -121,3 +130,14 @@ def test_a_file_that_is_wrong_is_blamed_whatever_is_changed(tmp_path):
 def test_the_last_of_two_overrides_holds_and_an_earlier_one_may_be_wrong():
     changes = ["run.latency=2", "run.latency=500", " run . latency = 0x03"]
     assert s.load("still", changes).run.latency == 3
+
+
+def test_a_name_with_dots_stands_in_quotes():
+    changes = ['expect.tracker."mine.py:Name".servo_rms_px=3', "expect.tracker.kams.servo_rms_px=4"]
+    others = s.load("still", changes).bounds.others
+    assert others["mine.py:Name"] == {"servo_rms_px": 3}
+    assert others["kams"] == {"servo_rms_px": 4}
+    wrong = 'expect.tracker."mine.py:Name"=3'
+    assert mistake("still", [wrong]) == (
+        f"--set {wrong}: expect.tracker should be a table of bounds by kind of tracker"
+    )

@@ -1,17 +1,19 @@
 """Parts from outside: by entry point, by path, from Python."""
 
 import dataclasses
+import json
 from pathlib import Path
 
 import pytest
 
+from servo.cli import list_command, schema_command
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
-from servo.study.job import Job
+from servo.study.run import Job
 from servo.study.scenario_run import StudiedScenario
 from sim import kinds
-from sim.installed import forget_packages
+from sim.installed import entries
 from tracking import create
 from tracking.trackers import KINDS as TRACKERS
 
@@ -49,6 +51,31 @@ class Other(Config):
     """Another one."""
 
 
+@dataclass(frozen=True)
+class Odd:
+    size: "NotImported" = 3
+
+    def build(self, rng):
+        return Frozen()
+
+
+@dataclass(frozen=True)
+class Strange:
+    size: Frozen = None
+
+    def build(self, rng):
+        return Frozen()
+
+
+@dataclass(frozen=True)
+class Raises:
+    def __post_init__(self):
+        raise KeyError("no licence")
+
+    def build(self, rng):
+        return Frozen()
+
+
 class Plain:
     def build(self, rng):
         return Frozen()
@@ -62,7 +89,7 @@ VALUE = 3
 def package(tmp_path, monkeypatch):
     """Makes an installed package with a module and kinds of trackers."""
     monkeypatch.syspath_prepend(tmp_path)
-    forget_packages()
+    entries.cache_clear()
 
     def make(name, **kinds_of):
         module = name.replace("-", "_")
@@ -75,7 +102,7 @@ def package(tmp_path, monkeypatch):
         return module
 
     yield make
-    forget_packages()
+    entries.cache_clear()
 
 
 def test_a_kind_of_an_installed_package_stands_beside_ours(package):
@@ -173,3 +200,31 @@ def test_a_worker_that_lacks_a_package_is_named():
     said = str(failed.value)
     assert said.startswith("the worker on ")
     assert " lacks a package: still.toml: tracker.kind: there is no kind 'calm'; there is " in said
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("Odd", "NameError: name 'NotImported' is not defined"),
+        ("Strange", "PydanticSchemaGenerationError: Unable to generate pydantic-core schema for "),
+        ("Raises", "KeyError: 'no licence'"),
+    ],
+)
+def test_settings_of_a_type_that_cannot_be_used_end_nothing_else(package, capsys, name, why):
+    module = package("mine", odd=name, good="Other")
+    sentence = f"the settings of {module}:{name} cannot be used: {why}"
+    kinds_there = {
+        schema["properties"]["kind"]["const"]
+        for schema in json.loads(schema_command.text())["$defs"].values()
+        if "kind" in schema.get("properties", {})
+    }
+    assert "good" in kinds_there
+    assert "odd" not in kinds_there
+    with pytest.raises(kinds.UnknownKind) as shown:
+        list_command.show("odd")
+    assert sentence in str(shown.value)
+    with pytest.raises(Mistake) as found:
+        load("still", ["tracker.kind=odd"])
+    assert str(found.value).startswith(f"--set tracker.kind=odd: tracker.kind: {sentence}")
+    list_command.show_all()
+    assert "odd" in capsys.readouterr().out

@@ -10,7 +10,7 @@ import pytest
 
 from sim.files import picture_file
 from sim.files.picture_file import SUFFIXES, read_image
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 from tracking.sequences.sources import Folder
 
 WHY = "known formats are JPEG, PNG, BMP, TIFF, WebP, PPM"

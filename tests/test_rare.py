@@ -13,16 +13,16 @@ from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.mistake import Mistake, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.study import record
-from servo.study.job import Job
+from servo.study import record_file
+from servo.study.run import Job
 from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
-from tracking.external import OF_THE_USER
 from tracking.sequences.sequence import source_of
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
+from tracking.wrapped import OF_THE_USER
 
 
 def test_a_kind_without_settings_says_so():
@@ -40,8 +40,9 @@ def test_a_pose_out_of_reach_is_not_reached():
     import mujoco
 
     from sim.camera.camera import CameraConfig
+    from sim.kinematics.inverse_kinematics import reach
+    from sim.kinematics.robot import Robot
     from sim.models.assembly import build_model
-    from sim.robot.robot import Robot
     from sim.robots import arm
     from sim.targets import car
 
@@ -49,7 +50,7 @@ def test_a_pose_out_of_reach_is_not_reached():
     design = arm.Config().build(np.random.default_rng(0))
     model = build_model(480.0, CameraConfig(), design, target)
     far = Pose(np.diag([1.0, -1.0, -1.0]), np.array([9.0, 9.0, 9.0]))
-    assert Robot(model, design).solve(mujoco.MjData(model), far).there is False
+    assert reach(Robot(model, design), mujoco.MjData(model), far).there is False
 
 
 @pytest.mark.parametrize(
@@ -117,7 +118,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     ],
 )
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert record._type(values) == kind
+    assert record_file._type(values) == kind
 
 
 def test_the_commands_are_listed_as_they_stand():

@@ -7,9 +7,9 @@ import pytest
 from sim.camera.camera import CameraConfig
 from sim.camera.renderer import camera_pose
 from sim.geometry import log_se3
+from sim.kinematics.inverse_kinematics import reach
+from sim.kinematics.robot import CAMERA, Inversion, Robot, damped_inverse
 from sim.models.assembly import build_model
-from sim.robot.design import CAMERA, Inversion
-from sim.robot.robot import Robot, damped_inverse
 from sim.robots import arm, gantry
 from sim.targets import car
 
@@ -107,23 +107,23 @@ def test_solve_finds_the_joints_of_a_pose(robot):
     q = np.array([0.3, -0.4, 0.2, 1.0, 0.3, -0.2])
     wanted = pose_at(model, data, q)
     data.qpos[:] = 0.0
-    assert machine.solve(data, wanted)
+    assert reach(machine, data, wanted)
     np.testing.assert_allclose(machine.joints(data), q, atol=1e-8)
 
 
 def test_a_pose_is_reached_up_to_the_limits_of_the_joints_and_not_beyond(robot, monkeypatch):
     machine, model, data = robot
     wanted = pose_at(model, data, np.array([0.3, -0.4, 0.2, 1.0, 0.3, -0.2]))
-    assert machine.solve(data, wanted)
+    assert reach(machine, data, wanted)
     q = machine.joints(data).copy()
     for side, beyond in (("lower", 1e-6), ("upper", -1e-6)):
         with monkeypatch.context() as limits:
             limits.setattr(machine, side, q)
-            assert machine.solve(data, wanted)
+            assert reach(machine, data, wanted)
             limits.setattr(machine, side, q + beyond)
-            assert not machine.solve(data, wanted)
+            assert not reach(machine, data, wanted)
     far = replace(wanted, translation=wanted.translation + 9.0)
-    assert not machine.solve(data, far)
+    assert not reach(machine, data, far)
 
 
 def test_the_wrist_turns_without_end_and_the_axes_do_not(robot):

@@ -10,8 +10,7 @@ import pytest
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
-from sim.robot.design import Design, Drives, Inversion
-from sim.robot.robot import Robot
+from sim.kinematics.robot import Design, Drives, Inversion, Robot
 from sim.robots import gantry
 
 ONE_JOINT = """
@@ -84,7 +83,7 @@ def edited(monkeypatch):
     """Makes the gantry another robot: its file with one text replaced."""
 
     def edit(pattern, replacement):
-        text = (resources.files("scenes") / "gantry.xml").read_text()
+        text = (resources.files("scenes") / "robots" / "gantry.xml").read_text()
         text, count = re.subn(pattern, replacement, text)
         assert count
         spec = mujoco.MjSpec.from_string(text)

@@ -3,8 +3,8 @@ import pytest
 
 from tracking.appearance.bins import ColourBins, LabelledImage, Window
 from tracking.appearance.layout import Sampling, disc, grid, histograms, ring
-from tracking.appearance.model import SampledModel
-from tracking.settings import PLAIN, AppearanceSettings
+from tracking.appearance.model import AppearanceSettings
+from tracking.settings import PLAIN
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State
 
@@ -12,8 +12,11 @@ REGION, TRUE = Region(42.0, 24.0), State(80.0, 60.0, 0.3, 1.0)
 
 
 def model_of(image, sampling, region=REGION, state=TRUE, **changes):
-    settings = AppearanceSettings(**PLAIN | changes)
-    return SampledModel(image, region, state, settings, sampling)
+    class Sampled(AppearanceSettings):
+        pass
+
+    Sampled.sampling = sampling
+    return Sampled(**PLAIN | changes).model(image, region, state)
 
 
 def model(image, **changes):

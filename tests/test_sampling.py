@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.hot import particle_loops
+from tracking.loops import particle_loops
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
@@ -99,4 +99,4 @@ def test_a_gaussian_likelihood_gives_the_kalman_posterior():
     assert cloud.covariance()[0, 0] == pytest.approx((1 - gain) * prior**2, rel=0.05)
     cloud.resample()
     assert cloud.samples[:, 0].mean() == pytest.approx(50 + gain * 2, abs=0.04)
-    assert cloud.ess() == pytest.approx(20000)
+    assert particle_loops.effective_size(cloud.weights) == pytest.approx(20000)

@@ -62,13 +62,8 @@ def settings_of(schema, name):
     section = followed(schema, schema["properties"][part])
     if kind:
         branches = [followed(schema, b) for b in section.get("items", section)["oneOf"]]
-        (section,) = [b for b in branches if kind in kinds_of(b)]
+        (section,) = [b for b in branches if b["properties"]["kind"]["const"] == kind]
     return {k: item for k, item in section["properties"].items() if k not in ("kind", "preset")}
-
-
-def kinds_of(branch):
-    kind = branch["properties"]["kind"]
-    return kind.get("enum", [kind.get("const")])
 
 
 def leaves(schema, settings):
@@ -207,11 +202,3 @@ def test_what_the_first_lines_say_is_found_beside_a_directive():
     for text in ("# run\n# It turns.\n#:schema s.json\n", "#:schema s.json\n# run\n# It turns.\n"):
         assert sentence(text) == "It turns."
     assert sentence("# run\n#:schema s.json\n") == ""
-
-
-def test_kinds_that_differ_in_defaults_only_have_one_table(schema):
-    branches = [followed(schema, b) for b in schema["properties"]["robot"]["oneOf"]]
-    assert [kinds_of(b) for b in branches] == [["arm", "free", "gantry"], ["mjcf"]]
-    settings = branches[0]["properties"]
-    assert settings["lag_ms"]["default"] == 0.0
-    assert "required" not in branches[0]

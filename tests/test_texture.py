@@ -3,10 +3,14 @@ import pytest
 
 from tracking.appearance.bins import ColourBins, Window
 from tracking.appearance.layout import Sampling
-from tracking.appearance.local_patterns import TextureBins, ones_of, riu2, texture_or_colour
-from tracking.appearance.model import SampledModel
-from tracking.settings import PLAIN, AppearanceSettings
+from tracking.appearance.local_patterns import TextureBins, TextureSettings, ones_of, riu2
+from tracking.settings import PLAIN
 from tracking.types import Region, State
+
+
+class Dense(TextureSettings):
+    sampling = Sampling(40)
+
 
 EVERYWHERE = Window(0, 0, 40, 30)
 
@@ -56,8 +60,8 @@ def test_points_without_texture_are_left_out_of_the_normaliser():
     image[20:40, 37:43] = 90
     where = Region(40.0, 20.0), State(40.0, 30.0)
     for rest in ("discard", "colour", "bin"):
-        bins = TextureBins(2, rest=rest)
-        model = SampledModel(image, *where, AppearanceSettings(**PLAIN), Sampling(40), bins)
+        settings = Dense(**PLAIN, levels=2, rest=rest, least_texture=0.0)
+        model = settings.model(image, *where)
         assert model.distances(model.label(image), where[1].vector[None])[0] < 0.12
     labels = [
         TextureBins(2, rest=r).label(image, Window(20, 20, 60, 40)) for r in ("bin", "colour")
@@ -103,7 +107,9 @@ def test_a_window_sees_what_the_whole_image_sees():
 def test_a_smooth_target_is_counted_by_colour_alone():
     where = (Region(40.0, 30.0), State(20.0, 15.0))
     smooth = np.full((30, 40, 3), 90, np.uint8)
-    assert texture_or_colour(smooth, *where, TextureBins(), 0.05) == ColourBins(8)
+    assert TextureSettings(rest="discard", least_texture=0.05).bins(smooth, *where) == ColourBins(8)
     rough = np.random.default_rng(3).integers(0, 256, (30, 40, 3)).astype(np.uint8)
-    assert texture_or_colour(rough, *where, TextureBins(8), 0.05) == TextureBins(8)
-    assert texture_or_colour(rough, *where, TextureBins(), 0.99) == ColourBins(8)
+    joint = TextureBins(8)
+    assert TextureSettings(rest="discard", least_texture=0.05).bins(rough, *where) == joint
+    assert TextureSettings(rest="discard", least_texture=0.99).bins(rough, *where) == ColourBins(8)
+    assert TextureSettings(levels=1).bins(smooth, *where) == TextureBins(1, rest="colour")

@@ -1,13 +1,21 @@
 """Time that counts: slow trackers, late pictures, and what is under way meanwhile."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from servo.controllers._pending_commands import PendingCommands
 from servo.loop.episode import Episode, measured_run
+from servo.loop.run_measures import summarise
+from servo.loop.settings import MeasureConfig
+from servo.mistake import Mistake
 from servo.scenario.load import load
+from servo.study.run import Job
+from servo.study.scenario_run import LoadedScenario, record_of
+from sim.types import Pose, Posture
 
 T = 1 / 30
 SPEED = 29.0
@@ -133,6 +141,33 @@ def test_a_measured_tracker_is_as_old_as_it_took():
     assert all(s.age >= s.seconds.track > 0 for s in taken if s.age < T)
 
 
+class Sleeper:
+    """A tracker that takes longer than two frames."""
+
+    def init(self, image, rect):
+        self.rect = rect
+
+    def update(self, image):
+        time.sleep(0.08)
+        return True, self.rect
+
+
+def test_times_are_of_the_frames_in_which_the_tracker_worked():
+    """Nearly all frames of a slow tracker are without a call: medians over all would be near 0."""
+    scenario = load("still", ["run.tracker_ms=measured", "run.duration=1"], tracker=Sleeper)
+    record = record_of(Job(0, LoadedScenario(scenario), 0), scenario, measured_run(scenario)[0])
+    assert record.measures["track_ms"] > 80
+    assert record.measures["step_ms"] > 80
+    assert record.measures["age_ms"] > 80
+
+
+def test_the_age_is_a_mean_over_estimates():
+    """Frames between two estimates repeat the age of the last one; the first state is given."""
+    steps = stepped("line", "run.tracker_ms=100", "run.duration=1.0")
+    found = summarise(steps, MeasureConfig(), T).measures["age_ms"]
+    assert_allclose(found, 100.0, atol=1e-9)
+
+
 def test_a_frame_that_is_not_later_is_refused():
     with Episode(load("line", ["run.duration=0.1"])) as episode:
         step = next(iter(episode))
@@ -189,3 +224,49 @@ def test_a_dropped_frame_neither_displaces_a_picture_nor_takes_time():
     assert shown == [0, 1, 2, 3, 4, 6, 7, 10, 12, 13]
     assert decided(steps)[1].age == pytest.approx(0.06 + T - 2 * T)
     assert steps[-1].skipped == 1  # picture 11
+
+
+@pytest.mark.parametrize(
+    ("ms", "acts"),
+    [
+        (0.0, 0.0),
+        (1.0, 1 / 120),  # rounded up to the next update of the drives
+        (80.0, 10 / 120),
+        (1000 / 30, 1 / 30),
+        (100.0, 0.1),
+    ],
+)
+def test_a_latency_in_milliseconds_acts_from_the_next_update_of_the_drives_on(ms, acts):
+    steps = stepped("line", f"run.latency_ms={ms}", "run.duration=0.5", "start.x=-20")
+    first = next(s for s in steps if s.twist_acting.any())
+    assert first.frame.index == int(acts / T + 1e-9)
+    share = 1 - (acts - first.frame.time) / T
+    assert_allclose(first.twist_acting, share * steps[0].command.twist, atol=1e-12)
+
+
+def test_a_latency_of_whole_frames_is_the_same_in_milliseconds():
+    in_frames, in_time = (
+        stepped("line", change, "run.duration=0.7", "start.x=-20")
+        for change in ("run.latency=2", "run.latency_ms=66.66666666666667")
+    )
+    for one, other in zip(in_frames, in_time, strict=True):
+        assert_allclose(one.command.twist, other.command.twist, atol=1e-9)
+        assert_allclose(one.twist_acting, other.twist_acting, atol=1e-9)
+
+
+def test_the_law_learns_how_long_the_first_of_its_pending_commands_still_acts():
+    pending = PendingCommands(2.4)
+    for k in range(5):
+        pending.add(np.full(6, float(k)))
+    posture = Posture(
+        Pose(np.eye(3), np.zeros(3)), np.zeros(6), *[np.zeros(0)] * 3, np.zeros((6, 0))
+    )
+    found = pending.coming(posture, T)
+    assert [twist[0] for twist, _ in found] == [2.0, 3.0, 4.0]
+    assert_allclose([share for _, share in found], [0.4, 1.0, 1.0])
+    assert PendingCommands(0).coming(posture, T) == []
+
+
+def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other():
+    with pytest.raises(Mistake, match=r"run: latency_ms takes the place of latency; leave latency"):
+        load("line", ["run.latency_ms=80", "run.latency=2"])

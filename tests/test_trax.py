@@ -2,6 +2,8 @@
 
 import dataclasses
 import io
+import os
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -9,14 +11,15 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from commands import PATIENCE
 from followed import REGION, START, frame
 
 from servo.loop.episode import Episode
 from servo.scenario.load import load
-from tracking.adapters.trax_server import run_trax
-from tracking.external import trax_messages as messages
+from tracking.exported.trax_server import run_trax
 from tracking.trackers.trax import Config
 from tracking.types import State, Status
+from tracking.wrapped import trax_messages as messages
 
 SERVER = Path(__file__).parent / "tools" / "trax_server.py"
 
@@ -94,6 +97,7 @@ def test_a_target_that_the_server_does_not_see_is_unseen():
         ("leaves", "ended with code 0 where its state is expected"),
         ("hello", "said hello where its state is expected"),
         ("nonsense", 'answered @@TRAX:state "here, or there", which is no region'),
+        ("nan", 'answered @@TRAX:state "nan,1,2,3", which is no region'),
         ("three", 'answered @@TRAX:state "1,2,3", which is no region'),
         ("none", "answered @@TRAX:state, which is no region"),
         (
@@ -101,7 +105,7 @@ def test_a_target_that_the_server_does_not_see_is_unseen():
             'answered @@TRAX:state "m0,0,2,2,1,2", which is a mask; rectangles and polygons '
             "are known",
         ),
-        ("good 4 mask path", "takes mask as region; we have rectangle, polygon"),
+        ("good 4 mask path", "takes mask as region; we have polygon, rectangle"),
         ("good 4 rectangle url", "takes url as picture; we have buffer, data, memory, path"),
     ],
 )
@@ -112,22 +116,24 @@ def test_a_server_that_fails_is_a_sentence(words, message):
     assert str(refused.value) == f"TraX server '{settings.command}' {message}"
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            "nan",
-            "update returned array([nan, 1., 2., 3.]); (ok, box) or a box of x, y, width, "
-            "height is expected",
-        ),
-        ("negative", "update returned array([ 1., 2., -3., 4.]), a box without an area"),
-    ],
-)
-def test_a_box_that_is_none_is_a_sentence(words, message):
-    settings = config(words)
+def test_an_answer_of_a_megabyte_is_read_whole():
+    """A polygon of 240,000 corners."""
+    found = follow(config("long"), count=3)
+    assert [e.state for e in found] == [State(57.0, 40.0)] * 2
+
+
+def test_what_a_server_writes_without_an_end_does_not_matter():
+    assert follow(config("writes"), count=3)[-1].state == State(59.0, 40.0)
+
+
+def test_a_box_without_an_area_is_a_sentence():
+    settings = config("negative")
     with pytest.raises(ValueError) as refused:
         follow(settings)
-    assert str(refused.value) == f"TraX server '{settings.command}': {message}"
+    assert str(refused.value) == (
+        f"TraX server '{settings.command}': update returned array([ 1., 2., -3., 4.]), a box "
+        "without an area"
+    )
 
 
 def test_a_server_that_answers_twice_is_out_of_step():
@@ -214,8 +220,94 @@ def test_our_server_answers_both_ways_to_begin(tmp_path):
     assert polygon[1].startswith('@@TRAX:state "40.0000,30.0000,70.0000,30.0000,70.0000,50.0000')
 
 
+PICTURE = messages.picture_text(frame(0).image, ["memory"], Path())
+REGION_LINE = '@@TRAX:initialize "40,30,30,20"'
+FRAME_LINE = f"@@TRAX:frame {PICTURE}"
+
+
+def test_polygons_of_other_than_four_corners_are_followed_by_their_box():
+    """The hello announces polygons, and the protocol's have three corners or more."""
+    for polygon in ("40,30,70,30,70,50", "40,30,60,30,70,40,70,50,40,50"):
+        found = served(f'@@TRAX:initialize "{polygon}"', FRAME_LINE, FRAME_LINE)
+        numbers = [found[k].split('"')[1] for k in (1, 2)]
+        assert [float(n) for n in numbers[0].split(",")] == [float(n) for n in polygon.split(",")]
+        assert [float(n) for n in numbers[1].split(",")] == [40, 30, 70, 30, 70, 50, 40, 50]
+
+
+def test_a_target_may_be_given_anew():
+    lines = served(REGION_LINE, FRAME_LINE, '@@TRAX:initialize "50,30,20,20"', FRAME_LINE)
+    assert [line.split('"')[1] for line in lines[2:]] == ["50.0000,30.0000,20.0000,20.0000"]
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([FRAME_LINE], "the client sent '@@TRAX:frame \"image:160;100;rgb;"),
+        (["@@TRAX:initialize"], "the client sent '@@TRAX:initialize', but one region is expected"),
+        (
+            [REGION_LINE, REGION_LINE],
+            "the client sent '@@TRAX:initialize \"40,30,30,20\"', but one",
+        ),
+        ([REGION_LINE, "@@TRAX:frame"], "the client sent '@@TRAX:frame', but one region"),
+        (["@@TRAX:hello a"], "the client sent '@@TRAX:hello \"a\"', but one region is expected"),
+        ([REGION_LINE, FRAME_LINE, "@@TRAX:state 1"], "the client sent '@@TRAX:state"),
+        (['@@TRAX:initialize "40,30,-30,-20"'], "region '40,30,-30,-20' has no area"),
+        (['@@TRAX:initialize "40,30,30,-20"'], "region '40,30,30,-20' has no area"),
+        (['@@TRAX:initialize "0"'], "the client's region '0' has no area"),
+        (['@@TRAX:initialize "nan,1,2,3"'], "the client's region 'nan,1,2,3' is no region"),
+        (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' is a mask; rectangles and"),
+        (['@@TRAX:initialize "40,30,60,30,80,30"', FRAME_LINE], "the region is 40 x 0 px; both"),
+        ([REGION_LINE, "@@TRAX:frame /no/such.png"], "/no/such.png: cannot read this picture"),
+    ],
+)
+def test_a_client_that_fails_is_a_sentence(lines, message):
+    with pytest.raises(ValueError) as refused:
+        served(*lines)
+    assert message in str(refused.value)
+
+
+KILLED = """
+import sys
+
+import numpy as np
+from commands import PATIENCE
+from followed import REGION, START, frame
+
+from tracking.trackers.trax import Config
+
+tracker = Config(command=sys.argv[1]).build(np.random.default_rng(0))
+tracker.start(frame(0), REGION, START)
+print("started", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("mode", ["good", "stays"])
+def test_a_kill_leaves_no_folder_and_no_server(tmp_path, mode):
+    (tmp_path / "main.py").write_text(KILLED)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, str(tmp_path / "main.py"), config(mode).command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"TMPDIR": str(temporary), "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert process.stdout.readline() == b"started\n"
+    (server,) = [p for p in psutil.Process(process.pid).children() if str(SERVER) in p.cmdline()]
+    assert list(temporary.iterdir())
+    process.kill()
+    process.communicate()
+    psutil.wait_procs([server], timeout=PATIENCE)
+    assert not server.is_running()
+    until = time.monotonic() + PATIENCE
+    while list(temporary.iterdir()) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert list(temporary.iterdir()) == []
+
+
 def test_ours_over_the_protocol_is_ours_and_closes_the_loop():
-    command = f"{sys.executable} -m tracking.adapters.trax_server mk_ssd"
+    command = f"{sys.executable} -m tracking.exported.trax_server mk_ssd"
     tracker = Config(command=command)
     scenario = dataclasses.replace(load("still", ["run.duration=0.4"]), tracker=tracker)
     with Episode(scenario) as episode:

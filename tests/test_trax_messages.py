@@ -1,13 +1,15 @@
 """Messages, pictures and regions of the TraX protocol come back as they were sent."""
 
+import base64
+
 import numpy as np
 import pytest
 from followed import frame
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracking.external import trax_messages as messages
-from tracking.external.trax_messages import Message
+from tracking.wrapped import trax_messages as messages
+from tracking.wrapped.trax_messages import Message
 
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\r"))
 
@@ -37,17 +39,47 @@ def test_quotes_that_are_not_closed_take_no_time():
 def test_a_picture_comes_back_as_it_was(picture, tmp_path):
     image = frame(0).image
     text = messages.picture_text(image, picture, tmp_path / "a b.png")
-    found = messages.picture_in(text)
-    if picture == ["path"]:
-        assert found == tmp_path / "a b.png"
-    else:
-        np.testing.assert_array_equal(found, image)
+    np.testing.assert_array_equal(messages.picture_in(text), image)
 
 
-@pytest.mark.parametrize("text", ["image:3;2;rgb;AAAA", "data:image/png;AAAA", "image:1"])
-def test_a_picture_that_is_none_is_refused(text):
-    with pytest.raises(ValueError, match=r"the picture .*\.\.\. cannot be decoded"):
+def raw(size, pixels):
+    return f"image:{size};{base64.b64encode(pixels.tobytes()).decode()}"
+
+
+def test_grey_pictures_become_rgb():
+    grey = np.arange(6, dtype=np.uint8).reshape(2, 3)
+    expected = np.dstack([grey] * 3)
+    np.testing.assert_array_equal(messages.picture_in(raw("3;2;gray8", grey)), expected)
+    deep = grey.astype("<u2") * 256 + 7
+    np.testing.assert_array_equal(messages.picture_in(raw("3;2;gray16", deep)), expected)
+
+
+COLOURS = np.zeros((100, 160, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("image:4000;4000;rgb;!!!!", "Only base64 data is allowed"),
+        ("image:4000;4000;rgb;", "cannot reshape array of size 0 into shape (4000,4000,3)"),
+        ("image:3;2;rgb;AAAA", "cannot reshape array of size 3 into shape (2,3,3)"),
+        (raw("160;100;rgb", COLOURS[..., 0]), "cannot reshape array of size 16000 into shape"),
+        (raw("160;100;rgb", COLOURS[..., :2]), "cannot reshape array of size 32000 into shape"),
+        (raw("160;100;gray8", COLOURS), "cannot reshape array of size 48000 into shape"),
+        (raw("160;100;bgr", COLOURS), "there is no format 'bgr'; there is rgb, gray8, gray16"),
+        (raw("-1;100;rgb", COLOURS), "the picture has -1 x 100 px; the limit is 16384 px a side"),
+        ("image:0;0;rgb;", "the picture has 0 x 0 px"),
+        ("image:1", "not enough values to unpack"),
+        ("image:a;b;rgb;AAAA", "invalid literal for int"),
+        ("data:image/png;AAAA", "this picture cannot be decoded; known formats are"),
+        ("data:image/png;base64;!!!!", "Only base64 data is allowed"),
+        ("data:image/png;base64,", "this picture cannot be decoded"),
+    ],
+)
+def test_a_picture_that_is_none_is_refused(text, why):
+    with pytest.raises(ValueError, match=r"^the picture .*\.\.\. cannot be decoded: ") as refused:
         messages.picture_in(text)
+    assert why in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +97,10 @@ def test_a_region_is_a_box_a_polygon_or_nothing(text, region):
     assert found is None if region is None else found.tolist() == region
 
 
-@pytest.mark.parametrize("text", ["", "a", "1,2,3", "1,2,3,4,5", "1,2", "1,,2,3"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "a", "1,2,3", "1,2,3,4,5", "1,2", "1,,2,3", "nan,1,2,3", "1,2,inf,4", "1,2,3,4,5,nan"],
+)
 def test_what_is_no_region_is_refused(text):
     with pytest.raises(ValueError, match=r"^no region$"):
         messages.region_in(text)

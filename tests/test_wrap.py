@@ -14,8 +14,8 @@ from servo.scenario.fill import fill
 from servo.scenario.load import load
 from sim import kinds
 from tracking import wrap
-from tracking.external.conventions import convention_of
 from tracking.types import Region, State, Status
+from tracking.wrapped.wrap import convention_of
 
 RED = slice(0, 1)
 

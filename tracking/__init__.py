@@ -12,8 +12,8 @@ from sim.installed import Trusted
 from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
-    from tracking.external.wrapped import wrap
     from tracking.types import Tracker
+    from tracking.wrapped.wrap import wrap
 
 __all__ = ["create", "wrap"]
 
@@ -48,7 +48,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
 
 def __getattr__(name: str) -> Any:
     if name == "wrap":  # imported with what it needs, and only then
-        from tracking.external.wrapped import wrap
+        from tracking.wrapped.wrap import wrap
 
         return wrap
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

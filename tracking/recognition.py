@@ -13,7 +13,7 @@ from sim.types import Array, Image
 from tracking.appearance.bins import LabelledImage
 from tracking.appearance.model import SampledModel
 from tracking.appearance.views import Views
-from tracking.lock import LockLimits
+from tracking.loss import LossLimits
 from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
@@ -33,7 +33,7 @@ CANDIDATES = 5
 """Number of places most like a view, to which particles are sent while the target is LOST."""
 SENT = 0.25
 """Share of the particles that are sent there."""
-LOCK = LockLimits(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
+LIMITS = LossLimits(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
 """Limits of 1 - the confidence."""
 TINY = 1e-12
 

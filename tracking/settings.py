@@ -23,25 +23,6 @@ Turn = Annotated[float, Ge(0), Le(4)]
 
 
 @dataclass(frozen=True)
-class AppearanceSettings:
-    """Settings of the histograms that describe a target."""
-
-    levels: Levels = 8
-    """Colour bins a channel; the KAMS paper has 10."""
-    even: bool = False
-    """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
-    light changes, at the price of telling bright things from dark ones less well."""
-    inset: Inset = 0.0
-    """Share of the region's width and height that is left out, half on each side: there the
-    background shows, whose change would be taken for the target's."""
-    contrast: Contrast = 0.25
-    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
-    learn: bool = True
-    """Weigh bins by how well they separate the target from its surroundings, and follow slow
-    changes of both in the pictures where the target was found."""
-
-
-@dataclass(frozen=True)
 class ParticleSettings:
     """Settings of a particle filter."""
 

@@ -2,19 +2,26 @@
 signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
+import errno
 import io
 import logging
 import os
+import platform
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from math import inf
 from pathlib import Path
+from threading import Timer
+from time import monotonic
 from types import FrameType
 from typing import Any, TextIO, cast
 
 from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.camera.gl import NoRenderer, check_environment
+from sim.files.shipped import SameName
 from sim.kinds import UnknownKind
 
 MISTAKEN = 2
@@ -27,6 +34,7 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
+WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
 def guarded(command: Callable[[], Any]) -> None:
@@ -37,11 +45,20 @@ def guarded(command: Callable[[], Any]) -> None:
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
-    sys.stdout = cast(TextIO, Printer(sys.stdout))
+    _say_warnings_in_a_line()
+    printer = Printer(sys.stdout)
+    sys.stdout = cast(TextIO, printer)
     sys.stderr = cast(TextIO, Printer(sys.stderr))
     try:
+        if platform.system() == "Windows":
+            raise Mistake(WINDOWS)
         check_environment()
         command()
+    except SystemExit as end:  # of every command that click has run
+        printer.flush()
+        if printer.refused is not None and not end.code:
+            _end(f"standard output: {refusal(printer.refused)}", REFUSED)
+        raise
     except (Mistake, NoRenderer, UnknownKind) as error:
         _end(str(error), MISTAKEN)
     except Refused as error:
@@ -52,6 +69,18 @@ def guarded(command: Callable[[], Any]) -> None:
         _end("there is not enough memory for this", REFUSED)
 
 
+def _say_warnings_in_a_line() -> None:
+    """Print our warning without Python's place in the code."""
+    of_python = warnings.formatwarning
+
+    def formatted(message: Warning | str, category: type[Warning], *place: Any) -> str:
+        if category is SameName:
+            return f"servobench: {message}\n"
+        return of_python(message, category, *place)
+
+    warnings.formatwarning = formatted
+
+
 def _end(sentence: str, code: int) -> None:
     print(f"servobench: {sentence}", file=sys.stderr)
     sys.exit(code)
@@ -60,12 +89,14 @@ def _end(sentence: str, code: int) -> None:
 class Printer:
     """A stream that accepts text in any state: closed, full, or with a small character set.
 
-    A command writes its files before it prints; an error in printing does not make it fail.
+    A command writes its files before it prints; an error in printing does not interrupt it.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
         """Print to a standard stream; None: it was closed before the start."""
         self._stream = stream or io.StringIO()
+        self.refused: OSError | None = None
+        """Why not all could be printed; a reader that has seen enough (`| head`) is no reason."""
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
@@ -84,7 +115,9 @@ class Printer:
     def _try(self, act: Callable[[], Any]) -> None:
         try:
             act()
-        except (OSError, ValueError):
+        except (OSError, ValueError) as error:
+            if isinstance(error, OSError) and error.errno != errno.EPIPE:
+                self.refused = error
             # Python flushes the stream again when it ends: its buffer goes to the null device.
             with suppress(OSError, ValueError), Path(os.devnull).open("w") as nowhere:
                 os.dup2(nowhere.fileno(), self._stream.fileno())
@@ -94,6 +127,14 @@ class Printer:
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
+
+
+IMPORTER = "<frozen importlib._bootstrap>"
+"""File of Python's own code that imports modules."""
+SOON = 0.02
+"""Time until a signal that comes during an import is tried again [s]."""
+LONGEST_IMPORT = 5.0
+"""From then on the import is stopped as well: it may hang [s]."""
 
 
 class StopSignal(KeyboardInterrupt):
@@ -110,19 +151,27 @@ def exit_code(cause: KeyboardInterrupt) -> int:
 
 
 @contextmanager
-def ending_signals() -> Generator[None]:
+def ending_signals() -> Generator[list[StopSignal]]:
     """Raise `StopSignal` at the first ending signal within the block, and ignore all later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
+
+    Yields:
+        What was raised: libraries of C make other exceptions of it.
     """
-    stopped = False
+    raised = list[StopSignal]()
+    latest = inf
 
     def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal stopped
-        del frame
-        if not stopped:
-            stopped = True
-            raise StopSignal(number)
+        nonlocal latest
+        latest = min(latest, monotonic() + LONGEST_IMPORT)
+        if _imports(frame) and monotonic() < latest:
+            again = Timer(SOON, os.kill, (os.getpid(), number))
+            again.daemon = True
+            again.start()
+        elif not raised:
+            raised.append(StopSignal(number))
+            raise raised[0]
 
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
@@ -130,7 +179,16 @@ def ending_signals() -> Generator[None]:
     for number in before:
         signal.signal(number, stop)
     try:
-        yield
+        yield raised
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported: those of C, such as NumPy's, take an exception in
+    the middle of it for a fault of their own.
+    """
+    while frame is not None and frame.f_code.co_filename != IMPORTER:
+        frame = frame.f_back
+    return frame is not None

@@ -20,15 +20,14 @@ from servo.scenario.fill import fill
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.renderer import OpenGLRenderer
 from sim.geometry import tilt
+from sim.kinematics.chain import Chain, flanges
+from sim.kinematics.drives import drive_of, kind_of_joint, random_joints, wrong_drive
+from sim.kinematics.inverse_kinematics import comfort
+from sim.kinematics.model import camera_chain
+from sim.kinematics.robot import CAMERA, Robot
 from sim.models.assembly import ROBOT, build_model
 from sim.models.model_files import read_spec
 from sim.motions import still
-from sim.robot.chain import Chain, flanges
-from sim.robot.design import CAMERA
-from sim.robot.drives import drive_of, kind_of_joint, random_joints, wrong_drive
-from sim.robot.model import camera_chain
-from sim.robot.robot import Robot
-from sim.robot.start_pose import comfort
 from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
@@ -205,8 +204,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
     far = 0.0
     for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
         data.qpos[robot.qpos] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+        robot.refresh(data)
         eye = robot.eye(data)
         far = max(far, float(np.linalg.norm(eye.translation)))
         if tilt(eye.rotation) < LEVEL:

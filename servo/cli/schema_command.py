@@ -7,8 +7,7 @@ checked by the parser only.
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import is_dataclass
-from typing import Annotated, Any, Literal, Union, get_type_hints
+from typing import Annotated, Any, Literal, Union
 
 from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema, SkipJsonSchema
@@ -51,7 +50,8 @@ def vary_schema() -> Schema:
     """Schema of the table of settings that are drawn for each seed."""
     nested = {"$ref": "#/properties/vary"}
     return {
-        "description": "Settings that are drawn for each seed but 0, by dotted keys.",
+        "description": "Settings that are drawn for each seed but 0, by dotted keys, such as "
+        f"start.x = {{ uniform = [-8, 8] }}. Laws: {', '.join(LAWS)}.",
         "type": "object",
         "additionalProperties": {"anyOf": [*_laws(LAWS), nested]},
     }
@@ -160,49 +160,23 @@ def table(properties: Schema, description: str = "") -> Schema:
 
 
 def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
-    """Return the type of a table with a kind: a model for each kind, or for several that differ in
-    their defaults only.
-    """
-    families: dict[type[Any], list[str]] = {}
+    """Return the type of a table with a kind: a model for each kind."""
+    models = list[type[BaseModel]]()
     for kind in kinds.names():
         with suppress(UnknownKind):  # of a broken package
-            families.setdefault(_family(kinds.config_of(kind)), []).append(kind)
-    models = [_model(name, kinds, config, of, default) for config, of in families.items()]
+            models.append(_model(name, kinds, kind, default))
     return Annotated[Union[*models], Field(discriminator="kind")]
 
 
-def _family(config: type[Any]) -> type[Any]:
-    """Return the first class with the same settings, of which this one changes defaults only."""
-    hints = get_type_hints(config, include_extras=True)
-    same = [
-        base
-        for base in config.__mro__
-        if is_dataclass(base) and get_type_hints(base, include_extras=True) == hints
-    ]
-    return same[-1]
-
-
-def _model(
-    name: str, kinds: Kinds[Any], config: type[Any], of: list[str], default: str
-) -> type[BaseModel]:
-    """Return the model of a table with one of several kinds that have the same settings."""
-    base = form(config, described=True)
-    forms = [form(kinds.config_of(kind)) for kind in of]
-    hints = get_type_hints(config, include_extras=True)
-    presets = list(dict.fromkeys(p for kind in of for p in kinds.presets(kind)))
-    members: dict[str, Any] = {"kind": (Literal[*of], default if default in of else ...)}
-    if presets:
+def _model(name: str, kinds: Kinds[Any], kind: str, default: str) -> type[BaseModel]:
+    """Return the model of a table with a kind."""
+    config = kinds.config_of(kind)
+    members: dict[str, Any] = {"kind": (Literal[kind], default if kind == default else ...)}
+    if presets := kinds.presets(kind):
         about = Field(None, description="Settings that are not given.")
         members["preset"] = (Literal[*presets], about)
-    for key, field in base.model_fields.items():
-        if key in getattr(config, "not_from_file", ()):
-            members[key] = (SkipJsonSchema[Any], None)
-        elif isinstance(field.default, BaseModel):  # a table inside the table
-            continue
-        elif any(f.model_fields[key].default != field.default for f in forms):
-            open_default = Field(default_factory=lambda: None, description=field.description)
-            members[key] = (hints[key], open_default)
-    about = kinds.summary(of[0])
-    if len(of) > 1:
-        about = " ".join(f"{kind}: {kinds.summary(kind)}" for kind in of)
-    return create_model(f"{name} {', '.join(of)}", __base__=base, __doc__=about, **members)
+    for key in getattr(config, "not_from_file", ()):
+        members[key] = (SkipJsonSchema[Any], None)
+    base = form(config, described=True)
+    about = kinds.summary(kind)
+    return create_model(f"{name} {kind}", __base__=base, __doc__=about, **members)

@@ -20,7 +20,7 @@ from servo.cli.terminal import (
     print_table,
     progress_bar,
 )
-from servo.loop.part import Part, PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
@@ -28,8 +28,9 @@ from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
 from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
-from servo.scenario.toml import override
+from servo.scenario.toml import assignment, put
 from sim.types import Array
+from tracking.advice import advice
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
 from tracking.files.json_text import number
@@ -114,6 +115,14 @@ def run(request: TrackRequest) -> int:
     console = Console(quiet=request.quiet)
     comparison = None
     announce(viewer, console)
+    image = first.picture.image
+    # A live source does not wait: what takes time beside the tracker would cost pictures.
+    if (
+        image is not None
+        and source.count is not None
+        and (line := advice(config, image, region, start))
+    ):
+        plain(console, line)
     more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
     try:
         files = TrackFolder(folder, region, recording=request.rerun, more=more)
@@ -162,7 +171,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     """
     table: dict[str, Any] = {"tracker": TRACKERS.named(kind)}
     for item in changes:
-        override(table, item)
+        put(table, *assignment(item), f"--set {item}")
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
     return table["tracker"], fill_plugin(TRACKERS, table["tracker"], "tracker")

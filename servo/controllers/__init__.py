@@ -1,17 +1,20 @@
-"""Controllers, one a file: `Config.build(rng)` gives a function from an `Estimator` to a
-`Controller`.
-"""
+"""Controllers, one a file: `Config.build(rng)` gives a `Controller`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sim.kinds import Kinds, PartConfig
 
 if TYPE_CHECKING:
-    from servo.parts import Controller, Estimator
+    from servo.parts import Controller
 
-KINDS: Kinds[PartConfig[Callable[[Estimator], Controller]]] = Kinds(
-    __name__, "servobench.controllers"
-)
+
+def _adapted(found: Any) -> type[Any] | None:
+    """Return a `Config` class for a law that is a plain class, object or function, else None."""
+    from servo.controllers._plain_law import adapted  # `servobench list` only looks at files
+
+    return adapted(found)
+
+
+KINDS: Kinds[PartConfig[Controller]] = Kinds(__name__, "servobench.controllers", _adapted)

@@ -1,12 +1,15 @@
 """Commands that do not act yet, and how much of them the robot's limits will let through."""
 
 from collections import deque
+from math import ceil
 from typing import final
 
 import numpy as np
 
 from sim.types import Array, Posture
 
+WHOLE_FRAMES = 1e-6
+"""A latency that is longer than whole frame intervals by less than this is rounded."""
 WHOLE = 1 - 1e-6
 """A share from here on counts as all of it: rates and twists are rounded."""
 
@@ -15,9 +18,11 @@ WHOLE = 1 - 1e-6
 class PendingCommands:
     """The last commands: the one that acted until the last picture, and those that come."""
 
-    def __init__(self, latency: int) -> None:
-        """Begin with none; each acts this many frames after it was asked for."""
-        self._twists = deque([np.zeros(6)] * (latency + 1), maxlen=latency + 1)
+    def __init__(self, latency: float) -> None:
+        """Begin with none; each acts this many frame intervals after it was asked for."""
+        count = ceil(latency - WHOLE_FRAMES)
+        self._twists = deque([np.zeros(6)] * (count + 1), maxlen=count + 1)
+        self._first = latency - (count - 1)
 
     def add(self, twist: Array) -> None:
         """Ask for a twist (6,)."""
@@ -31,7 +36,8 @@ class PendingCommands:
         they will accept no more of another one in its direction.
         """
         acted, *own = self._twists
-        coming = [(twist, 1.0) for twist in own]
+        shares = [self._first, *[1.0] * len(own)]
+        coming = list(zip(own, shares, strict=False))
         if posture.under_way is not None:
             coming = [(twist, held / dt) for twist, held in posture.under_way]
         acted = acted if posture.asked is None else posture.asked

@@ -18,11 +18,10 @@ import numpy as np
 from servo.contracts import check_followed
 from servo.estimators.difference import Difference
 from servo.loop.goal import Goal
-from servo.loop.part import Part, PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.loop.posture_record import elapsed
+from servo.loop.settings import Setup, stream
 from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
-from servo.scenario.draws import stream
-from servo.scenario.load import Scenario
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import CameraImage, Command, Sight
 from sim.types import Array, Camera, Frame, Image, Posture
@@ -77,7 +76,7 @@ class Loop:
     """Tracker, features, estimator and controller of a scenario."""
 
     def __init__(
-        self, scenario: Scenario, camera: Camera, outline: Array, true: Camera | None = None
+        self, scenario: Setup, camera: Camera, outline: Array, true: Camera | None = None
     ) -> None:
         """Build the parts.
 
@@ -205,7 +204,7 @@ class Running:
                 loop.estimator,
                 loop.camera,
                 loop.outline,
-                scenario.run.latency,
+                scenario.run.frames_late(self._period),
             )
         )
 
@@ -289,7 +288,7 @@ class Running:
             observation: What `track` returned last.
             posture: What the robot knows of itself at the time of the picture.
             acts: When the command begins to act [s], for an estimator that needs the truth; None:
-                `run.latency` frame intervals after the picture.
+                the latency of the scenario after the picture.
         """
         began = perf_counter()
         loop = self._loop
@@ -297,7 +296,7 @@ class Running:
         interval = observation.interval
         if loop.needs_truth is not None and self._true_motion is not None:
             if acts is None:
-                acts = frame.time + loop.scenario.run.latency * self._period
+                acts = frame.time + loop.scenario.run.frames_late(self._period) * self._period
             motion = self._true_motion(frame.index, acts, acts + interval)
             loop.needs_truth.give(motion / self._scales)
         if loop.scenario.goal.depth_to is not None:

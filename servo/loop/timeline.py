@@ -3,8 +3,8 @@
 A picture is there when it was exposed and transported. A free tracker takes the newest one; its
 estimate is there `run.tracker_ms` later, and pictures in between are skipped. A dropped frame takes
 the tracker no time, and none is taken where there is a picture. The law runs once an estimate. Its
-command acts `run.latency` frame intervals later, from the next update of the drives on; until then
-the robot goes on with the command that it has.
+command acts `run.latency` frame intervals or `run.latency_ms` later, from the next update of the
+drives on; until then the robot goes on with the command that it has.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ import numpy as np
 
 from servo.loop.loop import Decision, Observation, Running
 from servo.loop.posture_record import PostureRecord
-from servo.scenario.sections import RunConfig
+from servo.loop.settings import RunConfig
 from sim.types import Array, Frame, Posture
 
 SAME = 1e-9
@@ -91,7 +91,7 @@ class Timeline:
         self._rng = rng
         run = schedule.run
         on_time = run.tracker_ms == 0 and run.jitter_ms == 0 and schedule.clock_offset == 0
-        self._plain = on_time and not schedule.steered
+        self._plain = on_time and run.latency_ms is None and not schedule.steered
         self._record = PostureRecord(schedule.period, schedule.clock_offset)
         self._coming: list[_Arrival] = []
         self._now = 0.0
@@ -183,7 +183,9 @@ class Timeline:
         schedule = self._schedule
         frame = work.observation.frame
         posture = work.posture
-        acts = self._tick_after(work.done + schedule.run.latency * schedule.period)
+        acts = self._tick_after(
+            work.done + schedule.run.frames_late(schedule.period) * schedule.period
+        )
         while len(self._commands) > 1 and self._commands[1][0] <= frame.time + SAME:
             del self._commands[0]
         if not self._plain:

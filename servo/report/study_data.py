@@ -10,11 +10,10 @@ import numpy as np
 
 from servo.output import formats
 from servo.report.words import counted, shown, spread
-from servo.study.files import FailureFile, StudyFile
-from servo.study.record import Record, Row
-from servo.study.results import Cell
-from servo.study.store import FAILURES, RUNS
-from servo.study.units import SUCCESS, Units, values
+from servo.study.record_file import decoded
+from servo.study.results import SUCCESS, Cell, Units, values
+from servo.study.run import Record, Row
+from servo.study.store import FAILURES, RUNS, FailureFile, StudyFile
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
@@ -105,7 +104,7 @@ def load_records(folder: Path) -> list[Record]:
 
 
 def _record(path: Path) -> Record | None:
-    return Record.decoded(formats.content(path))
+    return decoded(formats.content(path))
 
 
 def duration(series: Series) -> float:

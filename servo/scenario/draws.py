@@ -1,4 +1,4 @@
-"""Random draws: a stream for each part of a run, and settings that are drawn for each seed.
+"""Settings that are drawn for each seed.
 
 A scenario's `[vary]` table names settings and the law that each is drawn from. Seed 0 is the
 scenario as it is written; each other seed is another run of the same experiment, also for a tracker
@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from servo.loop.settings import stream
 from servo.mistake import Mistake
-from servo.scenario.toml import is_number
+from servo.scenario.toml import is_number, names_of
 
 Value = Any
 """Value of a setting, in the types of TOML."""
@@ -24,11 +25,6 @@ AS_WRITTEN = 0
 """The seed for which a scenario's own draws are left out."""
 FIXED = ("run.seed", "expect", "vary", "sweep", "measure")
 """Settings that a scenario does not draw."""
-
-
-def stream(seed: int, name: str) -> np.random.Generator:
-    """Return the random stream of one part: the draws of one part never shift another's."""
-    return np.random.default_rng([seed, *name.encode()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,10 +116,10 @@ def spelled(key: str, place: str) -> str:
     Raises:
         Mistake: One of its names is empty; the message begins with `place`.
     """
-    names = [name.strip() for name in key.split(".")]
+    names = names_of(key)
     if not all(names):
         raise Mistake(f"{place}: '{key}' is not the name of a setting, such as run.latency")
-    return ".".join(names)
+    return ".".join(f'"{name}"' if "." in name else name for name in names)
 
 
 def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
 from sim.installed import Trusted
-from sim.kinds import Kinds, UnknownKind, field_docs
+from sim.kinds import Kinds, UnknownKind, field_docs, kind_of
 
 Config = TypeVar("Config")
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
@@ -43,8 +43,16 @@ def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
         config: The dataclass; its instance without arguments has the defaults.
         described: Describe each setting by the docstring under it, for the JSON Schema; finding
             the docstrings takes longer than loading a scenario.
+
+    Raises:
+        UnknownKind: The type of a setting has no meaning here, such as one that is not imported.
     """
-    return _form_of(config(), described)
+    try:
+        return _form_of(config(), described)
+    except Exception as error:  # the annotations of other people's code are evaluated
+        why = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+        name = f"{config.__module__}:{config.__qualname__}"
+        raise UnknownKind(f"the settings of {name} cannot be used: {why}") from error
 
 
 def _form_of(settings: Any, described: bool) -> type[BaseModel]:
@@ -144,10 +152,17 @@ def _wrong(error: ErrorDetails, place: str) -> WrongSetting:
     return WrongSetting(f"{where}{found}: {sentence}", where)
 
 
-def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = "") -> Config:
+def fill_plugin(
+    kinds: Kinds[Config], table: object, place: str, default: str = "", own: Config | None = None
+) -> Config:
     """Return the `Config` of the kind that a table names, with the other settings of the table.
 
-    A `preset` gives the settings that the table leaves open.
+    Args:
+        kinds: All kinds of this part.
+        table: As TOML has it; a `preset` in it gives the settings that it leaves open.
+        place: The table's place, with which messages begin.
+        default: The kind of a table that names none.
+        own: A part that was given from Python: of its kind, it is there and need not be imported.
 
     Raises:
         WrongSetting: As for `fill`, or the kind or preset is unknown.
@@ -156,16 +171,22 @@ def fill_plugin(kinds: Kinds[Config], table: object, place: str, default: str = 
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
     given = dict(cast(dict[str, Any], table))
     kind = given.pop("kind", default)
-    preset = given.pop("preset", None)
+    if own is not None and kind != kind_of(own):
+        own = None
+    if own is not None and not given:
+        return own
+    preset = given.pop("preset", None) if own is None else None
     if kind == "" and "kind" not in table:
         raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}", place)
     kind = kind if isinstance(kind, str) else str(kind)
     try:
-        config = kinds.config_of(kind)
+        config = kinds.config_of(kind) if own is None else type(own)
+        form(config)
     except UnknownKind as error:
         raise WrongSetting(f"{place}.kind: {error}", f"{place}.kind") from error
     try:
-        begin = kinds.config(kind, preset if preset is None else str(preset))
+        chosen = preset if preset is None else str(preset)
+        begin = kinds.config(kind, chosen) if own is None else own
     except UnknownKind as error:
         raise WrongSetting(f"{place}.preset: {error}", f"{place}.preset") from None
     for key in getattr(config, "not_from_file", ()):

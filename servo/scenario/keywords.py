@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from servo.mistake import Mistake, unknown
+from servo.scenario.arguments import texts
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.draws import spelled
-from servo.scenario.given import texts
-from servo.scenario.toml import assignment, plain
+from servo.scenario.toml import assignment, names_of, plain
 from sim import kinds
 
 
@@ -35,7 +34,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
         The place of the last change of one of them, of a table around it or of a value in it.
     """
     for change in reversed(changes):
-        changed = f"{spelled(change.key, change.place)}."
+        changed = ".".join([*names_of(change.key), ""])
         for setting in settings:
             path = re.sub(r"\[(\d+)\]", r".\1", setting) + "."
             if path.startswith(changed) or changed.startswith(path):
@@ -94,11 +93,24 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     return found[0]
 
 
-def own_part(key: str, value: Any) -> Any:
-    """Return the `Config` of a part from an instance, a class, or what `tracking.wrap` takes."""
-    name = getattr(value, "__qualname__", repr(value))
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+def own_parts(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the `Config` of each part among keywords that is no name and no table.
+
+    Raises:
+        Mistake: A part is neither a `Config` nor anything that its folder can adapt.
+    """
+    return {
+        key: _own_part(key, value)
+        for key, value in given.items()
+        if key in PLUGINS and not isinstance(value, str | dict)
+    }
+
+
+def _own_part(key: str, value: Any) -> Any:
+    is_config = dataclasses.is_dataclass(value) and callable(getattr(value, "build", None))
+    if is_config and not isinstance(value, type):
         return value
+    name = getattr(value, "__qualname__", repr(value))
     try:
         return PLUGINS[key][0].as_config(value, name)()
     except kinds.UnknownKind as error:

@@ -4,14 +4,14 @@ its place.
 
 import copy
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from servo.loop.settings import RunConfig, Setup
 from servo.mistake import Mistake, unknown
-from servo.parts import Controller, Estimator, FeaturesConfig
-from servo.scenario import given, keywords, toml
+from servo.scenario import arguments, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import AS_WRITTEN, Draw, draws_of, flat
@@ -19,66 +19,30 @@ from servo.scenario.expected import Expected, tracker_of
 from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
-from servo.scenario.sections import (
-    GoalConfig,
-    MeasureConfig,
-    RegionConfig,
-    RunConfig,
-    StartConfig,
-    check_frames,
-)
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, section_of
 from servo.scenario.toml import put, with_settings
-from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
-from sim.believed import BelievedConfig
-from sim.camera.camera import CameraConfig
-from sim.kinds import PartConfig
-from sim.models.target import Target
-from sim.robot.robot import Design
-from sim.stage import Disturbance, Motion
+from sim.installed import Trusted
 from sim.timing import Rates
-from sim.world import WorldConfig
-from tracking.types import Tracker
 
 Table = dict[str, Any]
+NO_PARTS: Mapping[str, Any] = {}
+MOST_FRAMES = 360_000
+"""An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scenario:
-    """Everything a run depends on."""
+class Scenario(Setup):
+    """A setup that was read from a file, and its bounds."""
 
-    name: str
     table: Table = field(repr=False)
     """The TOML table it was parsed from, overrides and the camera's calibration included."""
-    run: RunConfig
-    world: WorldConfig
-    camera: CameraConfig
-    goal: GoalConfig
-    start: StartConfig
-    region: RegionConfig
-    sight: SightConfig
-    believed: BelievedConfig
-    measure: MeasureConfig
-    robot: PartConfig[Design]
-    target: PartConfig[Target]
-    motion: PartConfig[Motion]
-    tracker: PartConfig[Tracker]
-    features: FeaturesConfig
-    estimator: PartConfig[Estimator]
-    controller: PartConfig[Callable[[Estimator], Controller]]
-    disturbances: tuple[PartConfig[Disturbance], ...]
     expect: dict[str, float | str]
     """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
     bounds: Expected
     """The bounds of all trackers."""
     drawn: Table = field(default_factory=dict)
     """The settings that were drawn for this seed, and their values."""
-
-    @property
-    def frames(self) -> int:
-        """Return the number of frames of a run."""
-        return max(1, round(self.run.duration * self.camera.rate))
 
     @property
     def unjudged(self) -> str:
@@ -103,7 +67,8 @@ def _described(config: Any) -> Table:
     """Return the kind of a `Config` and its settings."""
     value: Any = config
     settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
-    return {"kind": kinds.kind_of(config)} | settings
+    # The kind comes first, and is the part's own even if it has a field of this name.
+    return {"kind": ""} | settings | {"kind": kinds.kind_of(config)}
 
 
 def load(
@@ -121,39 +86,36 @@ def load(
         seed: Replaces run.seed.
         **settings: More changes: gain=1.5, tracker="kams", camera={"noise": 3.0}. Also parts of
             one's own, such as tracker=MyTracker: an instance of a `Config`, or a class of one; of a
-            tracker also a class or an object that `tracking.wrap` takes.
+            tracker also a class or an object that `tracking.wrap` takes. Overrides and other
+            keywords reach the settings of such a part.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
-    name = given.name(name, "scenario")
-    changes = keywords.of_texts(overrides)
+    name = arguments.name(name, "scenario")
+    own = keywords.own_parts(settings)
+    changes = [
+        Change(f"{key}.kind", Trusted(kinds.kind_of(config)), key) for key, config in own.items()
+    ]
+    changes += keywords.of_texts(overrides)
     if seed is not None:
         changes.append(Change("run.seed", toml.plain(seed), f"--seed {seed}"))
-    own = {
-        key: keywords.own_part(key, value)
-        for key, value in settings.items()
-        if key in PLUGINS and not isinstance(value, str | dict)
-    }
     parts = {key: settings[key] for key in settings if key in PLUGINS and key not in own}
     others = {key: value for key, value in settings.items() if key not in PLUGINS}
     changes += keywords.of_keywords(parts, SETTABLE)
     if others:  # the kinds are known now, and so is every setting's name
-        known = [*flat(_loaded(name, changes).settings(), "settings")]
+        known = [*flat(_loaded(name, changes, own).settings(), "settings")]
         changes += keywords.of_keywords(others, SETTABLE, known)
-    scenario = _loaded(name, changes)
-    if "tracker" in own:
-        own["expect"] = scenario.bounds.of(kinds.kind_of(own["tracker"]))
-    return dataclasses.replace(scenario, **own) if own else scenario
+    return _loaded(name, changes, own)
 
 
-def _loaded(name: str, changes: Sequence[Change]) -> Scenario:
+def _loaded(name: str, changes: Sequence[Change], own: Mapping[str, Any]) -> Scenario:
     table, place = read(name)
     written = copy.deepcopy(table)
     for change in changes:
         toml.check({change.key: change.value}, change.place)
         put(table, *change)
-    return parse(table, Path(name).stem, place, written, changes)
+    return parse(table, Path(name).stem, place, written, changes, own)
 
 
 def parse(
@@ -162,6 +124,7 @@ def parse(
     place: str,
     written: Table | None = None,
     changes: Sequence[Change] = (),
+    own: Mapping[str, Any] = NO_PARTS,
 ) -> Scenario:
     """Return the scenario of a TOML table.
 
@@ -171,6 +134,7 @@ def parse(
         place: Its file, for messages.
         written: The table as it stands in its file, whose tracker the bounds are made for.
         changes: The changes, in their order: messages name the one that set a wrong value.
+        own: Parts that are given from Python, by table; it names their kinds.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
@@ -187,28 +151,31 @@ def parse(
         raise Mistake(f"{where('sweep')}: sweep should be a table, not {table['sweep']!r}")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{where('camera')}: camera")}
+    if written is not None:  # a change replaces a draw: a wrong one in the file would go unseen
+        draws_of(written.get("vary", {}), f"{place}: vary")
     draws = draws_of(table.get("vary", {}), f"{where('vary')}: vary")
     fixed = {key: value for key, value in table.items() if key != "vary"}
     try:
-        values = {key: _filled(key, fixed) for key in TABLES}
-        drawn = _drawn(draws, fixed, values["run"].seed)
+        values = {key: _filled(key, fixed, own) for key in TABLES}
+        drawn = _drawn(draws, fixed, values["run"].seed, own)
         if drawn:
             fixed = with_settings(fixed, drawn, place)
-            values |= {key: _filled(key, fixed) for key in {section_of(key) for key in drawn}}
+            changed = {section_of(key) for key in drawn}
+            values |= {key: _filled(key, fixed, own) for key in changed}
     except WrongSetting as error:
         # What a calibration gives is wrong where the calibration is named.
         named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
         sentence = f"{where(error.setting, *named)}: {error}"
         raise Mistake(sentence) from error.__cause__
     bounds = Expected.read(table, table if written is None else written, where("expect"))
-    check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
+    _check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
     expect = bounds.of(tracker_of(table))
     if tracker_of(table) != bounds.own:
         table = table | {"expect": expect}
     return Scenario(name=name, table=table, expect=expect, bounds=bounds, drawn=drawn, **values)
 
 
-def _filled(key: str, table: Table) -> Any:
+def _filled(key: str, table: Table, own: Mapping[str, Any]) -> Any:
     """Return the value of one of a scenario's tables.
 
     Raises:
@@ -217,14 +184,15 @@ def _filled(key: str, table: Table) -> Any:
     if key in SECTIONS:
         return fill(SECTIONS[key], table.get(key, {}), key)
     if key in PLUGINS:
-        return fill_plugin(PLUGINS[key][0], table.get(key, {}), key, PLUGINS[key][1])
+        kinds_of_part, default = PLUGINS[key]
+        return fill_plugin(kinds_of_part, table.get(key, {}), key, default, own.get(key))
     items = table.get(key, [])
     if not isinstance(items, list):
         raise WrongSetting(f"{key} should be a list of tables, not {items!r}", key)
     return tuple(fill_plugin(LISTS[key], item, f"{key}[{i}]") for i, item in enumerate(items))
 
 
-def _drawn(draws: Sequence[Draw], table: Table, seed: int) -> Table:
+def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any]) -> Table:
     """Return the settings that a seed draws; each end of a law must be valid.
 
     Raises:
@@ -237,7 +205,21 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int) -> Table:
             raise WrongSetting(f"{at}: {unknown(section, KEYS)}", at)
         for end in draw.ends:
             try:
-                _filled(section, with_settings(table, {draw.key: end}, at))
+                _filled(section, with_settings(table, {draw.key: end}, at), own)
             except WrongSetting as error:
                 raise WrongSetting(f"{at}: {error}", at) from error.__cause__
     return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
+
+
+def _check_frames(run: RunConfig, rate: float, place: str) -> None:
+    """Refuse a run whose steps would not fit into memory, which are kept until its end.
+
+    Raises:
+        Mistake: It has too many frames at this rate [Hz].
+    """
+    frames = run.duration * rate
+    if frames > MOST_FRAMES:
+        raise Mistake(
+            f"{place}: run.duration = {run.duration:g} s at camera.rate = {rate:g} Hz is "
+            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
+        )

@@ -3,18 +3,18 @@
 from contextlib import suppress
 from typing import Any
 
-from servo.scenario.catalogue import LISTS, PLUGINS
-from servo.scenario.sections import (
+from servo.loop.settings import (
     GoalConfig,
     MeasureConfig,
     RegionConfig,
     RunConfig,
     StartConfig,
 )
+from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.sight.estimate_to_sight import SightConfig
-from sim.believed import BelievedConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind
+from sim.miscalibration import BelievedConfig
 from sim.world import WorldConfig
 
 SECTIONS: dict[str, type[Any]] = {

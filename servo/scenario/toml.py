@@ -2,6 +2,7 @@
 
 import copy
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.files import reading
 from sim.installed import Trusted
 
+Table = dict[str, Any]
 LARGEST_FILE = 1_000_000
 """Largest file [bytes], chosen by hand: a scenario has some thousand."""
 DEEPEST = 20
@@ -85,16 +87,14 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-Table = dict[str, Any]
+def names_of(path: str) -> list[str]:
+    """Return the names in a dotted path; one in quotes may have dots itself.
 
-
-def override(table: Table, item: str) -> None:
-    """Apply one "a.b=value" to a table, as `put` does.
-
-    Raises:
-        Mistake: It does not have that form, or as for `put`.
+    >>> names_of('expect.tracker."my.kind"')
+    ['expect', 'tracker', 'my.kind']
     """
-    put(table, *assignment(item), f"--set {item}")
+    hidden = re.sub(r'"([^"]*)"', lambda quoted: quoted[1].replace(".", "\0"), path)
+    return [name.strip().replace("\0", ".") for name in hidden.split(".")]
 
 
 def assignment(item: str) -> tuple[str, Any]:
@@ -107,13 +107,13 @@ def assignment(item: str) -> tuple[str, Any]:
         Mistake: It does not have that form.
     """
     path, equals, text = item.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not equals or not all(keys):
+    names = names_of(path)
+    if not equals or not all(names):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
     value = _value(text.strip())
-    if keys[-1] == "kind" and not isinstance(value, str):  # "true" is a word there
+    if names[-1] == "kind" and not isinstance(value, str):  # "true" is a word there
         value = Trusted(text.strip())
-    return ".".join(keys), value
+    return path.strip(), value
 
 
 def put(table: Table, path: str, value: Any, place: str) -> None:
@@ -122,28 +122,27 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
     Raises:
         Mistake: The path leads through something that is no table; place names it.
     """
-    keys = [key.strip() for key in path.split(".")]
+    *above, name = keys = names_of(path)
+    if len(keys) > DEEPEST:
+        raise Mistake(f"{place}: {TOO_DEEP}")
     at: Any = table
-    for key in keys[:-1]:
-        try:
-            at = _inside(at, key, [] if at is table and key in LISTS else {})
-        except (ValueError, IndexError):
-            at = None
+    for key in above:
+        at = _inside(at, key, [] if at is table and key in LISTS else {})
         if not isinstance(at, dict | list):
             raise Mistake(f"{place}: '{path}' leads through '{key}', which is not a table")
-    if isinstance(at, list) and keys[-1] in _numbers(at):  # such as start.pose.2
-        at[int(keys[-1])] = value
+    if isinstance(at, list):  # a number of start.pose, but no whole disturbance
+        if not name.isdecimal() or isinstance(_inside(at, name, None), dict | None):
+            raise Mistake(f"{place}: '{path}' is not a key of a table")
+        at[int(name)] = value
         _forget(table, keys)
         return
-    if not isinstance(at, dict):
-        raise Mistake(f"{place}: '{path}' is not a key of a table")
     _, default = PLUGINS.get(keys[0], ("", None))
-    if keys[-1] == "kind" and at.get("kind", default) != value:
+    if name == "kind" and at.get("kind", default) != value:
         at.clear()
-        _forget(table, keys[:-1])
+        _forget(table, above)
     elif keys[0] != "vary":
         _forget(table, keys)
-    at[keys[-1]] = value
+    at[name] = value
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
@@ -163,18 +162,11 @@ def _forget(table: Table, keys: list[str]) -> None:
         at.pop(keys[-1], None)
 
 
-def _numbers(at: list[Any]) -> list[str]:
-    """Return the numbers of a list's items that are no tables."""
-    return [str(i) for i, item in enumerate(at) if not isinstance(item, dict)]
-
-
 def _inside(at: Any, key: str, usual: Any) -> Any:
-    """Return the value in a table or a list under a key; `usual` where a table has none."""
-    if not isinstance(at, list):
+    """Return the value under a key: in a table `usual` where there is none, in a list None."""
+    if isinstance(at, dict):
         return at.setdefault(key, usual)
-    if not key.isdecimal() or str(int(key)) != key:
-        raise ValueError(key)
-    return at[int(key)]
+    return at[int(key)] if key in map(str, range(len(at))) else None
 
 
 def _value(text: str) -> Any:

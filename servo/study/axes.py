@@ -10,7 +10,7 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.tables import SECTIONS
-from tracking.external import OF_THE_USER
+from tracking.wrapped import OF_THE_USER
 
 SCENARIO = "scenario"
 """Key of the axis of scenarios; the keys of all others are settings."""

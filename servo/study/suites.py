@@ -9,12 +9,12 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
-from tracking.external import OF_THE_USER
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import is_folder, read_all
 from tracking.sequences.sources import RATE
 from tracking.sequences.truth import Format
 from tracking.trackers import KINDS as TRACKERS
+from tracking.wrapped import OF_THE_USER
 
 CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
 HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]

@@ -12,7 +12,7 @@ import sys
 import threading
 from typing import Any
 
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 
 INSTALL = (
     "'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri' (Debian, Ubuntu), "

@@ -87,9 +87,8 @@ class Sensor:
             (slice(band.begin, band.end), [steps.index(k) for k in band.steps]) for band in bands
         ]
         """Rows, and which of the pictures they are exposed in."""
-        period = 1 / config.rate
         slow = config.auto_gain
-        self._share = None if slow is None else 1 - exp(-period / slow)
+        self._share = None if slow is None else 1 - exp(-1 / config.rate / slow)
         self._gain = 1.0
         self._level: float | None = None
         self._noise = None

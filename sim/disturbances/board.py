@@ -6,8 +6,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.kinds import BuildsItself
 from sim.ranges import Time
-from sim.settled import Settled
 from sim.types import Effect
 
 SLIDE = 0.2
@@ -18,7 +18,7 @@ were chosen by hand: the target is hidden within six pictures."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Settled):
+class Config(BuildsItself):
     """When and how fast."""
 
     props = ()

@@ -6,13 +6,13 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.kinds import BuildsItself
 from sim.ranges import Interval, Time
-from sim.settled import Settled
 from sim.types import Effect
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Settled):
+class Config(BuildsItself):
     """When, how much and how fast."""
 
     props = ()

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from sim.kinds import BuildsItself
 from sim.motions import line
 from sim.ranges import Place, Time
-from sim.settled import Settled
 from sim.types import Effect
 
 HEADING_DEG = 90.0
@@ -14,7 +14,7 @@ SPEED = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Settled):
+class Config(BuildsItself):
     """When it comes, and how it drives."""
 
     props = ("second_target",)

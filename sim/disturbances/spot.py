@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.kinds import BuildsItself
 from sim.ranges import Interval, Place, Time
-from sim.settled import Settled
 from sim.types import Effect, Spot
 
 STRENGTH = 0.4
@@ -15,7 +15,7 @@ is lost."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Settled):
+class Config(BuildsItself):
     """When and where."""
 
     props = ("spot",)

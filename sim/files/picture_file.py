@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from sim.files import reading
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 from sim.types import LARGEST_PICTURE, Image
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"})

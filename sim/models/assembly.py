@@ -6,10 +6,10 @@ from importlib import resources
 import mujoco
 
 from sim.camera.camera import FOVY, CameraConfig
+from sim.kinematics.robot import CAMERA, Design
 from sim.models.model_files import compiled
 from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
-from sim.robot.design import CAMERA, Design
 
 ROBOT = "robot"
 TARGET = "target"

@@ -91,25 +91,24 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     bounds = _bounds(model, data)
-    hits = np.zeros((0, 3)) if bounds is None else _hits(model, data, *bounds)
+    hits = _hits(model, data, *bounds)
     if len(hits) == 0:
         raise ValueError("nothing of it is seen from above the table, whose top is at z = 0")
     low = hits.min(axis=0)
     high = hits.max(axis=0)
-    assert bounds is not None
     length, width = (high - low)[:2] + (bounds[1] - bounds[0])[:2] / RAYS
     return rectangle(np.append(((low + high) / 2)[:2], hits[:, 2].mean()), length, width)
 
 
-def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array] | None:
+def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
     """The box around the geoms that are drawn: its lowest and highest corner (3,) [m]."""
     drawn = [
         data.geom_xpos[g] + (box[:3] + CORNERS * box[3:]) @ data.geom_xmat[g].reshape(3, 3).T
         for g, box in enumerate(model.geom_aabb)
         if SHOWN[model.geom_group[g]]
     ]
-    points = np.concatenate(drawn) if drawn else np.zeros((1, 3))
-    return (points.min(axis=0), points.max(axis=0)) if drawn else None
+    points = np.concatenate(drawn or [np.zeros((1, 3))])
+    return points.min(axis=0), points.max(axis=0)
 
 
 def _hits(model: mujoco.MjModel, data: mujoco.MjData, low: Array, high: Array) -> Array:

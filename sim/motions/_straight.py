@@ -4,13 +4,13 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from math import cos, radians, sin
 
+from sim.kinds import BuildsItself
 from sim.ranges import Degrees, Place
-from sim.settled import Settled
 from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
-class Straight(Settled):
+class Straight(BuildsItself):
     """A drive along a straight line; the nose never turns."""
 
     x: Place = 0.0

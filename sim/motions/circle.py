@@ -6,13 +6,13 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from sim.kinds import BuildsItself
 from sim.ranges import Length, Place
-from sim.settled import Settled
 from sim.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Settled):
+class Config(BuildsItself):
     """The circle."""
 
     x: Place = 0.0

@@ -5,8 +5,8 @@ from math import cos, radians, sin
 
 import numpy as np
 
+from sim.kinds import BuildsItself
 from sim.ranges import Degrees, Place, Speed
-from sim.settled import Settled
 from sim.types import Pose
 
 TURN_DURATION = 2.0
@@ -16,7 +16,7 @@ turn, and a leg of 0.2 m."""
 
 
 @dataclass(frozen=True, slots=True)
-class Config(Settled):
+class Config(BuildsItself):
     """Turns and legs."""
 
     x: Place = -0.1

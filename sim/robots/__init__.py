@@ -7,6 +7,6 @@ from typing import TYPE_CHECKING
 from sim.kinds import Kinds, PartConfig
 
 if TYPE_CHECKING:
-    from sim.robot.robot import Design
+    from sim.kinematics.robot import Design
 
 KINDS: Kinds[PartConfig[Design]] = Kinds(__name__, "servobench.robots")

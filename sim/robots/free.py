@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 
-from sim.robot.design import Design, Drives, Inversion
+from sim.kinematics.robot import Design, Drives, Inversion
 from sim.robots.mjcf import shipped
 
 HOMES = tuple((0.0, 0.0, 1.0, 0.0, 0.0, k * pi / 2) for k in range(4))

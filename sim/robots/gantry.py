@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.robot.design import Design, Drives, Inversion
+from sim.kinematics.robot import Design, Drives, Inversion
 from sim.robots.mjcf import shipped
 
 MIDDLE = (0.0,) * 6

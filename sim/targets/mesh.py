@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.files import reading
+from sim.files.shipped import file_of
 from sim.models.model_files import said_by_mujoco
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
-from sim.targets._paint import PLAIN, Colour, Outlined, add_picture, file_of, picture_named, rgba
+from sim.targets._paint import PLAIN, Colour, Outlined, add_picture, picture_named, rgba
 from sim.types import Array, Image
 
 Indices = NDArray[np.int64]
@@ -67,7 +68,7 @@ class Config(Outlined):
         Raises:
             ValueError: A file cannot be read or is broken, or there is no such colour.
         """
-        path = file_of(self.file, ".obj", "file")
+        path = file_of(self.file, "targets", ".obj", "file")
         name = self.texture
         mesh = _seen_from_outside(read_mesh(path))
         picture = None if name is None else picture_named(name, "texture")
@@ -115,19 +116,23 @@ class Config(Outlined):
         return points + (0, 0, max(0.0, FLAT - float(points[:, 2].max())))
 
 
+def trimesh() -> Any:
+    """Import trimesh, only now: it takes half a second."""
+    return importlib.import_module("trimesh")
+
+
 def read_mesh(path: Path) -> Triangles:
     """Return the surface in an OBJ or STL file.
 
     Raises:
         ValueError: It cannot be read, or has no triangle.
     """
-    trimesh: Any = importlib.import_module("trimesh")  # only now: it takes half a second
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
     with reading.opened(path, "mesh") as file:
         try:
-            found = trimesh.load_mesh(file, suffix[1:], process=False, skip_materials=True)
+            found = trimesh().load_mesh(file, suffix[1:], process=False, skip_materials=True)
             vertices, same = np.unique(found.vertices, axis=0, return_inverse=True)
             faces = same.reshape(-1)[found.faces]
         except Exception:  # trimesh's readers raise what they meet in a broken file
@@ -144,17 +149,15 @@ def read_mesh(path: Path) -> Triangles:
 
 def _seen_from_outside(mesh: Triangles) -> Triangles:
     """A closed mesh whose faces point outwards; of an open one both sides can be seen."""
-    faces = mesh.faces
+    vertices = mesh.vertices
     places = mesh.places
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    ahead, back = (np.sort(e @ (len(mesh.vertices), 1)) for e in (edges, edges[:, ::-1]))
-    inside_out = faces[:, ::-1], None if places is None else places[:, ::-1]
-    if np.array_equal(ahead, back) and (np.diff(ahead) > 0).all():
-        a, b, c = (mesh.vertices - mesh.vertices.mean(axis=0))[faces.T]
-        volume = float(np.einsum("ij,ij", a, np.cross(b, c)))
-        return mesh if volume >= 0 else Triangles(mesh.vertices, *inside_out)
+    faces = mesh.faces[:, ::-1]
+    turned = None if places is None else places[:, ::-1]
+    shape: Any = trimesh().Trimesh(vertices, mesh.faces, process=False)
+    if shape.is_watertight and shape.is_winding_consistent:
+        return mesh if shape.volume >= 0 else Triangles(vertices, faces, turned)
     return Triangles(
-        np.concatenate([mesh.vertices, mesh.vertices]),
-        np.concatenate([faces, inside_out[0] + len(mesh.vertices)]),
+        np.concatenate([vertices, vertices]),
+        np.concatenate([mesh.faces, faces + len(vertices)]),
         None if places is None else np.concatenate([places, places[:, ::-1]]),
     )

@@ -31,7 +31,7 @@ HEAVY = (
     "scipy.stats",
 )
 """Imported once: the imports take longer than most tests."""
-COMPILED = "tracking/hot/"
+COMPILED = "tracking/loops/"
 """numba compiles these: coverage does not see their lines, and each change compiles anew."""
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim.camera.renderer import OpenGLRenderer
-from sim.robot.robot import CAMERA
+from sim.kinematics.robot import CAMERA
 
 ROUNDS = 40
 PLAIN = {}

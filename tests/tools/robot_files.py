@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 
 from sim.camera.camera import CameraConfig
+from sim.kinematics.robot import Inversion, Robot
 from sim.models.assembly import build_model
-from sim.robot.design import Inversion
-from sim.robot.robot import Robot
 from sim.robots import mjcf
 from sim.targets import car
 

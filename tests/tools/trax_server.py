@@ -23,6 +23,10 @@ if mode == "dies":
 if mode == "silent":
     time.sleep(60)
 say("loading ...")
+if mode == "writes":
+    for _ in range(3):
+        sys.stdout.write("." * (1 << 24))
+    say("")
 about = f'"trax.region={regions};" "trax.image={pictures};" "trax.name=a b"'
 say(f'@@TRAX:hello "trax.version={version}" {about}')
 numbers, count = [], 0
@@ -58,6 +62,7 @@ for line in sys.stdin:
         "negative": '@@TRAX:state "1,2,-3,4"',
         "mask": '@@TRAX:state "m0,0,2,2,1,2"',
         "lost": '@@TRAX:state "0"',
+        "long": f'@@TRAX:state "{",".join(["42,30,72,30,72,50,42,50"] * 60_000)}"',
     }.get(mode)
     if count > 0 and said:
         say(said)
@@ -74,3 +79,5 @@ for line in sys.stdin:
     if mode == "twice" and count == 1:
         answer(moved)
         time.sleep(0.2)
+if mode == "stays":
+    time.sleep(60)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Image
-from tracking.hot import colour_labels as hot
+from tracking.loops import colour_labels as loops
 
 Labels = NDArray[np.integer[Any]]
 DARK = 8
@@ -87,7 +87,7 @@ class ColourBins:
 
     def label(self, image: Image, window: Window) -> Labels:
         at = (window.left, window.top, window.right, window.bottom)
-        return hot.labels(image, *at, self.levels)
+        return loops.labels(image, *at, self.levels)
 
 
 class LabelledImage:
@@ -133,4 +133,4 @@ class LabelledImage:
 
 def as_seen(image: Image, *, even: bool) -> Image:
     """Return a picture (H, W, 3) as a tracker sees it: as it is, or evenly lit."""
-    return hot.evened(image, DARK) if even else image
+    return loops.evened(image, DARK) if even else image

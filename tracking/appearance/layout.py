@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.types import Array
 from tracking.appearance.bins import LabelledImage
-from tracking.hot import point_histograms as hot
+from tracking.loops import point_histograms as loops
 from tracking.types import Region, State
 
 Kernel = Literal["epanechnikov", "linear"]
@@ -118,5 +118,5 @@ def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
     vector = state.vector
     window = image.around(vector[None], layout.radius)
     at = (layout.points, layout.parts, layout.weights)
-    counts = hot.histograms(window, vector, *at, layout.count, image.bins.count)
+    counts = loops.histograms(window, vector, *at, layout.count, image.bins.count)
     return counts / np.maximum(counts.sum(axis=1, keepdims=True), TINY)

@@ -10,14 +10,18 @@ as nothing. The PFJCTH paper's equation 13 says "otherwise 0": it means discard,
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
+from sim.ranges import Share
 from sim.types import Image
 from tracking.appearance.bins import Bins, ColourBins, Labels, Window
+from tracking.appearance.model import AppearanceSettings
+from tracking.settings import MOST_LEVELS
 from tracking.types import Region, State
 
 THRESHOLD = 8.0
@@ -135,18 +139,34 @@ class TextureBins:
         return np.where(major, joint, rest).astype(number)
 
 
-def texture_or_colour(
-    image: Image, region: Region, state: State, joint: TextureBins, least: float
-) -> Bins:
-    """Joint bins, or colour alone where a smaller share than `least` of the target is textured.
+@dataclass(frozen=True)
+class TextureSettings(AppearanceSettings):
+    """Settings of histograms of colour and texture."""
 
-    Few pixels in so many bins make a histogram that no two pictures share. Texture alone stays.
-    """
-    if joint.levels == 1:
-        return joint
-    inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
-    textured = np.mean(joint.label(image, inside) >= 0)
-    return joint if textured >= least else ColourBins(joint.levels)
+    levels: Annotated[int, Ge(1), Le(MOST_LEVELS)] = 8
+    """Colour bins a channel; 1: texture alone."""
+    neighbours: Annotated[int, Ge(5), Le(24)] = 8
+    """Neighbours P of a pixel on the circle of its pattern; P - 3 textures count."""
+    radius: Annotated[float, Ge(1), Le(8)] = 1.0
+    """Radius R of that circle [px]; between pixels the image is interpolated bilinearly."""
+    rest: Rest = "colour"
+    """Pixels without major texture count as nothing ("discard"), as the papers have it, which does
+    not see how many of them a box holds; as one bin of all ("bin"); or as a bin for each colour
+    ("colour")."""
+    least_texture: Share = 0.25
+    """With a smaller share of textured pixels in the target, colour alone is counted; with rest =
+    "discard" only, which would leave next to nothing."""
+
+    def bins(self, image: Image, region: Region, state: State) -> Bins:
+        """Return joint bins, or those of colour alone where too little of the target is textured.
+
+        Few pixels in so many bins make a histogram that no two pictures share. Texture alone stays.
+        """
+        joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
+        inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
+        textured = np.mean(joint.label(image, inside) >= 0)
+        smooth = self.levels > 1 and textured < self.least_texture
+        return ColourBins(self.levels) if smooth else joint
 
 
 def _cut(image: Image, window: Window, margin: int) -> Image:

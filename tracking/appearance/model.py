@@ -15,6 +15,10 @@ The distance is the mean over the nine parts, not the sum: the sum is the same l
 times gamma, under which 300 particles leave an effective sample of two.
 """
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+
 import numpy as np
 
 from sim.types import Array, Image
@@ -22,8 +26,8 @@ from tracking.appearance.bins import Bins, ColourBins, LabelledImage, as_seen
 from tracking.appearance.layout import Sampling, ring
 from tracking.appearance.reference import Reference
 from tracking.appearance.views import Views
-from tracking.hot import point_histograms as hot
-from tracking.settings import AppearanceSettings
+from tracking.loops import point_histograms as loops
+from tracking.settings import Contrast, Inset, Levels
 from tracking.types import Region, State
 
 FINER = 4
@@ -37,6 +41,44 @@ UNLIKE = 0.3
 annotated recordings (tracking/README.md)."""
 
 
+@dataclass(frozen=True)
+class AppearanceSettings:
+    """Settings of the histograms that describe a target."""
+
+    levels: Levels = 8
+    """Colour bins a channel; the KAMS paper has 10."""
+    even: bool = False
+    """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
+    light changes, at the price of telling bright things from dark ones less well."""
+    inset: Inset = 0.0
+    """Share of the region's width and height that is left out, half on each side: there the
+    background shows, whose change would be taken for the target's."""
+    contrast: Contrast = 0.25
+    """Weight eta of the surrounding ring's likeness to the target: keeps the box from shrinking."""
+    learn: bool = True
+    """Weigh bins by how well they separate the target from its surroundings, and follow slow
+    changes of both in the pictures where the target was found."""
+
+    @property
+    def sampling(self) -> Sampling:
+        """Points at which states are read: by default one histogram under Epanechnikov's kernel."""
+        return Sampling()
+
+    def bins(self, image: Image, region: Region, state: State) -> Bins:  # noqa: ARG002
+        """Return the bins that are counted: by default colours.
+
+        Args:
+            image: First picture, as it is seen (H, W, 3).
+            region: The template.
+            state: State of the target there.
+        """
+        return ColourBins(self.levels)
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the target's appearance in the first picture, RGB (H, W, 3)."""
+        return SampledModel(image, region, state, self)
+
+
 class SampledModel:
     """The target's reference histograms, and the distance of any state from them.
 
@@ -46,13 +88,7 @@ class SampledModel:
     """
 
     def __init__(
-        self,
-        image: Image,
-        region: Region,
-        state: State,
-        settings: AppearanceSettings,
-        sampling: Sampling,
-        bins: Bins | None = None,
+        self, image: Image, region: Region, state: State, settings: AppearanceSettings
     ) -> None:
         """Learn the target from the first picture.
 
@@ -61,20 +97,20 @@ class SampledModel:
             region: The template.
             state: State of the target there.
             settings: Settings of the histograms.
-            sampling: Points at which states are read.
-            bins: Bins that are counted; by default colours.
         """
         inside = region.inner(settings.inset)
+        sampling = settings.sampling
+        seen = as_seen(image, even=settings.even)
         self._settings = settings
-        self._bins = ColourBins(settings.levels) if bins is None else bins
+        self._bins = settings.bins(seen, region, state)
         self._layout = sampling.layout(inside)
         self._ring = ring(region, RING, sampling.density * (sampling.cells or 1))
         self._factor = self._layout.count if sampling.combine == "sum" else 1
         self._radius = max(self._layout.radius, self._ring.radius)
         self._views: Views | None = None
-        seen = LabelledImage(as_seen(image, even=settings.even), self._bins)
+        labelled = LabelledImage(seen, self._bins)
         fine = sampling.layout(inside, FINER)
-        self._reference = Reference(seen, region, state, fine, learns=settings.learn)
+        self._reference = Reference(labelled, region, state, fine, learns=settings.learn)
 
     def label(self, image: Image) -> LabelledImage:
         """Return a picture (H, W, 3), ready to be read by the other methods."""
@@ -89,21 +125,21 @@ class SampledModel:
     def distances(self, image: LabelledImage, states: Array) -> Array:
         """Return the distance d_m (N,) of each state (N, 4)."""
         rho = self._coefficients(self._window(image, states), states)
-        return np.sqrt(hot.squared_distances(rho))
+        return np.sqrt(loops.squared_distances(rho))
 
     def energy(self, image: LabelledImage, states: Array) -> Array:
         """Return the energy (N,) of a likelihood exp(-gamma energy) at states (N, 4): d_m^2 + eta *
         likeness of the ring, and of views if there are some; with summed parts, times their number.
         """
         window = self._window(image, states)
-        squared = hot.squared_distances(self._coefficients(window, states))
+        squared = loops.squared_distances(self._coefficients(window, states))
         eta = self._settings.contrast
         if self._views is not None:
             squared = squared + UNLIKE * (1 - self._views.likeness(image.blurred, states))
         if eta == 0:
             return self._factor * squared
         ring = (self._ring.points, self._ring.parts, self._ring.weights)
-        likeness = hot.coefficients(window, states, *ring, self._reference.root_whole)[:, 0]
+        likeness = loops.coefficients(window, states, *ring, self._reference.root_whole)[:, 0]
         return self._factor * (squared + eta * likeness)
 
     def climb(
@@ -123,18 +159,18 @@ class SampledModel:
         """
         window = self._window(image, states, reach)
         at = (self._layout.points, self._layout.weights, self._layout.pulls)
-        found, rho, evaluations = hot.mean_shift(
+        found, rho, evaluations = loops.mean_shift(
             window, states, *at, self._reference.root_parts, most, tolerance
         )
-        return found, np.sqrt(hot.squared_distances(rho[:, None])), evaluations
+        return found, np.sqrt(loops.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: LabelledImage, state: State) -> None:
         """Take over the present appearance of target and surroundings, if the settings say so."""
         self._reference.learn(image, state)
 
-    def _coefficients(self, window: hot.Window, states: Array) -> Array:
+    def _coefficients(self, window: loops.Window, states: Array) -> Array:
         at = (self._layout.points, self._layout.parts, self._layout.weights)
-        return hot.coefficients(window, states, *at, self._reference.root_parts)
+        return loops.coefficients(window, states, *at, self._reference.root_parts)
 
-    def _window(self, image: LabelledImage, states: Array, reach: float = 0.0) -> hot.Window:
+    def _window(self, image: LabelledImage, states: Array, reach: float = 0.0) -> loops.Window:
         return image.around(states, self._radius, reach)

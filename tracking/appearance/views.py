@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot import likeness as hot
+from tracking.loops import view_correlation as loops
 from tracking.types import Region, State
 
 # Chosen by hand on 13 annotated recordings (tracking/README.md).
@@ -56,7 +56,7 @@ class Views:
 
     def likeness(self, blurred: Image, states: Array) -> Array:
         """Return the largest correlation (N,) of each state (N, 4) with a view, -1 to 1."""
-        return hot.likeness(blurred, states, self._points, self._stored)
+        return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
         """Store the view at a state where the target certainly is, in place of the oldest but the
@@ -117,4 +117,4 @@ class Views:
         return np.asarray(cv2.warpAffine(image, centres, shape, flags=flags), np.uint8), place
 
     def _view(self, blurred: Image, state: State) -> Array:
-        return hot.view(blurred, state.vector, self._points)[None]
+        return loops.view(blurred, state.vector, self._points)[None]

@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import particle_loops
+from tracking.loops import particle_loops
 from tracking.search.particles import ParticleFilter
 
 # As published annealed filters have them: half of the particles survive a layer (Deutscher, Blake,
@@ -24,9 +24,6 @@ RATIO = 2.0
 """Fixed schedule: each exponent over that of the layer before."""
 COOLING = 0.5
 """Noise of a layer over the layer before."""
-BISECTIONS = 40
-LARGEST_BETA = 1e4
-"""With these the exponent is found to 1e-8; a larger one has no use."""
 
 
 class Schedule(StrEnum):
@@ -50,17 +47,6 @@ ONE_LAYER = Annealing(1, Schedule.FIXED)
 """No annealing: the particles are weighed once, with the likelihood as it is."""
 
 
-def exponent(log_likelihood: Array, survival: float) -> float:
-    """Return the beta with which w^beta has an effective sample size of survival * N.
-
-    Args:
-        log_likelihood: ln w (N,).
-        survival: Share of the particles, 0..1.
-    """
-    target = survival * len(log_likelihood)
-    return particle_loops.exponent(log_likelihood, target, LARGEST_BETA, BISECTIONS)
-
-
 def anneal(
     cloud: ParticleFilter,
     velocity: Array,
@@ -82,7 +68,7 @@ def anneal(
         cloud.predict(velocity if layer == settings.layers - 1 else np.zeros(4), spread)
         w = likelihood(cloud)
         if settings.schedule == Schedule.SURVIVAL:
-            beta = exponent(w, SURVIVAL)
+            beta = particle_loops.exponent(w, SURVIVAL * len(w))
         else:
             beta = RATIO**-layer
         cloud.weigh(beta * w)

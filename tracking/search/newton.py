@@ -23,7 +23,7 @@ from math import sqrt
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.hot import descent as hot
+from tracking.loops import descent as loops
 from tracking.types import Region, State
 
 TINY = 1e-12
@@ -36,20 +36,19 @@ UNITS = np.array([1.0, 1.0, 1 / 20, 1 / 20])
 """Steps of x, y [px], of the angle [rad] and of ln scale that move a common target's rim alike."""
 
 
+HELD = 1e-9
+"""Unit of an angle that is not searched: the damping keeps it where it is."""
+
+
 @dataclass(frozen=True, slots=True)
 class Descent:
     """The end of a search."""
 
     state: State
     distance: float
-    """The distance d_m there."""
+    """The distance d_m there: the objective is O = 2 d_m^2."""
     evaluations: int
     """Number of times the histograms were computed."""
-
-
-def distance_of(cost: float) -> float:
-    """Return the Bhattacharyya distance d_m of a value O = 2 d_m^2 of the objective."""
-    return sqrt(min(cost / 2, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +66,31 @@ class KernelGrid:
     """Share of the region's width and height that is left out, half on each side."""
 
 
+TURNS = np.radians(np.arange(15, 360, 15))
+"""Turns of the template that are tried on the first picture [rad]."""
+SHIFTED = 0.25
+"""Length of the shifts that they are compared with, over the target's size."""
+INNER = KernelGrid(inset=0.3)
+"""Kernels that look at the middle only: the corners around a round target show the ground, which
+does not turn with it."""
+LEAST_TURN = 0.3
+"""A target shows no angle if a turn changes its distance by less than this share of what a shift
+changes. Discs and cylinders from above have at most 0.09, a plain rectangle of sides 1.2 to 1 has
+0.16, a plain ellipse of 1.5 to 1 0.34, shipped targets at least 0.77."""
+
+
 class KernelModel:
     """The target under a grid of Epanechnikov kernels, and the search for it."""
 
-    def __init__(self, image: Image, region: Region, state: State, grid: KernelGrid) -> None:
+    def __init__(
+        self,
+        image: Image,
+        region: Region,
+        state: State,
+        grid: KernelGrid,
+        *,
+        turns: bool = True,
+    ) -> None:
         """Learn the reference histograms.
 
         Args:
@@ -78,26 +98,20 @@ class KernelModel:
             region: The template.
             state: State of the target there.
             grid: The kernels.
+            turns: Search the angle, too.
         """
+        self._units = UNITS if turns else UNITS * (1, 1, HELD, 1)
         inside = region.inner(grid.inset)
         offsets = (np.arange(grid.per_side) + 0.5) / grid.per_side - 0.5
         u, v = np.meshgrid(offsets * inside.width, offsets * inside.height)
         centres = np.stack([u.ravel(), v.ravel()], axis=1)
         cell = grid.span * inside.width / grid.per_side, grid.span * inside.height / grid.per_side
         half = (inside.width / 2, inside.height / 2)
-        self._kernels: hot.Kernels = half, centres, cell, grid.levels, PIXELS
-        sums, totals = self.histograms(image, state.vector)
-        self._root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + hot.FLOOR)
-
-    def histograms(self, image: Image, x: Array) -> tuple[Array, Array]:
-        """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at x (4,)."""
-        return hot.histograms(image, x, self._kernels)
-
-    def linearise(self, image: Image, x: Array) -> tuple[float, Array, Array]:
-        """Return the objective at x (4,), half its gradient (4,), and half its curvature (4, 4) by
-        Gauss and Newton.
-        """
-        return hot.linearise(image, x, self._kernels, self._root_reference)
+        self.kernels: loops.Kernels = half, centres, cell, grid.levels, PIXELS
+        """The kernels, as the compiled loops take them."""
+        sums, totals = loops.histograms(image, state.vector, self.kernels)
+        self.root_reference = np.sqrt(sums[:, :, 0] / np.maximum(totals[:, :1], TINY) + loops.FLOOR)
+        """Square roots of the reference histograms (K, B)."""
 
     def descend(
         self,
@@ -120,14 +134,35 @@ class KernelModel:
         Returns:
             The last state, its distance, and the number of evaluations.
         """
-        x, cost, evaluations = hot.descend(
+        x, cost, evaluations = loops.descend(
             image,
             state.vector,
-            self._kernels,
-            self._root_reference,
-            UNITS,
+            self.kernels,
+            self.root_reference,
+            self._units,
             most,
             tolerance,
             2 * hopeless**2,
         )
-        return Descent(State.of(x), distance_of(cost), evaluations)
+        return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)
+
+
+def shows_angle(image: Image, region: Region, state: State) -> bool:
+    """Return whether the target in the first picture looks different when it is turned.
+
+    A disc, or a mug from above, does not: an angle that is followed all the same drifts, and the
+    camera turns with it. Where nothing is seen, not even a shift, nothing is said against it.
+    """
+    model = KernelModel(image, region, state, INNER)
+    shift = SHIFTED * np.sqrt(region.area(state))
+    around = np.arange(8) * np.pi / 4
+    none = np.zeros(8)
+    shifts = np.column_stack([shift * np.cos(around), shift * np.sin(around), none, none])
+
+    def distance(change: Array) -> float:
+        x = state.vector + change
+        cost, _, _ = loops.linearise(image, x, model.kernels, model.root_reference)
+        return sqrt(cost / 2)
+
+    turned = max(distance(np.array([0.0, 0.0, turn, 0.0])) for turn in TURNS)
+    return turned >= LEAST_TURN * float(np.mean([distance(change) for change in shifts]))

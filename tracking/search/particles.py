@@ -5,7 +5,7 @@
 import numpy as np
 
 from sim.types import Array
-from tracking.hot import particle_loops
+from tracking.loops import particle_loops
 from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
@@ -54,23 +54,15 @@ class ParticleFilter:
     def covariance(self) -> Array:
         """Return the covariance (4, 4) of the samples; nan in what does not vary between them."""
         found = particle_loops.covariance(self.samples, self.weights)
-        kept = np.array([False, False, *(not on for on in self._follows)])
+        kept = np.array([False, False, *(not on for on in self.follows)])
         found[kept] = np.nan
         found[:, kept] = np.nan
         return found
 
     @property
-    def _follows(self) -> tuple[bool, bool]:
+    def follows(self) -> tuple[bool, bool]:
         """True where the angle, and the size, vary between the samples."""
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
-
-    def ess(self) -> float:
-        """Effective sample size."""
-        return particle_loops.effective_size(self.weights)
-
-    def cloud(self) -> Array:
-        """Return samples and weights as (N, 5): x, y, theta, scale, weight."""
-        return particle_loops.cloud(self.samples, self.weights)
 
     def best(self) -> State:
         """Return the sample with the largest weight."""
@@ -83,10 +75,10 @@ class ParticleFilter:
             covariance=self.covariance(),
             distance=distance,
             status=status,
-            follows=self._follows,
-            ess=self.ess(),
+            follows=self.follows,
+            ess=particle_loops.effective_size(self.weights),
             evaluations=evaluations,
-            particles=self.cloud(),
+            particles=particle_loops.cloud(self.samples, self.weights),
         )
 
     def resample(self, power: float = 1.0) -> None:

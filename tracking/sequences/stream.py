@@ -19,7 +19,7 @@ from av.container import InputContainer
 from av.error import ExitError, FFmpegError
 
 from sim.files.picture_file import rgb
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 from sim.types import Image
 from tracking.sequences.sources import RATE, End, Picture, Times
 from tracking.sequences.video_file import (

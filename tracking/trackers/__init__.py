@@ -15,7 +15,7 @@ def _adapted(found: Any) -> type[Any] | None:
     makes one; None for anything else.
     """
     # Imported only now: `servobench list` only looks at files.
-    from tracking.external.wrapped import is_foreign, wrap
+    from tracking.wrapped.wrap import is_foreign, wrap
 
     is_function = callable(found) and not isinstance(found, type)
     return wrap(found) if is_foreign(found) or is_function else None

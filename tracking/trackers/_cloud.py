@@ -2,24 +2,27 @@
 resample.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from sim.types import Array, Frame, Image
+from sim.types import Array, Frame
 from tracking.appearance.bins import LabelledImage
-from tracking.appearance.model import SampledModel
-from tracking.lock import Lock, LockLimits
-from tracking.recognition import LOCK, Recogniser
+from tracking.appearance.model import AppearanceSettings
+from tracking.loss import LossJudge, LossLimits
+from tracking.recognition import LIMITS, Recogniser
 from tracking.search.annealing import ONE_LAYER, Annealing, anneal
+from tracking.search.newton import shows_angle
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import ParticleSettings
 from tracking.types import Estimate, Region, State, Status, check_region
 
-DISC_LOCK = LockLimits(floor=0.5, cap=0.75)
+DISC_LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of a distance of sampled histograms: of hard bins, it is never near 0."""
 WIDER = 3.0
 """Factor on the spread while a target without views is LOST: it may be anywhere."""
@@ -28,87 +31,112 @@ CLIMB = 6
 CLIMB_TOLERANCE = 0.5
 """A particle whose shift is shorter has arrived [px]."""
 
-ModelMaker = Callable[[Image, Region, State], SampledModel]
-"""Makes the model of a target from the first picture."""
-
 
 @dataclass(frozen=True, slots=True)
 class CloudMethod:
     """Parts in which the particle filters differ."""
 
-    model: ModelMaker
     annealing: Annealing = ONE_LAYER
     """Layers in which the particles are weighed."""
     climbs: bool = False
     """Let every particle climb by mean shift before it is weighed."""
     best: bool = False
     """Take the best particle for the target's state, not their mean."""
+    hidden: float = 1.0
+    """Power of the weights in resampling while the target is not seen."""
 
 
-@final
-class CloudTracker:
+@dataclass(frozen=True)
+class CloudSettings(AppearanceSettings, ParticleSettings):
+    """Settings of a particle filter on histograms: a kind changes defaults, and the method."""
+
+    @property
+    def method(self) -> CloudMethod:
+        """Parts of the filter: by default those of Condensation."""
+        return CloudMethod()
+
+    def build(self, rng: np.random.Generator) -> ParticleTracker:
+        """Return the tracker; its samples are drawn from the generator."""
+        return CloudTracker(self, DISC_LIMITS, rng)
+
+
+class ParticleTracker(ABC):
     """A particle filter on one model of the target."""
 
     def __init__(
-        self, settings: ParticleSettings, method: CloudMethod, rng: np.random.Generator
+        self, settings: CloudSettings, limits: LossLimits, rng: np.random.Generator
     ) -> None:
+        """Set it up.
+
+        Args:
+            settings: Settings of the filter and its model.
+            limits: Limits of the distance of a target that is not recognised by views.
+            rng: Source of all draws.
+        """
         self._settings = settings
-        self._method = method
+        self._limits = limits
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the target and put all particles on it."""
         check_region(frame, region, state)
         c = self._settings
-        self._model = self._method.model(frame.image, region, state)
-        noise = (c.noise, c.turn_noise, c.scale_noise)
+        self._model = c.model(frame.image, region, state)
+        image = self._model.label(frame.image).image
+        turns = c.turn_noise > 0 and shows_angle(image, region, state)
+        noise = (c.noise, c.turn_noise if turns else 0.0, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
-        self._lock = Lock(LOCK if c.views > 0 else DISC_LOCK)
+        self._loss = LossJudge(LIMITS if c.views > 0 else self._limits)
         self._status = Status.LOCKED
         self._found = state
         self._recogniser = None
         if c.views > 0:
-            image = self._model.label(frame.image).image
             self._recogniser = Recogniser(c.views, image, region, state, self._model)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, estimate, resample."""
-        c = self._settings
+        method = self._settings.method
         cloud = self._cloud
         lost = self._status is Status.LOST
+        strewn = lost and self._settings.scatter > 0
         image = self._model.label(frame.image)
         widen = WIDER if lost and self._recogniser is None else 1.0
-        strewn = lost and c.scatter > 0
-        if strewn:
-            height, width = frame.image.shape[:2]
-            cloud.scatter(c.scatter, (width, height), self._found)
-        if lost and self._recogniser is not None:
-            self._recogniser.send(cloud, image, self._found)
         evaluations = self._search(image, self._velocity.step(ego), widen)
-        searched = lost and self._recogniser is not None  # in many places: their mean is none
-        state = cloud.best() if self._method.best or searched else cloud.mean()
-        if self._recogniser is None:
-            distance = float(self._model.distances(image, state.vector[None])[0])
-        else:
-            distance = self._recogniser.doubt(image, state, cloud, frame.time)
-        self._status = self._lock.judge(distance, frame.time)
-        found = cloud.estimate(state, distance, self._status, evaluations + 1)
+        # In many places after views were searched: their mean is none of them.
+        searched = lost and self._recogniser is not None
+        proposed = cloud.best() if method.best or searched else cloud.mean()
+        state, distance, more = self._judge(image, proposed, frame.time)
+        estimate = cloud.estimate(state, distance, self._status, evaluations + more)
         seen = self._status is Status.LOCKED
-        # States of strewn particles carry no information on the target's motion.
+        # States of strewn particles carry no information on the target's motion; while the target
+        # is hidden the velocity stays, and the mean moves by it and by chance.
         self._velocity.learn(state, seen=seen and not strewn)
-        cloud.resample()
+        cloud.resample(1.0 if seen else method.hidden)
         if seen:
+            if strewn:
+                cloud.gather(state)
+            else:
+                cloud.shift(state.vector - proposed.vector)
             self._found = state
             self._model.learn(image, state)
             if self._recogniser is not None:
                 self._recogniser.learn(image, state, distance)
-        if seen and strewn:
-            cloud.gather(state)
-        return found
+        return estimate
 
+    def _strew(self, image: LabelledImage) -> None:
+        """Strew particles over the picture while the target is LOST, and send some to places that
+        are like a view.
+        """
+        if self._status is Status.LOST:
+            height, width = image.image.shape[:2]
+            self._cloud.scatter(self._settings.scatter, (width, height), self._found)
+            if self._recogniser is not None:
+                self._recogniser.send(self._cloud, image, self._found)
+
+    @abstractmethod
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
-        """Move and weigh the particles.
+        """Move and weigh the particles, strewn ones too.
 
         Args:
             image: The picture.
@@ -118,12 +146,27 @@ class CloudTracker:
         Returns:
             The number of histograms read.
         """
+
+    @abstractmethod
+    def _judge(
+        self, image: LabelledImage, proposed: State, time: float
+    ) -> tuple[State, float, int]:
+        """Set the status; return the state and distance to report, and the histograms read."""
+
+
+@final
+class CloudTracker(ParticleTracker):
+    """A particle filter that reports what its particles show, in one layer or annealed."""
+
+    def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
+        self._strew(image)
         model = self._model
+        method = self._settings.method
         evaluations = 0
 
         def log_likelihood(cloud: ParticleFilter) -> Array:
             nonlocal evaluations
-            if self._method.climbs:
+            if method.climbs:
                 cloud.samples, _, climbed = model.climb(
                     image, cloud.samples, most=CLIMB, tolerance=CLIMB_TOLERANCE, reach=cloud.size
                 )
@@ -131,5 +174,15 @@ class CloudTracker:
             evaluations += len(cloud.samples)
             return -self._settings.gamma * model.energy(image, cloud.samples)
 
-        anneal(self._cloud, change, log_likelihood, self._method.annealing, widen)
+        anneal(self._cloud, change, log_likelihood, method.annealing, widen)
         return evaluations
+
+    def _judge(
+        self, image: LabelledImage, proposed: State, time: float
+    ) -> tuple[State, float, int]:
+        if self._recogniser is None:
+            distance = float(self._model.distances(image, proposed.vector[None])[0])
+        else:
+            distance = self._recogniser.doubt(image, proposed, self._cloud, time)
+        self._status = self._loss.judge(distance, time)
+        return proposed, distance, 1

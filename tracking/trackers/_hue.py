@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-from tracking.external.boxes import Box, box_of
-from tracking.lock import Lock, LockLimits
+from tracking.loss import LossJudge, LossLimits
 from tracking.types import Estimate, Region, State, check_region, unknown_covariance
+from tracking.wrapped.boxes import box_of
 
 # As OpenCV's own sample program of CamShift has them, which most users start from.
 BINS = 16
@@ -22,7 +22,7 @@ LEAST_VALUE = 32
 """Darker pixels do not count."""
 ENDS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 1)
 """OpenCV's mean shift ends after ten iterations, or after a step below one pixel."""
-LOCK = LockLimits(floor=0.4, cap=0.7)
+LIMITS = LossLimits(floor=0.4, cap=0.7)
 """Limits of the distance of hue histograms; chosen by hand on painted sequences."""
 
 
@@ -82,20 +82,15 @@ class HueTracker:
         check_region(frame, region, state)
         self._region = region
         self._state = state
-        self._lock = Lock(LOCK)
+        self._loss = LossJudge(LIMITS)
         self._model = HueModel(frame.image, region, state)
-        self._begin(frame, box_of(region, state, frame.image))
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, and judge."""
         self._state = self._found(frame, ego)
         distance = self._model.distance(frame.image, self._state)
-        status = self._lock.judge(distance, frame.time)
+        status = self._loss.judge(distance, frame.time)
         return Estimate(self._state, unknown_covariance(), distance, status, self.follows)
-
-    @abstractmethod
-    def _begin(self, frame: Frame, box: Box) -> None:
-        """Take the first frame, with the target's box."""
 
     @abstractmethod
     def _found(self, frame: Frame, ego: Array | None) -> State:

@@ -3,17 +3,11 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from sim.ranges import Share
-from sim.types import Image
-from tracking.appearance.layout import Sampling
-from tracking.appearance.model import SampledModel
 from tracking.search.annealing import Annealing, Schedule
-from tracking.settings import AppearanceSettings, Count, ParticleSettings, Spread
+from tracking.settings import Count, Spread
 from tracking.trackers import condensation
-from tracking.trackers._cloud import CloudMethod, CloudTracker
-from tracking.types import Region, State
+from tracking.trackers._cloud import CloudMethod, CloudSettings
 
 LAYERS = 5
 """Number of layers: the KAMS paper's M = 4."""
@@ -25,7 +19,7 @@ PRESETS = {"paper": FIXED | condensation.SAME, "video": VIDEO}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(AppearanceSettings, ParticleSettings):
+class Config(CloudSettings):
     """Particles, histogram, and schedule of the layers."""
 
     particles: Count = 100
@@ -36,10 +30,6 @@ class Config(AppearanceSettings, ParticleSettings):
     schedule: Schedule = Schedule.SURVIVAL
     """"survival": exponents by the survival rate; "fixed": a geometric series."""
 
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """Return the target's appearance: one histogram under an Epanechnikov kernel."""
-        return SampledModel(image, region, state, self, Sampling())
-
-    def build(self, rng: np.random.Generator) -> CloudTracker:
-        """Return the tracker; its samples are drawn from the generator."""
-        return CloudTracker(self, CloudMethod(self.model, Annealing(LAYERS, self.schedule)), rng)
+    @property
+    def method(self) -> CloudMethod:
+        return CloudMethod(Annealing(LAYERS, self.schedule))

@@ -1,7 +1,5 @@
 """OpenCV's CamShift (Bradski 1998) on the back-projection of a hue histogram: a reference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -9,9 +7,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import Box
 from tracking.trackers._hue import ENDS, HueTracker
-from tracking.types import State
+from tracking.types import Region, State
+from tracking.wrapped.boxes import box_of
 
 SMALLEST_BOX = 4
 """A window that shrank below this begins at this size again [px]."""
@@ -21,7 +19,7 @@ SMALLEST_BOX = 4
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Camshift:
+    def build(self, rng: np.random.Generator) -> "Camshift":
         """Return the tracker; it draws nothing."""
         return Camshift()
 
@@ -32,13 +30,13 @@ class Camshift(HueTracker):
 
     follows = (False, True)
 
-    def _begin(self, frame: Frame, box: Box) -> None:
-        self._box = box
-        region = self._region
-        scale = self._state.scale
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histogram, and fit the first ellipse."""
+        super().start(frame, region, state)
+        self._box = box_of(region, state, frame.image)
         # Its size is that of an ellipse of its own: only the ratio to the first means anything.
         fitted = self._fit(frame)
-        self._first = region.width * region.height if fitted is None else fitted[2], scale
+        self._first = region.width * region.height if fitted is None else fitted[2], state.scale
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         """Shift and fit the box; where nothing resembles the target it stays."""

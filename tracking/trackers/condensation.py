@@ -5,14 +5,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from sim.types import Image
 from tracking.appearance.layout import Sampling
-from tracking.appearance.model import SampledModel
-from tracking.settings import PLAIN, AppearanceSettings, DiscPoints, ParticleSettings
-from tracking.trackers._cloud import CloudMethod, CloudTracker
-from tracking.types import Region, State
+from tracking.settings import PLAIN, DiscPoints
+from tracking.trackers._cloud import CloudSettings
 
 FILTER: dict[str, Any] = PLAIN | {
     "noise": 1.0,
@@ -31,16 +26,12 @@ PRESETS = {"paper": FILTER | SAME}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(AppearanceSettings, ParticleSettings):
+class Config(CloudSettings):
     """Particles and histogram."""
 
     density: DiscPoints = 16
     """Points along the kernel's diameter at which the image is read."""
 
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """Return the target's appearance: one histogram under an Epanechnikov kernel."""
-        return SampledModel(image, region, state, self, Sampling(self.density))
-
-    def build(self, rng: np.random.Generator) -> CloudTracker:
-        """Return the tracker; its samples are drawn from the generator."""
-        return CloudTracker(self, CloudMethod(self.model), rng)
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling(self.density)

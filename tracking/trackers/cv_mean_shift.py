@@ -1,7 +1,5 @@
 """OpenCV's meanShift on the back-projection of a hue histogram: a reference, not ours."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -9,16 +7,16 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import Box, box_of
 from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State
+from tracking.wrapped.boxes import box_of
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> CvMeanShift:
+    def build(self, rng: np.random.Generator) -> "CvMeanShift":
         """Return the tracker; it draws nothing."""
         return CvMeanShift()
 
@@ -26,9 +24,6 @@ class Config:
 @final
 class CvMeanShift(HueTracker):
     """A box of fixed size."""
-
-    def _begin(self, frame: Frame, box: Box) -> None:
-        pass
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         box = box_of(self._region, self._state.moved(ego), frame.image)

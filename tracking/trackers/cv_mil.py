@@ -3,18 +3,16 @@
 It has no confidence of its own; distance and status come from a hue histogram of its box.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.external.boxes import Box
-from tracking.external.cv2_tracker import Cv2Tracker
 from tracking.trackers._hue import HueTracker
-from tracking.types import State
+from tracking.types import Region, State
+from tracking.wrapped.boxes import box_of
+from tracking.wrapped.cv2_tracker import Cv2Tracker
 
 SEED_BITS = 31
 """Bits of the seeds that OpenCV takes."""
@@ -24,7 +22,7 @@ SEED_BITS = 31
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> CvMil:
+    def build(self, rng: np.random.Generator) -> "CvMil":
         """Return the tracker; OpenCV's own random state is seeded from the generator."""
         return CvMil(int(rng.integers(1 << SEED_BITS)))
 
@@ -36,9 +34,11 @@ class CvMil(HueTracker):
     def __init__(self, seed: int) -> None:
         self._seed = seed
 
-    def _begin(self, frame: Frame, box: Box) -> None:
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Learn the histogram, and train the classifier."""
+        super().start(frame, region, state)
         self._mil = Cv2Tracker("MIL", (), self._seed)
-        self._mil.init(np.ascontiguousarray(frame.image), box)
+        self._mil.init(np.ascontiguousarray(frame.image), box_of(region, state, frame.image))
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         """Classify around the last box: OpenCV's tracker takes no ego motion."""

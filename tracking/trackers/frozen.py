@@ -1,7 +1,5 @@
 """No tracking: the target stays where it was first seen. The baseline of all trackers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -15,7 +13,7 @@ from tracking.types import Estimate, Region, State, Status, check_region, unknow
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Frozen:
+    def build(self, rng: np.random.Generator) -> "Frozen":
         """Return the tracker; it draws nothing."""
         return Frozen()
 

@@ -5,8 +5,6 @@ Computer Vision 56(3)), inverse compositional; Tukey's weights as in Hager, Belh
 "Efficient Region Tracking with Parametric Models of Geometry and Illumination" (TPAMI 20(10)).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -15,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
-from tracking.external.boxes import convex
-from tracking.hot import plane_alignment
-from tracking.lock import Lock, LockLimits
+from tracking.loops import plane_alignment
+from tracking.loss import LossJudge, LossLimits
 from tracking.search.velocity import Velocity
 from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
@@ -29,12 +26,13 @@ from tracking.types import (
     check_region,
     unknown_covariance,
 )
+from tracking.wrapped.boxes import convex
 
 Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
 """Number of points of a template; those (n, 2) that were seen, their brightness (n,), its
 derivatives (n, 8), and the parts of the template that they are in (n,)."""
 Alignment = tuple[Array, Array, float, float]
-"""Corners (4, 2), gain and bias of the light (2,), likeness 0..1, surprise."""
+"""Corners (4, 2), gain and bias of the light (2,), correlation 0..1, misfit."""
 
 # All numbers were chosen by hand on rendered plates of 150 px in six degrees of freedom, plain and
 # with a part hidden (tracking/README.md has the errors that they give).
@@ -57,7 +55,7 @@ TRIES = 15
 SPREAD = np.array([0.3, 0.3, 0.3, 0.1])
 """Standard deviations of these places: of x and y over the target's size, of the angle [rad] and of
 ln scale."""
-LOCK = LockLimits(floor=0.2, cap=0.3)
+LIMITS = LossLimits(floor=0.2, cap=0.3)
 """Limits of the distance: 1 - the robust correlation, less the hidden share."""
 AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Directions in which the derivatives of the brightness are taken."""
@@ -70,7 +68,7 @@ align."""
 SURE = 0.95
 """A target less alike than this may have misled the coarse descent."""
 WORSE = 0.2
-"""Something begins to hide a target that is more surprising than before by this."""
+"""Something begins to hide a target that is fitted worse than before by this."""
 LARGEST_GROWTH = 2.0
 """Largest factor on the size from picture to picture; a larger one is a failed descent."""
 
@@ -79,7 +77,7 @@ LARGEST_GROWTH = 2.0
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Homography:
+    def build(self, rng: np.random.Generator) -> "Homography":
         """Return the tracker; it draws the places where it searches."""
         return Homography(rng)
 
@@ -98,8 +96,8 @@ class Homography:
         self._state = state
         self._corners = region.first_corners(state)
         self._light = np.array([1.0, 0.0])
-        self._lock = Lock(LOCK)
-        self._surprise = 0.0
+        self._loss = LossJudge(LIMITS)
+        self._misfit = 0.0
         self._velocity = Velocity(state, VELOCITY_MEMORY)
         sides = (POINTS // COARSE, POINTS)
         self._levels = [self._learn(frame.image, side) for side in sides]
@@ -112,19 +110,19 @@ class Homography:
         seen last.
         """
         change = self._velocity.step(ego)
-        followed = self._lock.locked
+        followed = self._loss.locked
         expected = _moved(self._corners, self._state, change if followed else ego)
         before = state_of(expected, self._region, self._state)
-        corners, light, found, surprise = self._descend(frame.image, expected, before)
+        corners, light, found, misfit = self._descend(frame.image, expected, before)
         grown = np.log(state_of(corners, self._region, before).scale / before.scale)
         if abs(grown) > np.log(LARGEST_GROWTH) or not self._has_texture:
             found = 0.0
-        status = self._lock.judge(1.0 - found, frame.time)
+        status = self._loss.judge(1.0 - found, frame.time)
         seen = status is Status.LOCKED
         if seen:
             self._corners = corners
             self._light = light
-            self._surprise = surprise
+            self._misfit = misfit
         else:
             self._corners = _moved(self._corners, self._state, ego)
         self._state = state_of(self._corners, self._region, before)
@@ -140,7 +138,7 @@ class Homography:
         was not seen, after a fine one.
         """
         begins = [expected]
-        if not self._lock.locked:
+        if not self._loss.locked:
             size = float(np.sqrt(self._region.area(state)))
             draws = self._rng.normal(0.0, SPREAD * (size, size, 1, 1), (TRIES, 4))
             begins += [_moved(expected, state, draw) for draw in draws]
@@ -148,7 +146,7 @@ class Homography:
         aligned = [self._align(image, begin, self._light, coarse) for begin in begins]
         corners, light, found, _ = max(aligned, key=lambda aligned: aligned[2])
         best = self._align(image, corners, light, fine) if found > 0 else aligned[0]
-        if self._lock.locked and (best[2] < SURE or best[3] > self._surprise + WORSE):
+        if self._loss.locked and (best[2] < SURE or best[3] > self._misfit + WORSE):
             best = min(
                 best,
                 self._align(image, expected, self._light, fine),
@@ -159,12 +157,10 @@ class Homography:
     def _align(self, image: Image, corners: Array, light: Array, level: Level) -> Alignment:
         part, to_part = _part(image, corners, level[0])
         begin = to_part @ homography(SQUARE, corners)
-        H, light, found, surprise = plane_alignment.align(
-            part, begin, light, level[1:], STEPS, STILL
-        )
+        H, light, found, misfit = plane_alignment.align(part, begin, light, level[1:], STEPS, STILL)
         aligned = through(np.linalg.inv(to_part) @ H, SQUARE)
         if found > 0 and (np.abs(aligned) <= FARTHEST).all() and convex(aligned):
-            return aligned, light, found, surprise
+            return aligned, light, found, misfit
         return corners, light, 0.0, np.inf
 
     def _learn(self, image: Image, side: int) -> Level:

@@ -7,31 +7,20 @@ weighed.
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from sim.ranges import Share
-from sim.types import Image
 from tracking.appearance.layout import Kernel, Sampling
-from tracking.appearance.model import SampledModel
 from tracking.search.annealing import Annealing, Schedule
-from tracking.settings import (
-    AppearanceSettings,
-    Contrast,
-    Count,
-    ParticleSettings,
-    Sharpness,
-    Spread,
-)
+from tracking.settings import Contrast, Count, Sharpness, Spread
 from tracking.trackers import annealed
-from tracking.trackers._cloud import CloudMethod, CloudTracker
-from tracking.types import Region, State
+from tracking.trackers._cloud import CloudMethod, CloudSettings
 
 PRESETS = {"paper": annealed.FIXED | {"estimate": "mean"}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(AppearanceSettings, ParticleSettings):
+class Config(CloudSettings):
     """The annealed filter's settings, with fewer particles and sharper weights."""
 
     particles: Count = 40
@@ -53,12 +42,11 @@ class Config(AppearanceSettings, ParticleSettings):
     schedule: Schedule = Schedule.SURVIVAL
     """"survival": exponents by the survival rate; "fixed": a geometric series."""
 
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """Return the target's appearance: one histogram under the kernel."""
-        return SampledModel(image, region, state, self, Sampling(kernel=self.kernel))
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling(kernel=self.kernel)
 
-    def build(self, rng: np.random.Generator) -> CloudTracker:
-        """Return the tracker; its samples are drawn from the generator."""
+    @property
+    def method(self) -> CloudMethod:
         layers = Annealing(self.layers, self.schedule)
-        best = self.estimate == "best"
-        return CloudTracker(self, CloudMethod(self.model, layers, climbs=True, best=best), rng)
+        return CloudMethod(layers, climbs=True, best=self.estimate == "best")

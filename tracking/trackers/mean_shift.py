@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, final
 
@@ -9,14 +10,14 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.ranges import Share
-from sim.types import Array, Frame, Image
+from sim.types import Array, Frame
 from tracking.appearance.bins import LabelledImage
 from tracking.appearance.layout import Kernel, Sampling
-from tracking.appearance.model import SampledModel
-from tracking.lock import Lock
+from tracking.appearance.model import AppearanceSettings
+from tracking.loss import LossJudge
 from tracking.search.velocity import Velocity
-from tracking.settings import PLAIN, AppearanceSettings
-from tracking.trackers._cloud import DISC_LOCK, ModelMaker
+from tracking.settings import PLAIN
+from tracking.trackers._cloud import DISC_LIMITS
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
 
 SCALE_STEP = 0.1
@@ -30,35 +31,9 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 
 @dataclass(frozen=True, slots=True)
-class Config(AppearanceSettings):
-    """Histogram and climb."""
-
-    kernel: Kernel = "epanechnikov"
-    """1 - r^2, or "linear": 1 - r, as the KAMS paper has it."""
-    tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
-    """A shorter shift ends the climb [px]."""
-    velocity_memory: Share = 1.0
-    """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
-    scale: bool = False
-    """Also follow the target's size, by trying 10 % more and less."""
-
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """Return the target's appearance: one histogram under the kernel."""
-        return SampledModel(image, region, state, self, Sampling(kernel=self.kernel))
-
-    def build(self, rng: np.random.Generator) -> MeanShift:
-        """Return the tracker; it draws nothing."""
-        return MeanShift(self.model, Climb(self.tolerance, self.velocity_memory, scale=self.scale))
-
-
-@dataclass(frozen=True, slots=True)
 class Climb:
-    """Search for a target by mean shift."""
+    """Parts in which the searches by mean shift differ."""
 
-    tolerance: float
-    """A shorter shift ends the climb [px]."""
-    velocity_memory: float
-    """Share of the old velocity that the new one keeps."""
     steps: int = 20
     """Most histograms read in one climb: with fewer, long ones end on the way."""
     scale: bool = False
@@ -67,22 +42,59 @@ class Climb:
     """Below this 1 - d, eight more climbs begin around the target; 0: never."""
 
 
+@dataclass(frozen=True)
+class ClimbSettings(AppearanceSettings):
+    """Settings of a search by mean shift."""
+
+    tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
+    """A shorter shift ends the climb [px]."""
+    velocity_memory: Share = 1.0
+    """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
+
+    @property
+    @abstractmethod
+    def climb(self) -> Climb:
+        """The search."""
+
+    def build(self, rng: np.random.Generator) -> MeanShift:
+        """Return the tracker; it draws nothing."""
+        return MeanShift(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Config(ClimbSettings):
+    """Histogram and climb."""
+
+    kernel: Kernel = "epanechnikov"
+    """1 - r^2, or "linear": 1 - r, as the KAMS paper has it."""
+    scale: bool = False
+    """Also follow the target's size, by trying 10 % more and less."""
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling(kernel=self.kernel)
+
+    @property
+    def climb(self) -> Climb:
+        return Climb(scale=self.scale)
+
+
 @final
 class MeanShift:
     """One climb a frame, from where the target was."""
 
-    def __init__(self, model: ModelMaker, climb: Climb) -> None:
-        self._model_of = model
-        self._climb = climb
+    def __init__(self, settings: ClimbSettings) -> None:
+        self._settings = settings
+        self._climb = settings.climb
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram."""
         check_region(frame, region, state)
-        self._model = self._model_of(frame.image, region, state)
+        self._model = self._settings.model(frame.image, region, state)
         self._size = float(np.sqrt(region.area(state)))
         self._state = state
-        self._lock = Lock(DISC_LOCK)
-        self._velocity = Velocity(state, self._climb.velocity_memory)
+        self._loss = LossJudge(DISC_LIMITS)
+        self._velocity = Velocity(state, self._settings.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Climb from where the target was, and from around it if that is far off; keep the best."""
@@ -100,7 +112,7 @@ class MeanShift:
         distance = float(distances[index])
         best[3] = begin[3] + SCALE_TRUST * (best[3] - begin[3])
         self._state = State.of(best)
-        status = self._lock.judge(distance, frame.time)
+        status = self._loss.judge(distance, frame.time)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         if status is Status.LOCKED:
             self._model.learn(image, self._state)
@@ -114,9 +126,9 @@ class MeanShift:
         )
 
     def _climbed(self, image: LabelledImage, states: Array) -> tuple[Array, Array, int]:
-        c = self._climb
+        tolerance = self._settings.tolerance
         return self._model.climb(
-            image, states, most=c.steps, tolerance=c.tolerance, reach=2 * self._size
+            image, states, most=self._climb.steps, tolerance=tolerance, reach=2 * self._size
         )
 
     def _sizes(self, begin: Array) -> Array:

@@ -3,26 +3,19 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from sim.ranges import Share
-from sim.types import Image
 from tracking.appearance.layout import Combine, Sampling
-from tracking.appearance.model import SampledModel
 from tracking.settings import (
     PLAIN,
-    AppearanceSettings,
     CellPoints,
     Contrast,
     Count,
-    ParticleSettings,
     Sharpness,
     Spread,
     Turn,
 )
 from tracking.trackers import annealed
-from tracking.trackers._cloud import CloudMethod, CloudTracker
-from tracking.types import Region, State
+from tracking.trackers._cloud import CloudSettings
 
 CELLS = 3
 """Cells along each side: the paper's nine kernels."""
@@ -38,9 +31,9 @@ PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 """The paper's: with so many points a side of a cell, every pixel of a common target is read."""
 
 
-@dataclass(frozen=True, slots=True)
-class Config(AppearanceSettings, ParticleSettings):
-    """The particle filter's settings, in four dimensions, and the cells."""
+@dataclass(frozen=True)
+class SimilaritySettings(CloudSettings):
+    """Settings of the paper's particle filters, which follow position, angle and size."""
 
     particles: Count = 500
     gamma: Sharpness = 20.0
@@ -52,17 +45,18 @@ class Config(AppearanceSettings, ParticleSettings):
     """Spread of ln scale per frame."""
     contrast: Contrast = 0.5
     learn: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Config(SimilaritySettings):
+    """The particle filter's settings, in four dimensions, and the cells."""
+
     density: CellPoints = 5
     """Points along each side of a cell at which a particle reads the image."""
     combine: Combine = "mean"
     """The cells' squared distances are combined by their mean, or by their sum, as Perez et al.
     have it, which is the mean with so many times gamma."""
 
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """Return the target's appearance: a histogram for each cell."""
-        sampling = Sampling(self.density, CELLS, combine=self.combine)
-        return SampledModel(image, region, state, self, sampling)
-
-    def build(self, rng: np.random.Generator) -> CloudTracker:
-        """Return the tracker; its samples are drawn from the generator."""
-        return CloudTracker(self, CloudMethod(self.model), rng)
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling(self.density, CELLS, combine=self.combine)

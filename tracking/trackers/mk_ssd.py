@@ -3,8 +3,6 @@
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, final
 
@@ -14,8 +12,8 @@ from annotated_types import Ge, Le
 from sim.ranges import Share
 from sim.types import Array, Frame
 from tracking.appearance.bins import as_seen
-from tracking.lock import Lock, LockLimits
-from tracking.search.newton import KernelGrid, KernelModel
+from tracking.loss import LossJudge, LossLimits
+from tracking.search.newton import KernelGrid, KernelModel, shows_angle
 from tracking.search.velocity import Velocity
 from tracking.settings import Inset, Levels
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
@@ -41,7 +39,7 @@ class Config:
     velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
 
-    def build(self, rng: np.random.Generator) -> MkSsd:
+    def build(self, rng: np.random.Generator) -> "MkSsd":
         """Return the tracker; it draws nothing."""
         return MkSsd(self)
 
@@ -58,19 +56,21 @@ class MkSsd:
         check_region(frame, region, state)
         c = self._config
         grid = KernelGrid(span=c.span, levels=c.levels, inset=c.inset)
-        self._kernels = KernelModel(as_seen(frame.image, even=c.even), region, state, grid)
+        image = as_seen(frame.image, even=c.even)
+        self._turns = shows_angle(image, region, state)
+        self._kernels = KernelModel(image, region, state, grid, turns=self._turns)
         self._state = state
-        self._lock = Lock(LockLimits())
+        self._loss = LossJudge(LossLimits())
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Predict, descend, and stay if the descent ended on something else."""
         # Asked in every frame, used or not: the velocity takes the camera's motion in here.
         expected = self._velocity.step(ego)
-        begin = self._state.moved(expected if self._lock.locked else ego)
+        begin = self._state.moved(expected if self._loss.locked else ego)
         image = as_seen(frame.image, even=self._config.even)
         descent = self._kernels.descend(image, begin, most=STEPS)
-        status = self._lock.judge(descent.distance, frame.time)
+        status = self._loss.judge(descent.distance, frame.time)
         self._state = descent.state if status is Status.LOCKED else self._state.moved(ego)
         self._velocity.learn(self._state, seen=status is Status.LOCKED)
         return Estimate(
@@ -78,5 +78,6 @@ class MkSsd:
             unknown_covariance(),
             descent.distance,
             status,
+            follows=(self._turns, True),
             evaluations=descent.evaluations,
         )

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.ranges import File
-from tracking.external.cv2_tracker import MODELS, Cv2Tracker
-from tracking.external.foreign_tracker import ForeignTracker, JudgeSettings
-from tracking.external.wrapped import Wrapping
+from tracking.wrapped.cv2_tracker import MODELS, Cv2Tracker
+from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
+from tracking.wrapped.wrap import Wrapping
 
 
 @dataclass(frozen=True, slots=True)

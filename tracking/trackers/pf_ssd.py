@@ -9,8 +9,6 @@ The paper prints >=, which contradicts the sentence before it: a large distance 
 where Newton would lock onto what is in front.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, final
 
@@ -19,29 +17,15 @@ from annotated_types import Ge, Le
 
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
-from tracking.appearance.bins import LabelledImage
+from tracking.appearance.bins import LabelledImage, as_seen
 from tracking.appearance.layout import Combine, Sampling
 from tracking.appearance.model import SampledModel
-from tracking.lock import Lock, LockLimits
-from tracking.recognition import LOCK, Recogniser
+from tracking.loss import LossLimits
 from tracking.search.newton import Descent, KernelGrid, KernelModel
-from tracking.search.particles import ParticleFilter
-from tracking.search.velocity import Velocity
-from tracking.settings import (
-    PLAIN,
-    AppearanceSettings,
-    CellPoints,
-    Contrast,
-    Count,
-    Inset,
-    ParticleSettings,
-    Sharpness,
-    Spread,
-    Turn,
-)
-from tracking.trackers._cloud import WIDER
-from tracking.trackers.mk_pf import CELLS, VIDEO
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.settings import PLAIN, CellPoints, Count, Inset, Spread
+from tracking.trackers._cloud import CloudMethod, ParticleTracker
+from tracking.trackers.mk_pf import CELLS, VIDEO, SimilaritySettings
+from tracking.types import Region, State, Status
 
 STEPS = 8
 """Most histogram evaluations of one descent: it begins near, and ends after about five."""
@@ -55,18 +39,11 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Config(AppearanceSettings, ParticleSettings):
+class Config(SimilaritySettings):
     """Settings; the defaults hold for the 60 x 30 px car at 5 to 30 Hz."""
 
     particles: Count = 75
-    gamma: Sharpness = 20.0
-    """Sharpness of the likelihood exp(-gamma d_m^2) (equation 13)."""
     noise: Spread = 0.1
-    turn_noise: Turn = 0.04
-    """Spread of theta per frame [rad]."""
-    scale_noise: Share = 0.02
-    """Spread of ln scale per frame."""
-    contrast: Contrast = 0.5
     learn: bool = False
     """The particles weigh bins by how well they separate the target from its surroundings, and
     follow slow changes of both in the pictures where it was found; the descent does not."""
@@ -90,107 +67,83 @@ class Config(AppearanceSettings, ParticleSettings):
     target seems to jump as well: so it is where something begins to hide it and draws the estimate
     along. 0: it is believed."""
 
-    def build(self, rng: np.random.Generator) -> PfSsd:
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling(self.density, CELLS, combine=self.combine)
+
+    @property
+    def method(self) -> CloudMethod:
+        return CloudMethod(hidden=HIDDEN)
+
+    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+        """Return the particles' model: only the kernels leave the rim out, because the ring around
+        the particles needs the whole target.
+        """
+        return SampledModel(image, region, state, replace(self, inset=0.0))
+
+    def build(self, rng: np.random.Generator) -> ParticleTracker:
         """Return the tracker; its samples are drawn from the generator."""
         return PfSsd(self, rng)
 
 
 @final
-class PfSsd:
+class PfSsd(ParticleTracker):
     """The combination."""
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
+        super().__init__(config, LossLimits(sudden=config.sudden), rng)
         self._config = config
-        self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn both representations from the first frame."""
-        check_region(frame, region, state)
+        """Learn both representations, and put all particles on the target."""
+        super().start(frame, region, state)
         c = self._config
-        self._size = float(np.sqrt(region.area(state)))
-        # Only the kernels leave the rim out: the particles' ring needs the whole target.
-        whole = replace(c, inset=0.0)
-        sampling = Sampling(c.density, CELLS, combine=c.combine)
-        self._cells = SampledModel(frame.image, region, state, whole, sampling)
-        image = self._cells.label(frame.image).image
+        image = as_seen(frame.image, even=c.even)
         grid = KernelGrid(CELLS, levels=c.levels, inset=c.inset)
-        self._kernels = KernelModel(image, region, state, grid)
-        noise = (c.noise, c.turn_noise, c.scale_noise)
-        self._filter = ParticleFilter(region, state, c.particles, noise, self._rng)
-        self._lock = Lock(LOCK if c.views > 0 else LockLimits(sudden=c.sudden))
-        self._status = Status.LOCKED
-        self._found = state
-        self._velocity = Velocity(state, c.velocity_memory)
-        self._recogniser = None
-        if c.views > 0:
-            self._recogniser = Recogniser(c.views, image, region, state, self._cells)
+        # Where the particles do not turn at all, as on recordings, the descent alone does.
+        turns = c.turn_noise == 0 or self._cloud.follows[0]
+        self._kernels = KernelModel(image, region, state, grid, turns=turns)
 
-    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Predict, weigh, descend if the target is seen, resample."""
-        c = self._config
-        labelled = self._cells.label(frame.image)
-        image = labelled.image
-        lost = self._status is Status.LOST
-        widen = WIDER if lost and self._recogniser is None else 1.0
-        self._filter.predict(self._velocity.step(ego), widen)
-        if lost:
-            height, width = image.shape[:2]
-            self._filter.scatter(c.scatter, (width, height), self._found)
-        if lost and self._recogniser is not None:
-            self._recogniser.send(self._filter, labelled, self._found)
-        self._filter.weigh(-c.gamma * self._cells.energy(labelled, self._filter.samples))
-        searched = lost and self._recogniser is not None  # in many places: their mean is none
-        proposed = self._filter.best() if searched else self._filter.mean()
-        descended = self._descend(image, proposed)
-        evaluations = len(self._filter.samples) + descended.evaluations
-        if self._status is not Status.LOCKED:
-            # A hidden target comes out away from the mean: the best particle may be nearer.
-            other = self._descend(image, self._filter.best())
-            evaluations += other.evaluations
-            descended = min(descended, other, key=lambda end: end.distance)
-        state, distance = self._judge(labelled, proposed, descended, frame.time)
-        estimate = self._filter.estimate(state, distance, self._status, evaluations)
-        # While the target is hidden the velocity stays; the mean moves by it and by chance.
-        seen = self._status is Status.LOCKED
-        self._filter.resample(1.0 if seen else HIDDEN)
-        if seen:
-            if lost:
-                self._filter.gather(state)
-            else:
-                self._filter.shift(state.vector - proposed.vector)
-            self._cells.learn(labelled, state)
-            if self._recogniser is not None:
-                self._recogniser.learn(labelled, state, distance)
-            self._found = state
-        # States while the target is lost carry no information on its motion.
-        self._velocity.learn(state, seen=seen and not lost)
-        return estimate
+    def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
+        cloud = self._cloud
+        cloud.predict(change, widen)
+        # Only now: what is strewn is evenly spread, and does not move.
+        self._strew(image)
+        cloud.weigh(-self._config.gamma * self._model.energy(image, cloud.samples))
+        return len(cloud.samples)
 
     def _judge(
-        self, image: LabelledImage, proposed: State, descended: Descent, time: float
-    ) -> tuple[State, float]:
-        """Set the status; return the state and distance to report.
+        self, image: LabelledImage, proposed: State, time: float
+    ) -> tuple[State, float, int]:
+        """Descend if the target is seen.
 
         With views, the end of the descent, which knows the first picture only, must resemble
         what was learned more than its beginning does.
         """
+        end = self._descend(image.image, proposed)
+        evaluations = end.evaluations
+        if self._status is not Status.LOCKED:
+            # A hidden target comes out away from the mean: the best particle may be nearer.
+            other = self._descend(image.image, self._cloud.best())
+            evaluations += other.evaluations
+            end = min(end, other, key=lambda end: end.distance)
         if self._recogniser is None:
-            jump = self._velocity.jump(descended.state, self._size)
-            self._status = self._lock.judge(descended.distance, time, jump)
-            state = descended.state if self._status is Status.LOCKED else proposed
-            return state, descended.distance
-        ends = (proposed, descended.state)
-        energy = self._cells.energy(image, np.stack([end.vector for end in ends]))
+            jump = self._velocity.jump(end.state, self._cloud.size)
+            self._status = self._loss.judge(end.distance, time, jump)
+            state = end.state if self._status is Status.LOCKED else proposed
+            return state, end.distance, evaluations
+        ends = (proposed, end.state)
+        energy = self._model.energy(image, np.stack([end.vector for end in ends]))
         state = ends[int(np.argmin(energy))]
-        distance = self._recogniser.doubt(image, state, self._filter, time)
-        self._status = self._lock.judge(distance, time)
-        return state, distance
+        distance = self._recogniser.doubt(image, state, self._cloud, time)
+        self._status = self._loss.judge(distance, time)
+        return state, distance, evaluations
 
     def _descend(self, image: Image, proposed: State) -> Descent:
         """Descend from the proposal; return the proposal itself if that leads too far away."""
         c = self._config
         descent = self._kernels.descend(image, proposed, most=STEPS, hopeless=c.occluded)
         moved = descent.state.vector - proposed.vector
-        if float(np.hypot(moved[0], moved[1])) <= c.trust * self._size:
+        if float(np.hypot(moved[0], moved[1])) <= c.trust * self._cloud.size:
             return descent
         return Descent(proposed, 1.0, descent.evaluations)

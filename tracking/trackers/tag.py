@@ -4,8 +4,6 @@ Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wan
 "AprilTag 2: Efficient and robust fiducial detection" (IROS), as OpenCV's aruco module has it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -51,7 +49,7 @@ FARTHEST = 3.0
 class Config:
     """Nothing to set: the tag nearest the region is followed."""
 
-    def build(self, rng: np.random.Generator) -> Tag:
+    def build(self, rng: np.random.Generator) -> "Tag":
         """Return the tracker; it draws nothing."""
         return Tag()
 

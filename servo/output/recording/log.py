@@ -37,7 +37,7 @@ from servo.output.recording.destination import Recording
 from servo.output.recording.layout import IMAGE, blueprint_of_run
 from servo.output.sinks import Every
 from servo.types import DOF
-from sim.robot.robot import Robot
+from sim.kinematics.robot import Robot
 from sim.types import Array
 from tracking.drawing.colours import ESTIMATE, GOAL, PARTICLES, TRUTH
 from tracking.drawing.picture_bytes import encoded

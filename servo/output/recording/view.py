@@ -12,7 +12,7 @@ from rerun.experimental import ViewerClient
 from servo.mistake import Mistake, check_suffix
 from servo.output.display import has_display
 from sim.files import reading
-from sim.quiet import silent_libraries
+from sim.stderr import silent_libraries
 from tracking.files import atomic
 
 MAGIC = (b"RRF2", b"RRIO")

@@ -1,0 +1,149 @@
+"""Summaries of a claim's runs: means, differences and ratios of groups, in words and figures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from servo.study.run import Record
+from sim.types import Array
+from tracking.drawing import figures
+from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
+
+COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
+BLACK = "#111111"
+ROW_HEIGHT = 0.32
+"""Height of a row of an interval [inch]."""
+Logarithmic = Literal["x", "y"] | None
+
+
+def group(records: Sequence[Record], **settings: Any) -> list[Record]:
+    """Return the records with these settings."""
+    return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
+
+
+def column(records: Sequence[Record], measure: str) -> Array:
+    """Return a measure over records (n,); nan where it does not apply."""
+    return np.array([r.measures[measure] for r in records])
+
+
+def done(records: Sequence[Record]) -> str:
+    """Return how many completed, such as "3 of 4"."""
+    return f"{int(column(records, 'completed').sum())} of {len(records)}"
+
+
+def reads(records: Sequence[Record]) -> str:
+    """Return the mean number of histograms read a frame."""
+    return f"{column(records, 'evaluations').mean():.0f}"
+
+
+def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
+    """Return the mean of first less second, each pair on the same unit."""
+    return mean_of(column(first, measure) - column(second, measure))
+
+
+def completed(records: Sequence[Record]) -> Interval:
+    """Return the share of sequences on which the target was never lost [%]."""
+    return _percent(mean_of(column(records, "completed")))
+
+
+def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
+    """Return how many more the first completes than the second on the same sequences [%]."""
+    return _percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
+
+
+def mean_percent(shares: Array) -> Interval:
+    """Return the mean of shares (n,), each of one unit [%]."""
+    return mean_of(100 * shares, least=0.0, most=100.0)
+
+
+def _percent(share: Interval) -> Interval:
+    return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
+
+
+def ratio(first: Array, second: Array) -> Interval:
+    """Return the geometric mean of first over second (n,), each pair of the same unit."""
+    log = mean_of(np.log(first / second))
+    return Interval(*np.exp([log.value, log.low, log.high]).tolist())
+
+
+def words(interval: Interval, unit: str = "") -> str:
+    """Return text such as "2.1 px (1.9 to 2.4)"; without the ends where there is no interval."""
+    value = f"{interval.value:.3g} {unit}".rstrip()
+    if not interval.known:
+        return value
+    return f"{value} ({interval.low:.3g} to {interval.high:.3g})"
+
+
+def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
+    """Return the mean of a measure with its interval, in words."""
+    return words(mean_of(column(records, measure)), unit)
+
+
+def panels(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[Axes]]:
+    """Return a figure of the given width [inch] and its plain axes, row by row."""
+    return figures.panels(width, 0.8 + 2.3 * rows, rows, columns)
+
+
+def lines(
+    title: str,
+    x: str,
+    y: str,
+    curves: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    *,
+    top: float | None = None,
+    marker: str = "",
+    logarithmic: Logarithmic = None,
+) -> Figure:
+    """Return a figure of lines, by label, from 0 up to the given top."""
+    figure, (axes,) = panels(1)
+    for (label, curve), colour in zip(curves.items(), COLOURS, strict=False):
+        axes.plot(*curve, color=colour, lw=1.2, marker=marker, label=label)
+    axes.set(title=title, xlabel=x, ylabel=y)
+    if top is not None:
+        axes.set_ylim(0, top)
+    _scale(axes, logarithmic)
+    axes.legend(frameon=False, ncols=2, fontsize=8)
+    return figure
+
+
+def dots(
+    title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
+) -> Figure:
+    """Return a figure with a column of dots for each group, one a sequence."""
+    figure, (axes,) = panels(1, width=9.0)
+    for i, values in enumerate(groups.values()):
+        aside = np.linspace(-0.2, 0.2, len(values))
+        axes.plot(i + aside, values, ".", color=COLOURS[i % len(COLOURS)])
+    axes.set_xticks(range(len(groups)), [label.replace("-", "\n", 1) for label in groups])
+    axes.set(title=f"{title}, one dot a sequence", ylabel=y)
+    _scale(axes, logarithmic)
+    return figure
+
+
+def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
+    """Return a figure with a row for each interval, by label."""
+    figure, (axes,) = figures.panels(7.0, 1.0 + ROW_HEIGHT * len(groups))
+    values, ends = bars(list(groups.values()))
+    axes.errorbar(values, range(len(groups)), xerr=ends, fmt="o", capsize=3, color=COLOURS[1])
+    axes.set_yticks(range(len(groups)), list(groups))
+    axes.invert_yaxis()
+    axes.set(title=title, xlabel=f"{x}, with 95 % intervals")
+    return figure
+
+
+def bars(found: Sequence[Interval]) -> tuple[Array, Array]:
+    """Return values (n,) and the lengths of their error bars (2, n)."""
+    values = np.array([i.value for i in found])
+    ends = np.array([(i.low, i.high) for i in found]).T
+    return values, np.abs(ends - values)
+
+
+def _scale(axes: Axes, logarithmic: Logarithmic) -> None:
+    if logarithmic is not None:
+        axes.set(**{f"{logarithmic}scale": "log"})
+        figures.plain_logarithm(axes.xaxis if logarithmic == "x" else axes.yaxis)

@@ -1,0 +1,153 @@
+"""Joint positions with which the camera takes a pose: found from the robot's homes by a damped
+iteration, and else from many places by quadratic programs with the limits of the joints (mink).
+"""
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from sim.camera.renderer import VISION_FROM_MUJOCO
+from sim.geometry import angle_of
+from sim.kinematics.drives import random_joints
+from sim.kinematics.robot import Robot
+from sim.types import Array, Pose
+
+RESTARTS = 40
+ENOUGH = 8
+"""The search begins at so many places at most, and ends with so many solutions."""
+SEARCH_STEPS = 60
+NEAR = 1e-3
+"""Steps of the search, and the error at which the damped iteration takes over."""
+LEAST_COST = 1e-4
+"""Weight of a step's size, which keeps it small in singular poses."""
+COMFORT = 0.5
+"""Room before a limit beyond which more does not count [rad or m]."""
+VIEW = 0.7
+"""Tangent of the half angle of the cone before the camera that no link should be in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How near the camera came to a pose. True where it is there, inside the limits."""
+
+    there: bool
+    distance: float
+    """What is left [m]."""
+    angle: float
+    """What is left [rad]."""
+    joint: str
+    """The joint that is nearest to a limit, for its range; empty where none has limits."""
+    room: float
+    """How far it is from the limit, as a part of its range."""
+
+    def __bool__(self) -> bool:
+        return self.there
+
+    def __str__(self) -> str:
+        left = f"{self.distance:.2f} m and {degrees(self.angle):.0f} deg are left"
+        if not self.joint:
+            return f"{left}, and no joint has a limit"
+        if self.room < 0.01:
+            return f"{left}, and joint '{self.joint}' is at its limit"
+        return f"{left}, and no joint is at a limit; '{self.joint}' is nearest to one"
+
+
+def reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
+    """Set the joints so that the camera takes a pose, or comes near it; how near.
+
+    The first of the robot's homes that leads there is taken.
+
+    Args:
+        robot: Its joints, their limits and its homes.
+        data: What is set.
+        T_world_camera: The pose.
+    """
+    there = any(robot.converge(data, home, T_world_camera) for home in robot.homes)
+    if not there:
+        there = _search(robot, data, T_world_camera)
+    error = robot.eye(data).inverse() @ T_world_camera
+    q = data.qpos[robot.qpos]
+    span = robot.upper - robot.lower
+    limited = np.isfinite(span)
+    room = np.full(len(q), np.inf)
+    np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)
+    tightest = int(room.argmin())
+    return Reach(
+        there,
+        distance=float(np.linalg.norm(error.translation)),
+        angle=angle_of(error.rotation),
+        joint=robot.names[tightest] if limited.any() else "",
+        room=float(room[tightest]),
+    )
+
+
+def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:
+    """Take the most comfortable of several solutions, or the posture that came nearest."""
+    rng = np.random.default_rng(0)
+    starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
+    found: list[tuple[float, Array]] = []
+    nearest: tuple[float, Array] = np.inf, np.array(starts[0])
+    for start in starts:
+        left = _descend(robot, data, start, T_world_camera)
+        q = data.qpos[robot.qpos].copy()
+        if left < nearest[0]:
+            nearest = left, q
+        if left < NEAR and robot.converge(data, q, T_world_camera):
+            found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
+        if len(found) == ENOUGH:
+            break
+    _, data.qpos[robot.qpos] = max(found, key=lambda f: f[0]) if found else nearest
+    robot.refresh(data)
+    return bool(found)
+
+
+def _descend(
+    robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
+) -> float:
+    """Walk from a place towards the pose inside the limits; the error that is left."""
+    mink: Any = importlib.import_module("mink")  # only now: it takes a second
+    whole = np.zeros(robot.model.nq)
+    whole[robot.qpos] = start
+    configuration = mink.Configuration(robot.model, whole)
+    task = mink.FrameTask("robot/eye", "site", 1.0, 1.0, lm_damping=1e-3)
+    turned = T_world_camera.rotation @ VISION_FROM_MUJOCO.T
+    task.set_target(
+        mink.SE3.from_rotation_and_translation(
+            mink.SO3.from_matrix(turned), T_world_camera.translation
+        )
+    )
+    limits = [mink.ConfigurationLimit(robot.model)]
+    left = np.inf
+    for _ in range(SEARCH_STEPS):
+        before = left
+        left = float(np.linalg.norm(task.compute_error(configuration)))
+        if left < NEAR / 10 or left > before * 0.999:
+            break
+        try:
+            step = mink.solve_ik(
+                configuration, [task], 1.0, "daqp", damping=LEAST_COST, limits=limits
+            )
+        except mink.NoSolutionFound:
+            break
+        configuration.integrate_inplace(step, 1.0)
+    data.qpos[robot.qpos] = configuration.q[robot.qpos]
+    return left
+
+
+def comfort(robot: Robot, data: mujoco.MjData) -> float:
+    """Rate a posture: higher where it is far from limits and singular poses, with no link before
+    the camera or below the table.
+    """
+    q = data.qpos[robot.qpos]
+    room = np.minimum(q - robot.lower, robot.upper - q).min()
+    weakest = np.linalg.svd(robot.jacobian(data), compute_uv=False)[-1]
+    links = data.xpos[robot.model.jnt_bodyid[robot.ids]]
+    x, y, z = robot.eye(data).inverse().apply(links).T
+    seen = (z > 0) & (np.hypot(x, y) < VIEW * z)
+    hidden = seen.any() or (links[:, 2] < 0).any()
+    return float(min(room, COMFORT) * weakest) * (0.01 if hidden else 1.0)

@@ -1,0 +1,170 @@
+"""Any robot model made into one that carries a camera: with velocity drives, and without weight and
+contacts.
+"""
+
+from collections.abc import Sequence
+from itertools import chain
+from math import cos, radians, sin
+
+import mujoco
+import numpy as np
+
+from sim.kinematics.chain import Chain, chain_to, name_all
+from sim.kinematics.drives import (
+    SPEEDS,
+    add_drives,
+    forces_of,
+    has_velocity_drives,
+    kind_of_joint,
+)
+from sim.kinematics.robot import EYE
+from sim.models.model_files import SIMULATION, compiled, leave_out
+from sim.models.quaternion import quaternion_of
+from sim.types import Array, Pose
+
+CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+"""Constraints that close a loop of bodies."""
+
+
+def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.MjModel, Chain]:
+    """The compiled model, and the chain that moves its flange or its camera.
+
+    Raises:
+        ValueError: There is no such thing, or it is not carried by hinges and slides.
+    """
+    name_all(spec)
+    model = compiled(spec.copy())
+    _check_free(model)
+    if not camera:
+        return model, chain_to(model, flange)
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+    if found < 0:
+        names = [model.camera(i).name for i in range(model.ncam)]
+        there = f"there is {', '.join(names)}" if names else "it has none"
+        raise ValueError(f"there is no camera '{camera}' in the model; {there}")
+    return model, chain_to(model, model.body(model.cam_bodyid[found]).name)
+
+
+def make_robot(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain, camera: str, mount: Pose
+) -> tuple[str, ...]:
+    """Turn a model into a robot with the camera and the site `eye`; the names of its joints.
+
+    Args:
+        spec: The model, which is changed; it has no actuators then, but for velocity drives.
+        model: The same, compiled.
+        carried: The chain to the camera.
+        camera: Name of the camera that is there; empty: one is added.
+        mount: T_flange_camera of one that is added (x right, y down, z forward).
+    """
+    names = tuple(model.joint(j).name for j in carried.joints)
+    carrier = model.body(carried.body).name
+    _check_loops(model, carried)
+    _strip(spec, names, keep_drives=has_velocity_drives(model, carried.joints))
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    for body in spec.bodies:
+        body.gravcomp = 1.0
+    if camera:
+        found = model.camera(camera)
+        if model.cam_mode[found.id] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
+            raise ValueError(f"the camera '{camera}' tracks something; it has to be fixed (mode)")
+        _place_eye(spec, carrier, found.pos, found.quat, camera)
+    else:
+        pose = carried.pose @ mount
+        w, x, y, z = quaternion_of(pose.rotation).tolist()
+        # MuJoCo's cameras look along -z, with y up: turned by pi about x, without rounding.
+        _place_eye(spec, carrier, pose.translation, [-x, w, z, -y])
+    return names
+
+
+def drive(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    joints: Sequence[int],
+    speeds: Sequence[float | None],
+) -> None:
+    """Set the largest rates, and add velocity drives where there are none.
+
+    Args:
+        spec: The robot of `make_robot`.
+        model: The model that it was made from, compiled.
+        joints: Its joints in that model.
+        speeds: Largest rate of each [m/s or rad/s]; None: the model's own, or else a usual one.
+    """
+    names = [model.joint(j).name for j in joints]
+    if spec.actuators:
+        given = dict(zip(names, speeds, strict=True))
+        for actuator in spec.actuators:
+            if (speed := given[actuator.target]) is not None:
+                actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+                actuator.ctrlrange = [-speed, speed]
+        return
+    usual = [SPEEDS[kind_of_joint(model.jnt_type[j])] for j in joints]
+    chosen = [u if s is None else s for s, u in zip(speeds, usual, strict=True)]
+    add_drives(spec, names, np.array(chosen), forces_of(model, joints))
+
+
+def mount_pose(mount: Sequence[float]) -> Pose:
+    """The pose of (x, y, z [m], roll, pitch, yaw [deg]): turned about the fixed x, y and z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((cos(radians(a)), sin(radians(a))) for a in mount[3:])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return Pose(about_z @ about_y @ about_x, np.array(mount[:3]))
+
+
+def _check_free(model: mujoco.MjModel) -> None:
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        body = model.body(model.jnt_bodyid[joint]).name
+        raise ValueError(f"the body '{body}' is free to move; a robot is fixed to its base")
+
+
+def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:
+    """Refuse constraints on the joints that carry the camera; those of a gripper do not matter."""
+    moved = {int(model.body_weldid[model.jnt_bodyid[j]]) for j in carried.joints}
+    for i in range(model.neq):
+        ends = [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
+        kind = int(model.eq_type[i])
+        own = set(carried.joints)
+        if kind in CLOSING:
+            sites = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
+            bodies = [int(model.site_bodyid[e]) if sites else e for e in ends]
+            ends = [int(model.body_weldid[b]) for b in bodies]
+            own = moved
+        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
+            ends = [j for t in ends if t >= 0 for j in _joints_of_tendon(model, t)]
+        if own & set(ends):
+            raise ValueError(
+                f"the constraint '{model.equality(i).name or i}' closes a loop or couples joints "
+                "between base and flange; they have to move independently"
+            )
+
+
+def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
+    first = int(model.tendon_adr[tendon])
+    wraps = range(first, first + int(model.tendon_num[tendon]))
+    joint = mujoco.mjtWrap.mjWRAP_JOINT
+    return [int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == joint]
+
+
+def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:
+    """Leave out what a room has, and all joints but these: grippers do not move."""
+    leave_out(spec, SIMULATION)
+    drives = (a for a in spec.actuators if not keep_drives or a.target not in joints)
+    floors = (g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE)
+    others = (j for j in spec.joints if j.name not in joints)
+    for item in list(chain(drives, floors, others)):
+        spec.delete(item)
+
+
+def _place_eye(
+    spec: mujoco.MjSpec, body: str, pos: Array, quat: Sequence[float], camera: str = ""
+) -> None:
+    """Call a camera `eye`, or add one to a body, and put a site of this name where it is."""
+    others = [c for c in spec.cameras if c.name == EYE != camera]
+    for item in [*others, *(s for s in spec.sites if s.name == EYE)]:
+        spec.delete(item)
+    eye = spec.camera(camera) if camera else spec.body(body).add_camera(pos=pos, quat=quat)
+    eye.name = EYE
+    spec.body(body).add_site(name=EYE, pos=pos, quat=quat, size=[0.005] * 3, rgba=[0] * 4)

@@ -1,0 +1,192 @@
+"""What a robot believes where it is wrong: errors of its calibration, and the robot that computes
+by its encoders and a wrong model.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, final
+
+import mujoco
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.camera.renderer import VISION_FROM_MUJOCO
+from sim.geometry import exp_so3, log_se3
+from sim.kinematics.robot import CAMERA, Design, Robot
+from sim.models.quaternion import matrix_of, quaternion_of
+from sim.ranges import Degrees, EachJoint
+from sim.types import Array, Camera, Pose, Posture
+
+Shift = Annotated[float, Ge(-10_000), Le(10_000)]
+Millimetres = Annotated[float, Ge(-1000), Le(1000)]
+
+
+@dataclass(frozen=True, slots=True)
+class BelievedConfig:
+    """Errors of calibration; by default there are none."""
+
+    fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
+    """Believed over true focal length, along u and v."""
+    cx_shift: Shift = 0.0
+    """The principal point is believed this far to the right of the true one [px]."""
+    cy_shift: Shift = 0.0
+    """The principal point is believed this far below the true one [px]."""
+    ignore_distortion: bool = False
+    """The camera is taken for a pinhole."""
+    goal: Literal["computed", "shown", "pose"] = "computed"
+    """How the goal is known: "computed", its centre in pixels, its size from the believed camera;
+    "shown", the corners that the true camera sees at the true goal; or "pose", the target's pose in
+    the camera at the true goal [m]."""
+    hand_eye_rotation_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
+    """Orientation of the believed camera in the true one (x right, y down, z forward), a rotation
+    vector [deg]."""
+    hand_eye_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)
+    """Position of the believed camera in the true one [mm]."""
+    joint_offsets: EachJoint = 0.0
+    """Believed minus true joint positions, one for all or one each [m or rad]."""
+    clock_offset_ms: Annotated[float, Ge(-60_000), Le(60_000)] = 0.0
+    """A picture's time stamp minus its true time [ms]: the robot pairs the picture with where it
+    was at the stamp, or with its newest posture."""
+    depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
+    """The depth that the matrix of moments, points and segments is computed with, over the right
+    one: the gain of translations is wrong by the same factor."""
+
+    def camera(self, camera: Camera) -> Camera:
+        """Return the believed camera; the same object where nothing of it is wrong."""
+        f = self.fx_factor
+        lens = None if self.ignore_distortion else camera.distortion
+        believed = replace(
+            camera,
+            fx=camera.fx * f,
+            fy=camera.fy * f,
+            cx=camera.cx + self.cx_shift,
+            cy=camera.cy + self.cy_shift,
+            distortion=lens,
+        )
+        return camera if believed == camera else believed
+
+    @property
+    def hand_eye(self) -> Pose:
+        """Return T_camera_believed."""
+        turn = exp_so3(np.radians(self.hand_eye_rotation_deg))
+        return Pose(turn, np.array(self.hand_eye_mm) / 1e3)
+
+    @property
+    def is_body_right(self) -> bool:
+        """True where neither the camera's mount nor the joints are believed wrongly."""
+        errors = *self.hand_eye_rotation_deg, *self.hand_eye_mm, *np.ravel(self.joint_offsets)
+        return not any(errors)
+
+
+RIGHT = BelievedConfig()
+"""Nothing is wrong."""
+
+
+@final
+class BelievedRobot:
+    """A robot that computes from its encoders and its own, maybe wrong, model. Its joints
+    have play.
+
+    The play is kinematic: the motor, where the encoder is, turns freely by `backlash` when it
+    reverses, and the joint stands meanwhile, as friction would hold it. Inside the play nothing
+    swings or hits.
+    """
+
+    def __init__(
+        self, robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator
+    ) -> None:
+        """Begin with the motors in the middle of their play.
+
+        Raises:
+            ValueError: A setting has another number of values than the robot has joints.
+        """
+        self._true = robot
+        self._rng = rng
+        model = copy.copy(robot.model)
+        self._robot = Robot(model, design)
+        self._data = mujoco.MjData(model)
+        _move_site(model, believed.hand_eye)
+        drives = design.drives
+        names = robot.names
+        self._offsets = each_joint("believed.joint_offsets", believed.joint_offsets, names)
+        self._noise = each_joint("robot.encoder_noise", drives.encoder_noise, names)
+        self._step = each_joint("robot.encoder_step", drives.encoder_step, names)
+        self._slack = each_joint("robot.backlash", drives.backlash, names) / 2
+        self._play = np.zeros(len(names))
+        self._last: tuple[float, Pose] | None = None
+
+    def rates(self, data: mujoco.MjData, twist: Array, hold: float) -> tuple[Array, bool]:
+        """As `Robot.rates`, for the believed camera."""
+        self._read(data)
+        return self._robot.rates(self._data, twist, hold)
+
+    def jacobian(self, data: mujoco.MjData) -> Array:
+        """The believed one, as of the last reading."""
+        del data
+        return self._robot.jacobian(self._data)
+
+    def driven(self, rates: Array, hold: float) -> Array:
+        """Return the joints' rates (n,) over a time [s]: the motors', less the play."""
+        if not self._slack.any():
+            return rates
+        before = self._play
+        self._play = np.clip(before + rates * hold, -self._slack, self._slack)
+        return rates - (self._play - before) / hold
+
+    def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
+        """Return the posture by the encoders; its twist is the mean since the last one."""
+        self._read(data)
+        eye = self._robot.eye(self._data)
+        twist = np.zeros(6)
+        if self._last is not None and data.time > self._last[0]:
+            time, before = self._last
+            twist = log_se3(before.inverse() @ eye) / (data.time - time)
+        self._last = float(data.time), eye
+        return self._robot.posture(self._data, twist, accepted)
+
+    def _read(self, data: mujoco.MjData) -> None:
+        """Put the robot's own model where its encoders say that it is."""
+        q = self._true.joints(data) + self._play
+        if self._noise.any():
+            q += self._rng.normal(0.0, self._noise)
+        stepped = self._step > 0
+        q[stepped] = np.rint(q[stepped] / self._step[stepped]) * self._step[stepped]
+        self._data.qpos[:] = data.qpos
+        self._data.qpos[self._robot.qpos] = q + self._offsets
+        self._robot.refresh(self._data)
+
+
+def as_believed(
+    robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
+) -> Robot | BelievedRobot:
+    """A robot as it believes itself to be: the same object where all of that is right."""
+    d = design.drives
+    errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]
+    if believed.is_body_right and not np.concatenate(errors).any():
+        return robot
+    return BelievedRobot(robot, design, believed, rng or np.random.default_rng(0))
+
+
+def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
+    """The values (n,) of a setting that has one for all joints, or one for each.
+
+    Raises:
+        ValueError: It has another number of values.
+    """
+    values = np.ravel(given).astype(np.float64)
+    if len(values) not in (1, len(names)):
+        raise ValueError(
+            f"{setting} has {len(values)} values; it should have one, or {len(names)} for "
+            f"{', '.join(names)}"
+        )
+    return np.broadcast_to(values, len(names)).copy()
+
+
+def _move_site(model: mujoco.MjModel, T_camera_believed: Pose) -> None:
+    """Put the camera's site of a model, by which a `Robot` computes, elsewhere on its body."""
+    site = model.site(CAMERA).id
+    R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
+    model.site_pos[site] += R @ T_camera_believed.translation
+    moved = R @ T_camera_believed.rotation @ VISION_FROM_MUJOCO.T
+    model.site_quat[site] = quaternion_of(moved)
+    model.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

@@ -1,0 +1,102 @@
+"""A control law that is a plain class, an object or a function."""
+
+import numpy as np
+import pytest
+
+import servo
+from servo import Mistake
+from servo.testing import check_controller
+
+SHORT = ["run.duration=0.3", "start.x=20"]
+LEVEL = [0, 1, 2, 5]
+
+
+def proportional(seen, task, *, gain=1.5, names=None, kept=[]):  # noqa: B006
+    features = task.features
+    error = features.error(features.values(seen), features.values(task.goal))
+    twist = np.zeros(6)
+    twist[LEVEL] = -gain * np.linalg.pinv(features.matrix(seen)[:, LEVEL]) @ error
+    return twist
+
+
+class Plain:
+    """The same as a class."""
+
+    def __init__(self, gain=1.0, kind="mine"):
+        self.gain = gain
+
+    def start(self, task):
+        self.task = task
+
+    def aim(self, goal):
+        pass
+
+    def command(self, seen, posture, dt):
+        asked = np.zeros(6) if seen is None else proportional(seen, self.task, gain=self.gain)
+        return servo.Command(asked)
+
+
+def test_a_function_and_a_class_are_the_same_law():
+    each = [
+        [step.command.twist for step in servo.run(servo.load("still", SHORT, **given))]
+        for given in (
+            {"controller": proportional, "gain": 2},
+            {"controller": Plain, "gain": 2.0},
+            {"controller": Plain(2)},
+        )
+    ]
+    assert np.abs(each[0]).max() > 0.05
+    assert np.array_equal(each[0], each[1])
+    assert np.array_equal(each[0], each[2])
+
+
+def test_arguments_with_a_default_are_the_settings():
+    scenario = servo.load("still", controller=proportional, gain=2)
+    assert scenario.settings()["controller"] == {
+        "kind": f"{__name__}:proportional",
+        "gain": 2,
+        "names": None,
+    }
+    with pytest.raises(Mistake, match=r"^gain='x': controller.gain = 'x': input should be a valid"):
+        servo.load("still", controller=proportional, gain="x")
+    assert list(servo.load("still", controller=Plain).settings()["controller"]) == ["kind", "gain"]
+
+
+def test_a_function_is_given_the_goal_of_now_and_stands_still_without_a_target():
+    goals = []
+
+    def law(seen, task):
+        goals.append(task.features.values(task.goal)[2])
+        return servo.Command(np.full(6, 1e-3))
+
+    moving = ["goal.depth_to=0.8", "goal.change_start=0", "goal.change_duration=1"]
+    hidden = "disturbances=[{ kind = 'dropped_frames', share = 0.5 }]"
+    found = list(
+        servo.run(servo.load("still", [*SHORT, *moving, hidden, "run.duration=1"], controller=law))
+    )
+    assert len(set(goals)) == len(goals) < len(found)
+    still = [not step.command.twist.any() for step in found]
+    assert still.count(True) == len(found) - len(goals)
+
+
+def test_plain_laws_are_checked_as_others():
+    check_controller(proportional)
+    check_controller(Plain)
+
+
+@pytest.mark.parametrize(
+    ("law", "sentence"),
+    [
+        (lambda seen, task: np.zeros(3), "the twist is [0. 0. 0.]; it should be six finite numb"),
+        (lambda seen, task: None, "the twist is nan; it should be six finite numbers"),
+        (type("Bare", (), {"command": print}), "build returned Bare, which has no method start"),
+        (lambda: 3, "TypeError: "),
+        (3, "controller: '3' is no Config: "),
+        (np.zeros, "controller: 'zeros' is no Config: "),
+    ],
+)
+def test_what_is_no_law_is_one_sentence(law, sentence):
+    with pytest.raises(Mistake) as found:
+        servo.simulate("still", ["run.duration=0.1"], controller=law)
+    assert sentence in str(found.value)
+    assert "\n" not in str(found.value)

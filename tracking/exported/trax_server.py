@@ -1,0 +1,127 @@
+"""Our trackers for clients of the TraX protocol: `python -m tracking.exported.trax_server KIND`."""
+
+import argparse
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator
+from typing import Any, TextIO
+
+import numpy as np
+
+from sim.types import Array
+from tracking.exported.toolkits import Follower
+from tracking.sequences.sources import RATE
+from tracking.wrapped.trax_messages import (
+    CORNERS,
+    Message,
+    box_around,
+    message_in,
+    picture_in,
+    region_in,
+    region_text,
+)
+
+ABOUT = {
+    "trax.version": "4",
+    "trax.region": "rectangle;polygon;",
+    "trax.image": "path;memory;buffer;",
+    "trax.channels": "color;",
+}
+
+
+def run_trax(
+    kind: str,
+    seed: int = 0,
+    rate: float = RATE,
+    *,
+    requests: TextIO | None = None,
+    answers: TextIO | None = None,
+    **settings: Any,
+) -> None:
+    """Follow what a TraX client shows until it quits.
+
+    Args:
+        kind: The tracker; see `tracking.create`.
+        seed: Seed of its random draws.
+        rate: Rate of the pictures [1/s].
+        requests: The client's messages; None: standard input.
+        answers: Stream for our messages; None: standard output.
+        **settings: The tracker's settings.
+
+    Raises:
+        ValueError: The client shows no region or no picture, or a frame before a region.
+    """
+    out = answers or sys.stdout
+    follower = Follower(kind, seed, rate, settings)
+    for message in _conversation(kind, follower, requests or sys.stdin):
+        out.write(message.line())
+        out.flush()
+
+
+def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Iterator[Message]:
+    """Yield a hello, and the answers to a client's messages."""
+    yield Message("hello", named=ABOUT | {"trax.name": kind})
+    given: Array | None = None  # a region, until its first picture comes
+    region: Array | None = None
+    for message in filter(None, map(message_in, requests)):
+        match (message.type, *message.arguments):
+            case ("quit", *_):
+                return
+            case ("initialize", text) if given is None:
+                given = _region(text)
+                continue
+            case ("initialize", picture, *_, text) if given is None:
+                given = _region(text)
+            case ("frame", picture, *_) if given is not None or region is not None:
+                pass
+            case _:
+                raise ValueError(
+                    f"the client sent {message.line().strip()[:60]!r}, but one region is expected, "
+                    "then its pictures"
+                )
+        image = picture_in(picture)
+        if given is not None:
+            region = given
+            given = None
+            box = region.ndim == 1 or len(region) == CORNERS
+            follower.start(image, region.ravel() if box else box_around(region), turned=True)
+            yield _state(region, 1.0)
+        else:
+            found, rect = follower.update(image)
+            boxes = region is not None and region.ndim == 1
+            outline = np.array(rect) if boxes else found.outline(follower.region)
+            yield _state(outline, 1.0 - found.distance)
+
+
+def _region(text: str) -> Array:
+    """Return the box (4,) or the polygon (n, 2) of a client."""
+    try:
+        region = region_in(text)
+    except ValueError as error:
+        raise ValueError(f"the client's region {text[:40]!r} is {error}") from None
+    if region is None or (region.ndim == 1 and region[2:].min() <= 0):
+        raise ValueError(f"the client's region {text[:40]!r} has no area")
+    return region
+
+
+def _state(region: Array, confidence: float) -> Message:
+    return Message("state", [region_text(region)], {"confidence": f"{confidence:.6f}"})
+
+
+def main() -> None:
+    """Serve the tracker that the command line names."""
+    parser = argparse.ArgumentParser(prog="python -m tracking.exported.trax_server")
+    parser.add_argument("kind")
+    parser.add_argument("settings", nargs="*", help="such as particles=80")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--preset")
+    given = parser.parse_args()
+    try:
+        settings = tomllib.loads("\n".join(given.settings))
+        run_trax(given.kind, given.seed, preset=given.preset, **settings)
+    except (ValueError, TypeError, OSError) as error:
+        raise SystemExit(f"trax_server: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""Compiled loops for bin numbers of colours, and for colours without brightness."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Image
+from tracking.loops.compiled import compiled
+
+
+@compiled()
+def labels(image: Image, left: int, top: int, right: int, bottom: int, levels: int) -> NDArray[Any]:
+    """Bin numbers (h, w) of the pixels of a window: equal bins of red, green and blue.
+
+    Args:
+        image: RGB (H, W, 3).
+        left: First column.
+        top: First row.
+        right: Column after the last.
+        bottom: Row after the last.
+        levels: Bins a channel.
+    """
+    found = np.empty((max(bottom - top, 0), max(right - left, 0)), np.int16)
+    part = image[top:bottom, left:right]
+    for i in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            red = int(part[i, j, 0])
+            green = int(part[i, j, 1])
+            blue = int(part[i, j, 2])
+            first = ((red * levels) >> 8) * levels + ((green * levels) >> 8)
+            found[i, j] = first * levels + ((blue * levels) >> 8)
+    return found
+
+
+@compiled()
+def evened(image: Image, floor: int) -> Image:
+    """Channels divided by the pixel's largest one: 255 c / (max + floor), rounded down (H, W, 3).
+
+    Args:
+        image: RGB (H, W, 3).
+        floor: Added to the largest channel; keeps dark pixels, whose colour is noise, dark.
+    """
+    found = np.empty_like(image)
+    for i in range(image.shape[0]):
+        for j in range(image.shape[1]):
+            red = int(image[i, j, 0])
+            green = int(image[i, j, 1])
+            blue = int(image[i, j, 2])
+            whole = max(red, green, blue) + floor
+            found[i, j, 0] = 255 * red // whole
+            found[i, j, 1] = 255 * green // whole
+            found[i, j, 2] = 255 * blue // whole
+    return found

@@ -1,0 +1,332 @@
+"""Compiled loops for Levenberg's descent on the SSD of the square roots of histograms: pixels under
+Epanechnikov kernels, with their derivatives.
+
+A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
+r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
+"""
+
+from typing import Any
+
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.loops.compiled import compiled
+from tracking.types import LARGEST_LOG
+
+Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]
+"""Half sides of the template [px], centres (K, 2) and half axes of the kernels [px], bins of
+each channel, and the number of pixels above which only every second, third, ... is read."""
+Weight = tuple[float, float, float, float, float]
+"""A pixel's weight under a kernel, and its derivatives by (x, y, theta, ln scale)."""
+FLOOR = 1e-3
+"""Added to every bin under the root, whose derivative is infinite at an empty bin."""
+TINY = np.finfo(np.float64).tiny
+# Levenberg's damping, relative to the trace; chosen by hand, with little effect on the basin.
+FIRST_DAMPING = 1e-3
+MORE = 8.0
+"""Factor after a bad step."""
+LESS = 0.2
+"""Factor after a good step."""
+MOST_DAMPING = 1e3
+"""With more damping, steps are too short to matter, and the descent ends."""
+
+
+@compiled(error_model="numpy")
+def _level(value: int, levels: int) -> float:
+    """Return the position of a channel's value among its bins.
+
+    Bins have their centres at (b + 0.5) * 256 / levels; values outside of the first and last centre
+    belong to these bins.
+    """
+    return min(max((value + 0.5) * (levels / 256.0) - 0.5, 0.0), levels - 1.0)
+
+
+@compiled(error_model="numpy")
+def _share_between_bins(
+    image: Image, i: Any, j: Any, levels: int
+) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
+    """Return the four bins that share a pixel, and their shares.
+
+    The shares are those of tetrahedral interpolation, as in colour tables: linear and continuous
+    like trilinear ones, with half as many bins. From the lower corner of the cell of eight bins
+    around the colour, the path goes along the channels in the order of their fractions, the largest
+    first. The code has no branches, which a processor could not predict.
+    """
+    r = _level(image[i, j, 0], levels)
+    g = _level(image[i, j, 1], levels)
+    b = _level(image[i, j, 2], levels)
+    low_r = min(int(r), levels - 2)
+    low_g = min(int(g), levels - 2)
+    low_b = min(int(b), levels - 2)
+    r = r - low_r
+    g = g - low_g
+    b = b - low_b
+    step_r = levels * levels
+    step_g = levels
+    step_b = 1
+    first = step_r if r >= g and r >= b else (step_g if g >= b else step_b)
+    last = step_r if r < g and r < b else (step_g if g < b else step_b)
+    least = min(min(r, g), b)
+    most = max(max(r, g), b)
+    middle = max(min(r, g), min(max(r, g), b))
+    low = low_r * step_r + low_g * step_g + low_b
+    high = low + step_r + step_g + step_b
+    bins = low, low + first, high - last, high
+    return bins, (1.0 - most, most - middle, middle - least, least)
+
+
+@compiled(error_model="numpy")
+def _cover(
+    rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
+) -> Weight:
+    """Return the share of a pixel at r that the template covers, and d cover / d(x, y, theta, ln
+    scale).
+
+    With a hard edge, the objective would have a step and a false minimum wherever a pixel's centre
+    crosses the edge.
+    """
+    in_x = scale * (half_width - abs(rx)) + 0.5
+    in_y = scale * (half_height - abs(ry)) + 0.5
+    if in_x <= 0.0 or in_y <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    cover_x = min(in_x, 1.0)
+    cover_y = min(in_y, 1.0)
+    slope_x = np.sign(rx) * cover_y if in_x < 1.0 else 0.0
+    slope_y = np.sign(ry) * cover_x if in_y < 1.0 else 0.0
+    d_x = slope_x * c - slope_y * s
+    d_y = slope_x * s + slope_y * c
+    d_theta = scale * (slope_y * rx - slope_x * ry)
+    d_scale = scale * (abs(slope_x) * half_width + abs(slope_y) * half_height)
+    return cover_x * cover_y, d_x, d_y, d_theta, d_scale
+
+
+@compiled(error_model="numpy")
+def _weigh(
+    rx: float,
+    ry: float,
+    cover: Weight,
+    value: float,
+    gx: float,
+    gy: float,
+    per_scale: float,
+    c: float,
+    s: float,
+) -> Weight:
+    """k and dk/d(x, y, theta, ln scale) of a pixel at r with kernel value k and gradient dk/dr."""
+    return (
+        value * cover[0],
+        value * cover[1] - cover[0] * (gx * c - gy * s) * per_scale,
+        value * cover[2] - cover[0] * (gx * s + gy * c) * per_scale,
+        value * cover[3] + cover[0] * (gx * ry - gy * rx),
+        value * cover[4] - cover[0] * (gx * rx + gy * ry),
+    )
+
+
+@compiled(error_model="numpy")
+def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
+    """Add a share of a weight to row b (5,)."""
+    row = rows[np.uint64(b)]
+    row[0] += share * weight[0]
+    row[1] += share * weight[1]
+    row[2] += share * weight[2]
+    row[3] += share * weight[3]
+    row[4] += share * weight[4]
+
+
+@compiled(error_model="numpy")
+def kernel_histograms(
+    image: Image,
+    state: Array,
+    half: tuple[float, float],
+    centres: Array,
+    span: tuple[float, float],
+    levels: int,
+    stride: int,
+) -> tuple[Array, Array]:
+    """Un-normalised soft histograms under Epanechnikov kernels, and their derivatives.
+
+    Args:
+        image: RGB (H, W, 3).
+        state: State (4,).
+        half: Half width and height of the template [px]; pixels outside of it do not count.
+        centres: Kernel centres in the template (K, 2) [px].
+        span: Half axes of the kernels' elliptic support [px].
+        levels: Bins per colour channel; each pixel is shared between four neighbours.
+        stride: Only every stride-th pixel and row is read.
+
+    Returns:
+        sums (K, B, 5): for each kernel and bin the sum of k and of dk/d(x, y, theta, ln scale).
+        totals (K, 5): the same over all bins.
+    """
+    sums = np.zeros((len(centres), levels**3, 5))
+    totals = np.zeros((len(centres), 5))
+    scale = np.exp(state[3])
+    c = np.cos(state[2])
+    s = np.sin(state[2])
+    per_scale = 1.0 / scale
+    per_x = 1.0 / span[0]
+    per_y = 1.0 / span[1]
+    reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + 1.0
+    reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + 1.0
+    first_i = max(0, int(state[1] - reach_y))
+    last_i = min(len(image), int(state[1] + reach_y) + 1)
+    first_j = max(0, int(state[0] - reach_x))
+    last_j = min(image.shape[1], int(state[0] + reach_x) + 1)
+    for i in range(first_i, last_i, stride):
+        for j in range(first_j, last_j, stride):
+            dx = j + 0.5 - state[0]
+            dy = i + 0.5 - state[1]
+            rx = (c * dx + s * dy) * per_scale
+            ry = (c * dy - s * dx) * per_scale
+            cover = _cover(rx, ry, half[0], half[1], scale, c, s)
+            if cover[0] == 0.0:
+                continue
+            bins, shares = _share_between_bins(image, np.uint64(i), np.uint64(j), levels)
+            for k in range(len(centres)):
+                ax = (rx - centres[k, 0]) * per_x
+                ay = (ry - centres[k, 1]) * per_y
+                value = 1.0 - ax * ax - ay * ay
+                if value <= 0.0:
+                    continue
+                gx = -2.0 * ax * per_x
+                gy = -2.0 * ay * per_y
+                weight = _weigh(rx, ry, cover, value, gx, gy, per_scale, c, s)
+                rows = sums[np.uint64(k)]  # an unsigned index needs no check for negative values
+                for corner in range(4):
+                    _add(rows, bins[corner], shares[corner], weight)
+                for p in range(5):
+                    totals[k, p] += weight[p]
+    return sums, totals
+
+
+@compiled(error_model="numpy")
+def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
+    """Return sums and totals of `kernel_histograms` at x (4,)."""
+    half, centres, span, levels, pixels = kernels
+    area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
+    stride = max(1, int(np.sqrt(area / pixels)))
+    return kernel_histograms(image, x, half, centres, span, levels, stride)
+
+
+@compiled(error_model="numpy")
+def ssd_normal_equations(
+    sums: Array, totals: Array, root_reference: Array, floor: float
+) -> tuple[float, Array, Array]:
+    """Cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - reference_k||^2.
+
+    Args:
+        sums: Sums of `kernel_histograms` (K, B, 5).
+        totals: Totals of `kernel_histograms` (K, 5).
+        root_reference: Square roots of the reference histograms plus floor (K, B).
+        floor: Added to every bin under the root.
+    """
+    n_kernels, n_bins = root_reference.shape
+    cost = 0.0
+    gradient = np.zeros(4)
+    curvature = np.zeros((4, 4))
+    row = np.empty(4)
+    root_floor = np.sqrt(floor)
+    for k in range(n_kernels):
+        total = max(totals[k, 0], 1e-12)
+        for b in range(n_bins):
+            mass = sums[k, b, 0]
+            if mass == 0.0:
+                e = root_floor - root_reference[k, b]
+                cost += e * e
+                continue
+            q = mass / total
+            root = np.sqrt(q + floor)
+            e = root - root_reference[k, b]
+            cost += e * e
+            for p in range(4):
+                row[p] = (sums[k, b, 1 + p] - q * totals[k, 1 + p]) / (2.0 * total * root)
+            for p in range(4):
+                gradient[p] += row[p] * e
+                for r in range(p + 1):
+                    curvature[p, r] += row[p] * row[r]
+    for p in range(4):
+        for r in range(p):
+            curvature[r, p] = curvature[p, r]
+    return cost / n_kernels, gradient / n_kernels, curvature / n_kernels
+
+
+@compiled(error_model="numpy")
+def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
+    """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
+
+    Args:
+        gradient: Gradient (4,).
+        curvature: Curvature (4, 4).
+        damping: Damping relative to the mean of the scaled diagonal.
+        units: Unit of each coordinate (4,).
+    """
+    H = np.empty((4, 4))
+    g = np.empty(4)
+    trace = 0.0
+    for p in range(4):
+        g[p] = units[p] * gradient[p]
+        for r in range(4):
+            H[p, r] = curvature[p, r] * units[p] * units[r]
+        trace += H[p, p]
+    for p in range(4):
+        H[p, p] += damping * trace / 4.0 + TINY
+    return -units * np.linalg.solve(H, g)
+
+
+@compiled(error_model="numpy")
+def linearise(
+    image: Image, x: Array, kernels: Kernels, root_reference: Array
+) -> tuple[float, Array, Array]:
+    """Cost, gradient (4,) and curvature (4, 4) at x (4,)."""
+    sums, totals = histograms(image, x, kernels)
+    return ssd_normal_equations(sums, totals, root_reference, FLOOR)
+
+
+@compiled(error_model="numpy")
+def descend(
+    image: Image,
+    start: Array,
+    kernels: Kernels,
+    root_reference: Array,
+    units: Array,
+    most: int,
+    tolerance: float,
+    hopeless: float,
+) -> tuple[Array, float, int]:
+    """Descend to the nearest minimum of the cost.
+
+    Args:
+        image: RGB (H, W, 3).
+        start: First state (4,).
+        kernels: Template and kernels.
+        root_reference: As for `ssd_normal_equations`.
+        units: Unit of each coordinate (4,).
+        most: Largest number of evaluations.
+        tolerance: A step with all parts below this, in units, is the last; it is not evaluated.
+        hopeless: A start with a higher cost is returned unchanged.
+
+    Returns:
+        State (4,), the last accepted cost, and the number of evaluations.
+    """
+    x = start.copy()
+    cost, gradient, curvature = linearise(image, x, kernels, root_reference)
+    damping = FIRST_DAMPING
+    evaluations = 1
+    if cost > hopeless:
+        return x, cost, evaluations
+    while evaluations < most and damping < MOST_DAMPING:
+        step = damped_step(gradient, curvature, damping, units)
+        there = x + step
+        if abs(there[3]) > LARGEST_LOG:
+            break
+        if np.max(np.abs(step / units)) < tolerance:
+            return there, cost, evaluations
+        at = linearise(image, there, kernels, root_reference)
+        evaluations += 1
+        if at[0] < cost:
+            x = there
+            damping = damping * LESS
+            cost, gradient, curvature = at
+        else:
+            damping *= MORE
+    return x, cost, evaluations

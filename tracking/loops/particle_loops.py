@@ -1,0 +1,121 @@
+"""Compiled loops over weighted samples, which particle filters run in every frame."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array
+from tracking.loops.compiled import compiled
+
+BISECTIONS = 40
+LARGEST_BETA = 1e4
+"""With these the exponent is found to 1e-8; a larger one has no use."""
+
+
+@compiled()
+def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
+    """Return samples (N, 4) after a common change (4,) and noise: a spread (4,) times draws (N, 4).
+
+    The last coordinate, ln scale, is limited to -most..most.
+    """
+    found = samples + change + spread * draws
+    found[:, 3] = np.minimum(np.maximum(found[:, 3], -most), most)
+    return found
+
+
+@compiled()
+def normalised(log_weights: Array) -> Array:
+    """Return weights (N,) that sum to 1, from log-weights with any additive constant."""
+    weights = np.exp(log_weights - np.max(log_weights))
+    return weights / np.sum(weights)
+
+
+@compiled()
+def effective_size(weights: Array) -> float:
+    """Effective sample size 1 / sum w^2, between 1 and N."""
+    return 1.0 / np.sum(weights * weights)
+
+
+@compiled()
+def mean(samples: Array, weights: Array) -> Array:
+    """Weighted mean (D,) of samples (N, D). Angles must be continuous, without wrapping."""
+    found = np.zeros(samples.shape[1])
+    for n in range(len(samples)):
+        for d in range(len(found)):
+            found[d] += weights[n] * samples[n, d]
+    return found
+
+
+@compiled()
+def covariance(samples: Array, weights: Array) -> Array:
+    """Weighted covariance (D, D) of samples (N, D)."""
+    middle = mean(samples, weights)
+    count = samples.shape[1]
+    found = np.zeros((count, count))
+    for n in range(len(samples)):
+        for i in range(count):
+            for j in range(count):
+                apart = (samples[n, i] - middle[i]) * (samples[n, j] - middle[j])
+                found[i, j] += weights[n] * apart
+    return found
+
+
+@compiled()
+def cloud(samples: Array, weights: Array) -> Array:
+    """Return samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
+    found = np.empty((len(samples), 5))
+    found[:, :3] = samples[:, :3]
+    found[:, 3] = np.exp(samples[:, 3])
+    found[:, 4] = weights
+    return found
+
+
+@compiled()
+def systematic(weights: Array, first: float) -> NDArray[Any]:
+    """Return the indices (N,) of a systematic resampling (Kitagawa 1996).
+
+    Sample i is drawn floor or ceil of N w_i times.
+
+    Args:
+        weights: Weights (N,), not negative, with any sum.
+        first: A uniform draw from [0, 1).
+    """
+    count = len(weights)
+    step = np.sum(weights) / len(weights)
+    drawn = np.empty(count, np.int64)
+    i = 0
+    reached = weights[0]
+    for n in range(count):
+        # With rounding, the last position could exceed the sum.
+        while reached <= (n + first) * step and i < count - 1:
+            i += 1
+            reached += weights[i]
+        drawn[n] = i
+    return drawn
+
+
+@compiled()
+def exponent(log_likelihood: Array, target: float) -> float:
+    """Return the beta below `LARGEST_BETA` for which w^beta has a given effective sample size, by
+    bisection.
+
+    Args:
+        log_likelihood: ln w (N,).
+        target: Effective sample size 1 / sum w^2 of the normalised weights.
+    """
+    low = 0.0
+    high = LARGEST_BETA
+    top = np.max(log_likelihood)
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        total = squares = 0.0
+        for w in log_likelihood:
+            weight = np.exp(middle * (w - top))
+            total += weight
+            squares += weight * weight
+        if total * total / squares > target:
+            low = middle
+        else:
+            high = middle
+    return low

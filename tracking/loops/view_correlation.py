@@ -1,0 +1,66 @@
+"""Compiled loops for how alike a picture under a state and stored views of the target are."""
+
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.loops.compiled import compiled
+
+LEAST = 1e-6
+"""A view with a smaller sum of squares has no contrast, and is like nothing."""
+
+
+@compiled()
+def view(image: Image, state: Array, points: Array) -> Array:
+    """Return the colours (3 P,) at template points under a state, less their mean, with length 1.
+
+    Points off the image have the mean colour.
+
+    Args:
+        image: RGB (H, W, 3).
+        state: x, y, theta, ln scale (4,).
+        points: Template points (P, 2) [px].
+    """
+    height, width = image.shape[:2]
+    found = np.zeros((len(points), 3))
+    inside = np.zeros(len(points))
+    scale = np.exp(state[3])
+    c = scale * np.cos(state[2])
+    s = scale * np.sin(state[2])
+    for p in range(len(points)):
+        u = state[0] + c * points[p, 0] - s * points[p, 1]
+        v = state[1] + s * points[p, 0] + c * points[p, 1]
+        if 0.0 <= u < width and 0.0 <= v < height:
+            inside[p] = 1.0
+            for k in range(3):
+                found[p, k] = image[np.uint32(v), np.uint32(u), k]
+    count = max(np.sum(inside), 1.0)
+    squares = 0.0
+    for k in range(3):
+        mean = np.sum(found[:, k]) / count
+        for p in range(len(points)):
+            found[p, k] = inside[p] * (found[p, k] - mean)
+            squares += found[p, k] * found[p, k]
+    if squares < LEAST:
+        return np.zeros(3 * len(points))
+    return found.ravel() / np.sqrt(squares)
+
+
+@compiled()
+def correlations(image: Image, states: Array, points: Array, stored: Array) -> Array:
+    """Return the largest correlation (N,), -1..1, of the view under each state with a stored one.
+
+    Args:
+        image: RGB (H, W, 3).
+        states: x, y, theta, ln scale (N, 4).
+        points: Template points (P, 2) [px].
+        stored: Views (M, 3 P) as of `view`.
+    """
+    found = np.full(len(states), -1.0)
+    for n in range(len(states)):
+        seen = view(image, states[n], points)
+        for m in range(len(stored)):
+            product = 0.0
+            for i in range(len(seen)):
+                product += seen[i] * stored[m, i]
+            found[n] = max(found[n], product)
+    return found

@@ -1,0 +1,151 @@
+"""OpenCV's own trackers, made by their names; their failures become sentences."""
+
+import ctypes
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from sim.files import reading
+from sim.stderr import silent_libraries
+from sim.types import Image
+from tracking.wrapped.boxes import Box
+
+MODELS = {
+    "Nano": ("backbone", "neckhead"),
+    "Vit": ("net",),
+    "DaSiamRPN": ("model", "kernel_cls1", "kernel_r1"),
+}
+"""The model files of the trackers that have some, in this order; these have a score, too."""
+CONTRIB = ("CSRT", "KCF")
+"""Trackers of OpenCV's additional modules."""
+REMEDY = (
+    " (uninstall every opencv package, then install opencv-contrib-python-headless: whichever is "
+    "installed last is used)"
+)
+
+
+class Cv2Tracker:
+    """OpenCV's convention, with pictures in BGR. A model that cannot be used shows in the first
+    `update`; what OpenCV refuses later, such as a box that has left the picture, is a target that
+    is not seen.
+    """
+
+    def __init__(self, name: str, models: Sequence[str], seed: int) -> None:
+        """Make `cv2.TrackerNAME` with model files.
+
+        Raises:
+            ValueError: This OpenCV has no such tracker, or the model files are not those it needs.
+        """
+        self._name = name
+        self._models = [Path(model) for model in models]
+        seed_opencv(seed)
+        self._tracker = self._made()
+        self._proven = False
+
+    def init(self, image: Image, box: Box) -> Any:
+        """Show the target.
+
+        Raises:
+            ValueError: OpenCV refuses it.
+        """
+        self._size = image.shape
+        try:
+            with silent_libraries():
+                return self._tracker.init(image, box)
+        except cv2.error as error:
+            if self._models:
+                raise ValueError(f"{self._place()}: {_reason(error)}") from None
+            raise ValueError(
+                f"the region is {box[2]} x {box[3]} px in an image of {image.shape[1]} x "
+                f"{image.shape[0]} px; {self._place()} refuses it: {_reason(error)}"
+            ) from None
+
+    def update(self, image: Image) -> tuple[bool, Any]:
+        """Find the target; a picture of another size than the first cannot be compared.
+
+        Raises:
+            ValueError: The model files fit neither each other nor this tracker.
+        """
+        if image.shape != self._size:
+            return False, None
+        try:
+            with silent_libraries():
+                found, box = self._tracker.update(image)
+        except cv2.error as error:
+            if self._models and not self._proven:
+                raise ValueError(f"{self._place()}: {_reason(error)}") from None
+            return False, None
+        self._proven = True
+        return found and min(box[2:]) > 0, box
+
+    def score(self) -> float:
+        """Return OpenCV's score of the last update, kept within 0..1."""
+        return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
+
+    def _made(self) -> Any:
+        made_by = factory_of(self._name)
+        parts = MODELS.get(self._name, ())
+        if len(self._models) != len(parts):
+            files = f"needs its model files {', '.join(parts)}" if parts else "has no model file"
+            raise ValueError(
+                f"OpenCV's {self._name} {files}; the number given is {len(self._models)}"
+            )
+        for path in self._models:
+            reading.opened(path, "model").close()  # OpenCV's own message names no file
+        if not parts:
+            return made_by.create()
+        settings = getattr(cv2, f"Tracker{self._name}_Params")()
+        for part, path in zip(parts, self._models, strict=True):
+            setattr(settings, part, str(path))
+        try:
+            with silent_libraries():
+                return made_by.create(settings)
+        except cv2.error as error:
+            raise ValueError(f"{self._place()}: {_reason(error)}") from None
+
+    def _place(self) -> str:
+        files = ", ".join(map(str, self._models))
+        return f"OpenCV's {self._name} with {files}" if files else f"OpenCV's {self._name}"
+
+
+def factory_of(name: str) -> Any:
+    """Return OpenCV's class of a tracker.
+
+    Raises:
+        ValueError: This OpenCV does not have it; the message lists those it has.
+    """
+    found = getattr(cv2, f"Tracker{name}", None)
+    if hasattr(found, "create"):
+        return found
+    there = [
+        n.removeprefix("Tracker")
+        for n in dir(cv2)
+        if hasattr(getattr(cv2, n), "create") and n.startswith("Tracker") and n != "Tracker"
+    ]
+    raise ValueError(
+        f"OpenCV {running()} has no tracker '{name}'{REMEDY if name in CONTRIB else ''}; "
+        f"it has {', '.join(sorted(there))}"
+    )
+
+
+def running() -> str:
+    """Return which OpenCV is imported, whatever else is installed: one without the additional
+    modules may have been written over one with them.
+    """
+    contrib = hasattr(cv2, "TrackerCSRT")
+    return f"{cv2.__version__} {'with' if contrib else 'without'} the additional modules"
+
+
+def seed_opencv(seed: int) -> None:
+    """Seed what OpenCV's trackers draw from."""
+    cv2.setRNGSeed(seed)
+    # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.
+    ctypes.CDLL(None).srand(seed)
+
+
+def _reason(error: cv2.error) -> str:
+    """Return OpenCV's message, without its version, file and line."""
+    return " ".join(str(getattr(error, "err", "") or error).split())

@@ -1,0 +1,237 @@
+"""A tracker in a process of its own that speaks the TraX protocol: starts, asks and ends it."""
+
+import os
+import queue
+import shlex
+import shutil
+import subprocess
+import tempfile
+import threading
+import weakref
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, NoReturn
+
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.types import Region, State
+from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
+from tracking.wrapped.trax_messages import (
+    CORNERS,
+    Message,
+    box_around,
+    message_in,
+    picture_text,
+    region_in,
+    region_text,
+)
+
+TOGETHER = {"1", "2", "3"}
+"""Versions in which region and first picture come in one message; later, they come in two."""
+PICTURES = frozenset({"path", "memory", "buffer", "data"})
+"""Formats in which we send pictures."""
+REGIONS = frozenset({"rectangle", "polygon"})
+"""Forms in which we send regions."""
+CONFIDENCE = "confidence"
+"""Name under which servers report their score."""
+LAST_LINES = 3
+"""Lines of a server's stderr that an error quotes."""
+LONGEST_LINE = 1 << 24
+"""A longer line is read in pieces [bytes]: output without an end of line does not fill memory."""
+MOST_ANSWERS = 4
+"""Answers that are kept; one that nobody asked for is an error already."""
+GRACE = 0.5
+"""Time that a server has to end by itself [s]."""
+KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
+"""Script that ends a server with all that it has started, and removes its folder, once it gets a
+line or we have died: a process that is killed cannot do so itself."""
+
+Answers = queue.Queue[Message | None]
+Questions = queue.SimpleQueue[str]
+
+
+class TraxClient:
+    """One server, as a source of regions. It ends with this object, or with Python."""
+
+    def __init__(self, command: str, timeout: float) -> None:
+        """Start a server and wait for its hello.
+
+        Args:
+            command: The program with its arguments, as in a shell, but run without one.
+            timeout: Longest wait for an answer [s].
+
+        Raises:
+            ValueError: It cannot be started, sends no hello, or takes neither our regions nor our
+                pictures.
+        """
+        if not command.strip():
+            raise ValueError("a TraX server needs a command, such as 'python server.py'")
+        self._name = f"TraX server '{command}'"
+        self._timeout = timeout
+        self._folder = Path(tempfile.mkdtemp(prefix="trax-"))
+        process = self._process = self._started(command)
+        script = ["sh", "-c", KEEPER, "sh", str(process.pid), str(self._folder)]
+        keeper = subprocess.Popen(
+            script, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        # Reading and writing have threads of their own: a server that hangs blocks both.
+        self._answers = Answers(MOST_ANSWERS)
+        self._questions = Questions()
+        self._close = weakref.finalize(self, _end, process, self._questions, keeper)
+        for work, pipe, of in (
+            (_write, process.stdin, self._questions),
+            (_read, process.stdout, self._answers),
+        ):
+            threading.Thread(target=work, args=(pipe, of), daemon=True).start()
+        self._count = 0
+        hello = self._answer("hello").named
+        self._separate = hello.get("trax.version", "1") not in TOGETHER
+        self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
+        regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
+        self._polygons = "polygon" in regions
+        if (channels := _words(hello, "channels", "color")) != ["color"]:
+            self._fail(f"needs the channels {', '.join(channels)}; we have color")
+
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the corners, or the box, of the target.
+
+        Raises:
+            ValueError: As for `update`.
+        """
+        box = box_of(region, state, image)
+        target = region_text(region.corners(state) if self._polygons else np.array(box))
+        picture = self._picture(image)
+        if self._separate:
+            self._ask(Message("initialize", (target,)), Message("frame", (picture,)))
+        else:
+            self._ask(Message("initialize", (picture, target)))
+        return box
+
+    def update(self, image: Image) -> Array | None:
+        """Ask the server: a box (4,), the corners (4, 2) of a convex quadrilateral, or None.
+
+        Raises:
+            ValueError: The server has ended, hangs, or answers something that is no region.
+        """
+        answer = self._ask(Message("frame", (self._picture(image),)))
+        self._named = answer.named
+        try:
+            found = region_in(*answer.arguments)
+        except (TypeError, ValueError) as error:
+            reason = error if isinstance(error, ValueError) else "no region"
+            self._fail(f"answered {answer.line().strip()[:80]}, which is {reason}")
+        if found is None:
+            return None
+        if found.ndim == 1:
+            return box_in(found, self._name)
+        box = box_in(box_around(found), self._name)
+        return found if len(found) == CORNERS and convex(found) else box
+
+    def score(self) -> float:
+        """Return the confidence of the last answer, 0..1.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if CONFIDENCE not in self._named:
+            raise ValueError(
+                f'{self._name} reports no {CONFIDENCE}: judge = "histogram" needs none'
+            )
+        return score_in(self._named[CONFIDENCE], self._name)
+
+    def _picture(self, image: Image) -> str:
+        """Return a picture as the server takes it: where it is a file, the last two stay."""
+        self._count += 1
+        (self._folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
+        return picture_text(image, self._pictures, self._folder / f"{self._count:08}.png")
+
+    def _taken(self, offered: Sequence[str], ours: frozenset[str], what: str) -> Sequence[str]:
+        """Return what the server takes, if some of it is ours."""
+        if not ours & set(offered):
+            self._fail(f"takes {', '.join(offered)} as {what}; we have {', '.join(sorted(ours))}")
+        return offered
+
+    def _ask(self, *messages: Message) -> Message:
+        with suppress(queue.Empty):
+            early = self._answers.get_nowait()
+            if early is not None:
+                self._fail(f"said {early.type} unasked")
+            self._answers.put(None)  # it has ended: `_answer` says so
+        for message in messages:
+            self._questions.put(message.line())
+        return self._answer("state")
+
+    def _answer(self, expected: str) -> Message:
+        try:
+            answer = self._answers.get(timeout=self._timeout)
+        except queue.Empty:
+            self._fail(f"said no {expected} within {self._timeout:g} s")
+        if answer is None or answer.type == "quit":
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(GRACE)
+            code = self._process.poll()
+            ended = "ended" if code is None else f"ended with code {code}"
+            self._fail(f"{ended} where its {expected} is expected")
+        if answer.type != expected:
+            self._fail(f"said {answer.type} where its {expected} is expected")
+        return answer
+
+    def _fail(self, fault: str) -> NoReturn:
+        """End the server, and raise its fault with the last lines of its stderr."""
+        with self._log.open("rb") as log:
+            lines = deque(filter(bytes.strip, log), LAST_LINES)
+        self._close()
+        words = " | ".join(line.decode("utf-8", "replace").strip()[:200] for line in lines)
+        raise ValueError(f"{self._name} {fault}{words and f': {words}'}") from None
+
+    def _started(self, command: str) -> subprocess.Popen[bytes]:
+        self._log = self._folder / "stderr.txt"
+        try:
+            with self._log.open("wb") as log:
+                return subprocess.Popen(
+                    shlex.split(command),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    start_new_session=True,
+                    env=os.environ | {"TRAX": "1"},
+                )
+        except (OSError, ValueError) as error:
+            shutil.rmtree(self._folder)
+            reason = getattr(error, "strerror", None) or error
+            raise ValueError(f"{self._name} cannot be started: {reason}") from None
+
+
+def _words(hello: Mapping[str, str], key: str, default: str) -> list[str]:
+    return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
+
+
+def _write(stdin: IO[bytes], questions: Questions) -> None:
+    with suppress(OSError), stdin:  # it has ended; the answer that does not come says so
+        while line := questions.get():
+            stdin.write(line.encode())
+            stdin.flush()
+
+
+def _read(stdout: IO[bytes], answers: Answers) -> None:
+    with stdout:
+        while line := stdout.readline(LONGEST_LINE):
+            if message := message_in(line.decode("utf-8", "replace")):
+                with suppress(queue.Full):
+                    answers.put_nowait(message)
+    answers.put(None)
+
+
+def _end(
+    process: subprocess.Popen[bytes], questions: Questions, keeper: subprocess.Popen[bytes]
+) -> None:
+    """End a server with all that it has started."""
+    questions.put(Message("quit").line())
+    questions.put("")
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(GRACE)
+    keeper.communicate(b"\n")
+    process.wait()

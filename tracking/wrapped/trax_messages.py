@@ -1,0 +1,139 @@
+"""Lines of the TraX protocol (Cehovin 2017), for both ends of it.
+
+A message is a line @@TRAX:TYPE with quoted arguments and named ones (key=value); all other lines
+are a program's own output. In versions 1 to 3 `initialize` carries picture and region; in version 4
+it carries the region, and a `frame` with the picture follows.
+"""
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from sim.files.picture_file import check_size, decoded, read_image
+from sim.types import Array, Image
+
+PREFIX = "@@TRAX:"
+TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
+ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
+"""An argument in quotes, or without. The possessive repetition takes linear time on a line whose
+quotes are not closed, as a crashing server leaves it."""
+NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
+SPECIAL = re.compile(r'[\\"\n]')
+ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
+BOX = 4
+FEWEST_NUMBERS = 6
+"""Numbers of a rectangle, and fewest of a polygon."""
+CORNERS = 4
+"""A polygon with as many may turn a region; of others, the box around them counts."""
+PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+BYTES = {"rgb": 3, "gray8": 1, "gray16": 2}
+"""Bytes of a pixel in each format of raw pictures."""
+MASK = "m"
+"""First letter of a region that is a mask."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message."""
+
+    type: str
+    arguments: Sequence[str] = ()
+    named: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def line(self) -> str:
+        """Return the line that is sent."""
+        texts = [*self.arguments, *(f"{key}={value}" for key, value in self.named.items())]
+        quoted = [f'"{SPECIAL.sub(lambda m: ESCAPED[m[0]], text)}"' for text in texts]
+        return f"{PREFIX}{' '.join([self.type, *quoted])}\n"
+
+
+def message_in(line: str) -> Message | None:
+    """Return the message in a line; None for any other line."""
+    if not line.startswith(PREFIX):
+        return None
+    name, _, rest = line.removeprefix(PREFIX).strip().partition(" ")
+    if name.lower() not in TYPES:
+        return None
+    texts = [
+        plain or re.sub(r"\\(.)", lambda m: "\n" if m[1] == "n" else m[1], quoted)
+        for quoted, plain in ARGUMENT.findall(rest)
+    ]
+    pairs = [NAMED.fullmatch(text) for text in texts]
+    arguments = [text for text, pair in zip(texts, pairs, strict=True) if pair is None]
+    kind = "state" if name.lower() == "status" else name.lower()
+    return Message(kind, arguments, {p[1]: p[2] for p in pairs if p})
+
+
+def region_text(numbers: Array) -> str:
+    """Return a box (4,), or corners (n, 2), as a region."""
+    return ",".join(f"{number:.4f}" for number in numbers.ravel().tolist())
+
+
+def region_in(text: str) -> Array | None:
+    """Return a box (4,) or a polygon (n, 2) [px]; None for a code, or a box of zeros: the target is
+    not seen.
+
+    Raises:
+        ValueError: It is a mask, or no region.
+    """
+    if text.startswith(MASK):
+        raise ValueError("a mask; rectangles and polygons are known")
+    try:
+        numbers = np.array(text.split(","), dtype=float)
+    except ValueError:
+        numbers = np.empty(0)
+    count = len(numbers)
+    if count == 1 or (count == BOX and not numbers.any()):
+        return None
+    polygon = count >= FEWEST_NUMBERS and count % 2 == 0
+    if not (polygon or count == BOX) or not np.isfinite(numbers).all():
+        raise ValueError("no region")
+    return numbers.reshape(-1, 2) if polygon else numbers
+
+
+def box_around(polygon: Array) -> Array:
+    """Return the box (4,) around a polygon (n, 2)."""
+    return np.concatenate([polygon.min(axis=0), np.ptp(polygon, axis=0)])
+
+
+def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
+    """Return an RGB picture in a format that the server takes: raw in the message, as PNG in it, or
+    in a file.
+    """
+    if "memory" in formats:
+        height, width = image.shape[:2]
+        return f"image:{width};{height};rgb;{base64.b64encode(image.tobytes()).decode()}"
+    png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), PNG)[1].tobytes()
+    if {"buffer", "data"} & set(formats) and "path" not in formats:
+        return f"data:image/png;{base64.b64encode(png).decode()}"
+    file.write_bytes(png)
+    return f"file://{file}"
+
+
+def picture_in(text: str) -> Image:
+    """Return the RGB picture in a message, or in the file that it names.
+
+    Raises:
+        ValueError: It cannot be read or decoded, or its data are not those of its size.
+    """
+    scheme, _, rest = text.partition(":")
+    try:
+        if scheme == "image":
+            width, height, kind, data = rest.split(";", 3)
+            check_size(int(width), int(height))
+            if kind not in BYTES:
+                raise ValueError(f"there is no format '{kind}'; there is {', '.join(BYTES)}")
+            pixels = np.frombuffer(base64.b64decode(data, validate=True), np.uint8)
+            image = pixels.reshape(int(height), int(width), BYTES[kind])
+            # Of 16 bits, the last byte is the high one.
+            return image if kind == "rgb" else np.repeat(image[..., -1:], 3, axis=2)
+        if scheme == "data":
+            return decoded(base64.b64decode(re.split("[;,]", rest)[-1], validate=True))
+    except ValueError as error:
+        raise ValueError(f"the picture {text[:40]!r}... cannot be decoded: {error}") from None
+    return read_image(Path(rest.removeprefix("//") if scheme == "file" else text))

@@ -1,0 +1,238 @@
+"""A class with `init(image, box)` and `update(image)` as one of our trackers.
+
+It follows one of two conventions:
+
+| | OpenCV | GOT-10k |
+|---|---|---|
+| picture | BGR | RGB |
+| box | integers x, y, width, height, pixels counted from 0 | array (4,), pixels counted from 1 |
+| answer of `update` | (ok, box) or a box | a box |
+"""
+
+import dataclasses
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Protocol, get_args
+
+import cv2
+import numpy as np
+
+from sim.types import Array, Image
+from tracking.types import Region, State
+from tracking.wrapped.boxes import Box, box_in, box_of, score_in
+from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
+
+Convention = Literal["opencv", "got10k"]
+Score = str | Callable[[Any], float]
+"""Attribute or method of a tracker that gives its score, or a function of the tracker."""
+BOXES = {"box", "bbox"}
+"""Names of the second argument of `init` in GOT-10k's convention."""
+DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
+    "rng": lambda rng: rng,
+    "seed": lambda rng: int(rng.integers(1 << 31)),
+}
+"""Arguments that a factory may ask for."""
+
+
+class Foreign(Protocol):
+    """A tracker in one of the conventions."""
+
+    def init(self, image: Any, box: Any, /) -> Any:
+        """Learn the target in a box; False refuses it."""
+        ...
+
+    def update(self, image: Any, /) -> Any:
+        """Return the target's box in the next picture."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """A tracker of boxes that is called in its convention."""
+
+    tracker: Foreign
+    convention: Convention
+    name: str
+    """Name of the tracker, for messages."""
+    score_of: Score | None
+
+    def start(self, image: Image, region: Region, state: State) -> Box:
+        """Show the first picture with the target's box, and return the box.
+
+        Raises:
+            ValueError: The tracker refuses by returning False.
+        """
+        box = box_of(region, state, image)
+        given = box if self.convention == "opencv" else np.array(box, dtype=float) + (1, 1, 0, 0)
+        if self.tracker.init(self._picture(image), given) is False:
+            raise ValueError(f"{self.name}: init refused the region x, y, width, height = {box}")
+        return box
+
+    def update(self, image: Image) -> Array | None:
+        """Return the target's box (4,) in the next picture [px]; None where it is not seen.
+
+        Raises:
+            ValueError: The tracker returned something else.
+        """
+        box = box_in(self.tracker.update(self._picture(image)), self.name)
+        return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
+
+    def score(self) -> float:
+        """Return the tracker's own score, 0..1.
+
+        Raises:
+            ValueError: It is not there, or not between 0 and 1.
+        """
+        if callable(self.score_of):
+            return score_in(self.score_of(self.tracker), self.name)
+        name = str(self.score_of)
+        if not hasattr(self.tracker, name):
+            raise ValueError(f"{self.name} has no '{name}', which is to give its score")
+        found = getattr(self.tracker, name)
+        return score_in(found() if callable(found) else found, self.name)
+
+    def _picture(self, image: Image) -> Image:
+        """Return a picture that the tracker may keep and write to."""
+        if self.convention == "opencv":
+            return cv2.cvtColor(image, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
+        return np.array(image, order="C")
+
+
+def convention_of(tracker: Foreign) -> Convention:
+    """Return the convention of a tracker: GOT-10k's for a subclass of its toolkit's `Tracker`, and
+    where the second argument of `init` is named box or bbox; else OpenCV's.
+    """
+    if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
+        return "got10k"
+    try:
+        names = list(inspect.signature(tracker.init).parameters)
+    except (TypeError, ValueError):  # compiled, such as OpenCV's own
+        return "opencv"
+    return "got10k" if BOXES & set(names[1:2]) else "opencv"
+
+
+@dataclass(frozen=True, slots=True)
+class Wrapping:
+    """A tracker's factory, and how to call what it makes."""
+
+    factory: Any
+    convention: Convention | None
+    score: Score | None
+    name: str
+
+    def build(self, settings: JudgeSettings, rng: np.random.Generator) -> ForeignTracker:
+        """Return a tracker of ours that calls theirs."""
+        return ForeignTracker(settings, lambda: self._caller(settings, rng))
+
+    def _caller(self, settings: JudgeSettings, rng: np.random.Generator) -> Caller:
+        if settings.judge == "score" and self.score is None:
+            raise ValueError(f'{self.name} has no score: judge = "histogram" needs none')
+        made = self._made(rng)
+        return Caller(made, self.convention or convention_of(made), self.name, self.score)
+
+    def _made(self, rng: np.random.Generator) -> Foreign:
+        factory = made = self.factory
+        if isinstance(factory, type) or not is_foreign(factory):
+            if str(getattr(factory, "__module__", "")).startswith("cv2"):
+                factory = getattr(factory, "create", factory)
+            made = factory(**self._arguments(factory, rng))
+        if not is_foreign(made):
+            raise ValueError(
+                f"{self.name}: {type(made).__name__} lacks init(image, box) or update(image)"
+            )
+        return made
+
+    def _arguments(self, factory: Callable[..., Any], rng: np.random.Generator) -> dict[str, Any]:
+        try:
+            taken = inspect.signature(factory).parameters.values()
+        except (TypeError, ValueError):  # compiled, such as OpenCV's own
+            return {}
+        variable = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+        needed = [p.name for p in taken if p.default is p.empty and p.kind not in variable]
+        if unknown := [name for name in needed if name not in DRAWN]:
+            raise ValueError(
+                f"{self.name} needs {', '.join(unknown)}: give wrap a function without arguments, "
+                "such as lambda: Tracker(...)"
+            )
+        return {p.name: DRAWN[p.name](rng) for p in taken if p.name in DRAWN}
+
+
+def is_foreign(tracker: Any) -> bool:
+    """Return whether an object, or a class, has the methods `init` and `update`."""
+    return all(callable(getattr(tracker, method, None)) for method in ("init", "update"))
+
+
+@dataclass(frozen=True)
+class WrapSettings(JudgeSettings):
+    """Settings of a wrapped tracker."""
+
+    wrapping: ClassVar[Wrapping]
+
+    def build(self, rng: np.random.Generator) -> ForeignTracker:
+        """Return the tracker; its seed, if it takes one, is drawn from the generator."""
+        return self.wrapping.build(self, rng)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (self.wrapping, dataclasses.asdict(self))
+
+
+def wrap(
+    factory: Any,
+    *,
+    convention: Convention | None = None,
+    score: Score | None = None,
+    judge: Literal["histogram", "score"] | None = None,
+    name: str | None = None,
+) -> type[WrapSettings]:
+    """Return a `Config` class for a tracker of another convention.
+
+    Args:
+        factory: Their class, a function that makes one, or one that is made. It may take `seed` or
+            `rng`.
+        convention: "opencv" (BGR, `update` gives (ok, box) or a box) or "got10k" (RGB arrays, boxes
+            counted from 1); None: see `convention_of`.
+        score: Attribute or method of the tracker, or a function of it, that gives its score, 0..1.
+        judge: Judge whether the target is seen; None: the score where there is one, else our colour
+            histogram.
+        name: The kind; None: module:class.
+
+    Raises:
+        ValueError: There is no such convention; or the tracker's score is to judge, but none is
+            named.
+
+    Example:
+        >>> class Still:
+        ...     def init(self, image, rect):
+        ...         self.rect = rect
+        ...
+        ...     def update(self, image):
+        ...         return True, self.rect
+        >>> Config = wrap(Still, name="still")
+        >>> Config.kind, Config().judge
+        ('still', 'histogram')
+    """
+    of = factory if hasattr(factory, "__qualname__") else type(factory)
+    kind = name or ":".join(filter(None, (of.__module__, of.__qualname__)))
+    if convention not in (None, *get_args(Convention)):
+        there = ", ".join(get_args(Convention))
+        raise ValueError(f"{kind}: there is no convention '{convention}'; there is {there}")
+    begin = judge or ("score" if score else "histogram")
+    if begin == "score" and score is None:
+        raise ValueError(f"{kind}: its score is to judge; name it with score=")
+    return _config_of(Wrapping(factory, convention, score, kind), begin)
+
+
+def _config_of(given: Wrapping, begin: Literal["histogram", "score"]) -> type[WrapSettings]:
+    @dataclass(frozen=True)
+    class Config(WrapSettings):
+        kind = given.name
+        wrapping = given
+        judge: Literal["histogram", "score"] = begin
+
+    return Config
+
+
+def _again(wrapping: Wrapping, settings: dict[str, Any]) -> WrapSettings:
+    """Return unpickled settings, whose class was made by a function."""
+    return _config_of(wrapping, settings["judge"])(**settings)
