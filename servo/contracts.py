@@ -8,22 +8,24 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
-from math import isfinite
 from numbers import Real
 from typing import Any, TypeVar, cast, final
 
 import numpy as np
 
 from servo.parts import FeatureSet
-from servo.types import Command, Prediction, Sight
+from servo.types import DOF, Command, OwnMotion, Prediction, Sight, Trace
 from sim.types import Array, Effect, Pose
-from tracking.types import Estimate, Status
+from tracking.types import Estimate, State, Status
 
 Built = TypeVar("Built")
-Check = Callable[[Any], None]
-"""Checks what a method of a part returned."""
+Check = Callable[..., None]
+"""Checks what a method of a part returned; it also gets the arguments of the call."""
 ROUNDING = 1e-9
-"""A variance may be negative by this much: the difference of two nearly equal ones."""
+"""A variance may be negative by this much: the difference of two nearly equal ones. So may the
+product of a rotation with its transpose leave the identity."""
+LARGEST = 1e9
+"""Largest number of a state: products of larger ones would overflow."""
 
 
 class BrokenContract(AssertionError):
@@ -40,7 +42,7 @@ def require(holds: object, sentence: str) -> None:
         raise BrokenContract(sentence)
 
 
-def check_estimate(estimate: object) -> None:
+def check_estimate(estimate: object, *_: object) -> None:
     """Check what a tracker reports for a picture.
 
     Raises:
@@ -50,16 +52,21 @@ def check_estimate(estimate: object) -> None:
     if not isinstance(e, Estimate):
         raise BrokenContract(f"update returned {type(e).__name__}; return an Estimate")
     s = e.state
-    finite = all(map(_is_finite, (s.x, s.y, s.theta, s.scale)))
-    if not finite or s.scale <= 0:
-        raise BrokenContract(f"the state is {s}; its numbers must be finite, scale above 0")
-    if not (_is_finite(e.distance) and 0 <= e.distance <= 1):
+    require(type(s) is State, f"the state is {type(s).__name__}; use tracking.types.State")
+    numbers = (s.x, s.y, s.theta, s.scale)
+    right = all(isinstance(n, Real) and abs(n) <= LARGEST for n in numbers)  # nan is not
+    if not right or s.scale * LARGEST < 1:
+        raise BrokenContract(
+            f"the state is {s}; its numbers must be finite, scale above 0, none over {LARGEST:g}"
+        )
+    if not (isinstance(e.distance, Real) and 0 <= e.distance <= 1):
         raise BrokenContract(f"the distance is {e.distance}; it goes from 0 to 1")
     if type(e.status) is not Status:
         raise BrokenContract(f"the status is {e.status!r}; use tracking.types.Status")
-    if len(e.follows) != 2:
+    flags = np.asarray(e.follows)
+    if flags.shape != (2,) or flags.dtype != np.bool_:
         raise BrokenContract("follows is not two flags: whether angle, and size, are followed")
-    if np.shape(e.covariance) != (4, 4):
+    if not _is_array(e.covariance, (4, 4), finite=False):
         raise BrokenContract(
             "the covariance is not (4, 4); a tracker without one gives unknown_covariance()"
         )
@@ -68,18 +75,22 @@ def check_estimate(estimate: object) -> None:
         raise BrokenContract(f"the variances are {variances}; none can be negative")
     if e.corners is not None and not _is_array(e.corners, (4, 2)):
         raise BrokenContract("the corners are not four points (4, 2) of finite numbers")
+    count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
+    if e.particles is not None and not _is_array(e.particles, (count, 5)):
+        raise BrokenContract("the particles are not (N, 5): x, y, theta, scale, weight")
 
 
-def _is_finite(number: object) -> bool:
-    return isinstance(number, Real) and isfinite(number)
+def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
+    """Return whether values are an array of real numbers of a shape, all of them finite."""
+    return (
+        isinstance(values, np.ndarray)
+        and values.shape == shape
+        and values.dtype.kind in "fiu"
+        and (not finite or bool(np.isfinite(values).all()))
+    )
 
 
-def _is_array(values: object, shape: tuple[int, ...]) -> bool:
-    """Whether values have a shape, and all are finite numbers."""
-    return np.shape(cast(Array, values)) == shape and bool(np.isfinite(cast(Array, values)).all())
-
-
-def check_features(features: FeatureSet, method: str, found: Array) -> None:
+def check_features(features: FeatureSet, method: str, found: object, *_: object) -> None:
     """Check what a method of a feature set returned: for each name a number, six in the matrix.
 
     Raises:
@@ -87,46 +98,73 @@ def check_features(features: FeatureSet, method: str, found: Array) -> None:
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
-    if np.shape(found) != shape:
-        raise BrokenContract(f"{method} returned {np.shape(found)}; it should be {shape}")
+    if not isinstance(found, np.ndarray) or found.shape != shape:
+        raise BrokenContract(f"{method} returned {_described(found)}; it should be {shape}")
+    if method == "known":
+        right = found.dtype == np.bool_
+        require(right, f"known returned {found}; it should be {k} flags")
+        return
     # An error may hold nan: that of a feature which was not measured.
-    if method in ("values", "matrix") and not np.isfinite(found).all():
-        raise BrokenContract(f"{method} returned {np.array(found)}; all must be finite")
-    if method == "known" and np.asarray(found).dtype != np.bool_:
-        raise BrokenContract(f"known returned {found}; it should be {k} flags")
-    if method == "scales" and not (np.asarray(found) > 0).all():
+    numbers = np.nan_to_num(found, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    finite = _is_array(numbers if method == "error" else found, shape)
+    require(finite, f"{method} returned {found}; all must be finite")
+    if method == "scales" and not (found > 0).all():
         raise BrokenContract(f"scales returned {found}; all must be above 0")
 
 
-def check_prediction(prediction: object, method: str) -> None:
-    """Check what an estimator returned: finite numbers, as many of the motion as of the error.
+def _described(found: object) -> str:
+    """Return the shape of an array, or the type of something else."""
+    return str(found.shape) if isinstance(found, np.ndarray) else type(found).__name__
+
+
+def check_names(features: FeatureSet) -> None:
+    """Check what a feature set says of its features by their names.
 
     Raises:
-        BrokenContract: It is no `Prediction`, or a number in it is not finite.
+        BrokenContract: Two have one name, or what is said is not of these names.
     """
-    if not isinstance(prediction, Prediction):
-        raise BrokenContract(f"{method} returned {type(prediction).__name__}, not a Prediction")
-    k = len(prediction.innovation)
-    for name, values in (("error", prediction.error), ("motion", prediction.motion)):
+    names = features.names
+    k = len(names)
+    right = k > 0 and len(set(names)) == k and set(map(type, names)) == {str}
+    require(right, f"names are {names}; all must differ")
+    require(len(features.units) == k, f"there are {k} names and {len(features.units)} units")
+    require(set(features.feed_forward) <= {*names}, "feed_forward names features that are none")
+    sole = features.sole_dof
+    right = set(sole) <= {*names} and set(sole.values()) <= {*DOF}
+    require(right, f"sole_dof maps names of features to some of {', '.join(DOF)}")
+    right = _is_array(features.noise, (k,)) and (features.noise > 0).all()
+    require(right, f"noise is not {k} numbers above 0")
+
+
+def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
+    """Check what an estimator returned: finite numbers, as many as there are features.
+
+    Args:
+        method: "update" or "skip"; the latter has no measurement, so no innovation.
+        prediction: What it returned.
+        given: The first argument: the error, or the camera's own part of its change.
+
+    Raises:
+        BrokenContract: It is no `Prediction`, or a number in it has no meaning.
+    """
+    p = prediction
+    if not isinstance(p, Prediction):
+        raise BrokenContract(f"{method} returned {type(p).__name__}, not a Prediction")
+    k = len(given.past if isinstance(given, OwnMotion) else given)
+    for name, values in (("error", p.error), ("motion", p.motion)):
         right = _is_array(values, (k,))
-        require(right, f"{method}: {name} is {np.array(values)}; it should be {k} finite numbers")
-
-
-def check_skip(prediction: object) -> None:
-    """Check the prediction without a measurement.
-
-    Raises:
-        BrokenContract: It is none, or has an innovation.
-    """
-    check_prediction(prediction, "skip")
+        require(right, f"{method}: {name} is {values}; it should be {k} finite numbers")
+    for name, values in (("innovation", p.innovation), ("nis", p.nis)):
+        right = _is_array(values, (k,), finite=False)
+        require(right, f"{method}: {name} is {values}; it should be {k} numbers, nan for none")
     require(
-        np.isnan(cast(Prediction, prediction).innovation).all(),
+        method == "update" or np.isnan(p.innovation).all(),
         "skip: nothing was measured, so the innovation is nan; "
         "Prediction.unmeasured makes such a value",
     )
 
 
-def check_command(command: object) -> None:
+def check_command(command: object, *_: object) -> None:
     """Check what a controller asks for: six finite numbers.
 
     Raises:
@@ -136,41 +174,52 @@ def check_command(command: object) -> None:
         raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
     if not _is_array(command.twist, (6,)):
         raise BrokenContract(
-            f"the twist is {np.array(command.twist)}; it should be six finite numbers "
+            f"the twist is {command.twist}; it should be six finite numbers "
             "(vx, vy, vz, wx, wy, wz)"
         )
+    if type(command.trace) not in (Trace, type(None)):
+        raise BrokenContract(f"the trace is {type(command.trace).__name__}; use a Trace or None")
 
 
-def check_pose(pose: object) -> None:
+def check_pose(pose: object, time: float) -> None:
     """Check where a motion puts the target.
 
     Raises:
-        BrokenContract: It is no `Pose`, or a number in it is not finite.
+        BrokenContract: It is no `Pose`, a number in it is not finite, or its rotation is none.
     """
     if not isinstance(pose, Pose):
         raise BrokenContract(f"at returned {type(pose).__name__}, not a Pose")
-    if not (_is_array(pose.rotation, (3, 3)) and _is_array(pose.translation, (3,))):
+    R = pose.rotation
+    if not (_is_array(R, (3, 3)) and _is_array(pose.translation, (3,))):
         raise BrokenContract(
-            f"the target's position is {pose.translation}, its rotation {pose.rotation}; these "
+            f"the target's position is {pose.translation}, its rotation {R}; these "
             "must be finite numbers (3,) and (3, 3)"
         )
+    turned = np.abs(R @ R.T - np.eye(3)).max() < ROUNDING and np.linalg.det(R) > 0
+    require(turned, f"at({time:g}) is no pose: its rotation (3, 3) is none")
 
 
-def check_effect(effect: object) -> None:
+def check_effect(effect: object, time: float) -> None:
     """Check what a disturbance does to the world.
 
     Raises:
-        BrokenContract: It is no `Effect`.
+        BrokenContract: It is no `Effect`, a factor in it has no meaning, or it is early.
     """
-    require(isinstance(effect, Effect), f"at returned {type(effect).__name__}; return an Effect")
+    if not isinstance(effect, Effect):
+        raise BrokenContract(f"at returned {type(effect).__name__}; return an Effect")
+    for name, factor in (("gain", effect.gain), ("lamp", effect.lamp)):
+        right = isinstance(factor, Real) and 0 <= factor <= LARGEST
+        require(right, f"the {name} is {factor!r}; it is a factor from 0 on")
+    early = time < 0 and effect != Effect()
+    require(not early, "it does something before time 0; return Effect() there")
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
     "tracker": {"start": None, "update": check_estimate},
     "estimator": {
         "start": None,
-        "update": partial(check_prediction, method="update"),
-        "skip": check_skip,
+        "update": partial(check_prediction, "update"),
+        "skip": partial(check_prediction, "skip"),
     },
     "controller": {"start": None, "aim": None, "command": check_command},
     "motion": {"at": check_pose},
@@ -203,6 +252,11 @@ def check_built(place: str, built: object) -> None:
     for name in _checks_of(place, built):
         if not callable(getattr(built, name, None)):
             raise BrokenContract(f"build returned {kind}, which has no method {name}")
+    if place == "features":
+        check_names(cast(FeatureSet, built))
+    if place == "disturbances":
+        right = isinstance(getattr(built, "props", None), tuple)
+        require(right, "it has no tuple `props`; () if it needs nothing in the scene")
     if place in ("robot", "target"):
         _check_model(place, built)
 
@@ -258,7 +312,7 @@ class _Guarded:
             with naming:
                 result = found(*arguments, **named)
                 if check is not None:
-                    check(result)
+                    check(result, *arguments)
                 return result
 
         setattr(self, name, call)  # the next call finds it without coming here

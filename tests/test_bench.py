@@ -8,8 +8,7 @@ import pytest
 
 from servo.cli import main
 from servo.study import ranking
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.store import RUNS
 from tracking.evaluation.track_measures import MEASURES
 

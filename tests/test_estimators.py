@@ -74,6 +74,13 @@ def test_kalman_agrees_with_the_textbook_written_out():
         )
 
 
+def test_an_innovation_of_the_difference_has_the_units_of_the_error():
+    estimator = begun(kalman_cv.Config(noise="difference").build(RNG))
+    for error in (0.0, 0.0, 0.0, 0.2):
+        found = estimator.update(np.full(4, error), OwnMotion(np.zeros(4), ()), 1 / 30)
+    np.testing.assert_allclose(found.innovation, 0.2)
+
+
 def test_tuned_constants_pass_through_both_rates():
     assert between(0.03, 3.0, 1 / 30) == pytest.approx(0.03)
     assert between(0.03, 3.0, 1 / 5) == pytest.approx(3.0)

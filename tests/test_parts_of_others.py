@@ -10,7 +10,7 @@ from servo.cli import list_command, schema_command
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
-from servo.study.job import Job
+from servo.study.run import Job
 from servo.study.scenario_run import StudiedScenario
 from sim import kinds
 from sim.installed import entries

@@ -13,8 +13,8 @@ from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.mistake import Mistake, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.study import record
-from servo.study.job import Job
+from servo.study import record_file
+from servo.study.run import Job
 from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
@@ -118,7 +118,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     ],
 )
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert record._type(values) == kind
+    assert record_file._type(values) == kind
 
 
 def test_the_commands_are_listed_as_they_stand():

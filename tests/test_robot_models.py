@@ -83,7 +83,7 @@ def edited(monkeypatch):
     """Makes the gantry another robot: its file with one text replaced."""
 
     def edit(pattern, replacement):
-        text = (resources.files("scenes") / "gantry.xml").read_text()
+        text = (resources.files("scenes") / "robots" / "gantry.xml").read_text()
         text, count = re.subn(pattern, replacement, text)
         assert count
         spec = mujoco.MjSpec.from_string(text)

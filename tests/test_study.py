@@ -15,11 +15,11 @@ from servo.scenario.catalogue import shipped
 from servo.scenario.draws import Draw
 from servo.study import results, store
 from servo.study.bounds import missed_by_cells
-from servo.study.failure import Failure
-from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.record import table_of
+from servo.study.record_file import table_of
+from servo.study.run import Failure
 from servo.study.scenario_run import MEASURED, TIMES
+from servo.study.store import StudyFile
 from tracking.trackers import KINDS as TRACKERS
 from tracking.wrapped import OF_THE_USER
 

@@ -154,5 +154,5 @@ def test_the_command_reports_a_camera_behind_the_robot(tmp_path, seven):
 
 @pytest.mark.parametrize("model", ["", "n" * 300, "a\0b", "no/such.xml", "."])
 def test_a_model_that_no_file_can_be_is_a_sentence(model):
-    with pytest.raises(ValueError, match="cannot read this robot model: "):
+    with pytest.raises(ValueError, match=r"cannot read this robot model: |this is not shipped"):
         mjcf.Config(model=model).build(np.random.default_rng(0))

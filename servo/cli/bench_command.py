@@ -6,20 +6,20 @@ from pathlib import Path
 
 from rich.console import Console
 
+from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
-from servo.cli.terminal import complete_jobs, go_on, plain, print_table
+from servo.cli.terminal import plain, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
 from servo.study import ranking, suites
 from servo.study.execute import Workers, check_number
-from servo.study.files import StudyFile
-from servo.study.job import Job
 from servo.study.parse import load
 from servo.study.ranking import Rank
-from servo.study.record import Record, parquet, table_of
+from servo.study.record_file import parquet, table_of
+from servo.study.run import Job, Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
-from servo.study.store import RESULTS, Store, opened
+from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet
@@ -43,6 +43,7 @@ class BenchRequest:
     seeds: int
     workers: int
     out: Path | None
+    dry_run: bool
     quiet: bool
 
     @property
@@ -75,6 +76,8 @@ def run(request: BenchRequest) -> int:
         for seed in seeds
     ]
     title = Path(request.suite).stem
+    if request.dry_run:
+        return print_estimate(jobs, request.workers, console, Store(request.folder))
     workers = Workers(request.workers)
     again = go_on(request.command, request.out)
     with opened(request.folder, _described(request, subjects)) as store, workers:
@@ -95,7 +98,9 @@ def _closed_loop(request: BenchRequest, console: Console) -> int:
     study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
     workers = Workers(request.workers)
     gl.backend()
-    return run_study(study, request.command, workers, request.folder, console)
+    return run_study(
+        study, request.command, workers, request.folder, console, dry_run=request.dry_run
+    )
 
 
 def _subjects(request: BenchRequest) -> list[TrackedSequence]:

@@ -88,11 +88,15 @@ def _show_kind(part: str, kind: str) -> None:
 
 
 def _show_section(name: str) -> None:
-    from servo.cli.schema_command import expect_schema, sweep_schema  # these take time to import
+    from servo.cli import schema_command as schemas  # it takes time to import
     from servo.scenario.fill import form
     from servo.scenario.tables import KEYS, SECTIONS
 
-    tables = {"expect": expect_schema, "sweep": sweep_schema}
+    tables = {
+        "expect": schemas.expect_schema,
+        "sweep": schemas.sweep_schema,
+        "vary": schemas.vary_schema,
+    }
     if name in SECTIONS:
         config = SECTIONS[name]
         _show_settings(f"[{name}]", config.__doc__ or "", _rows(name, form(config, described=True)))
@@ -100,7 +104,7 @@ def _show_section(name: str) -> None:
         table = tables[name]()
         rows = [
             (f"{name}.{key}", str(item.get("default", "")), item["description"])
-            for key, item in table["properties"].items()
+            for key, item in table.get("properties", {}).items()
         ]
         _show_settings(f"[{name}]", table["description"], rows)
     else:

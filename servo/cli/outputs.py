@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servo.cli import options as opt
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.sinks import PacedSink, Sink
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 PORT = 9090
 LARGEST_PORT = 65_534
 VIEWER = "the viewer"
-SUFFIXES = {"video": ".mp4", "mcap": ".mcap"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,11 @@ class Outputs:
     speed: float | None = None
     port: int | None = None
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that are written."""
+        return [path for path in (self.video, self.mcap) if path is not None]
+
     def check(self) -> None:
         """Refuse what cannot be, before anything is written.
 
@@ -50,15 +54,14 @@ class Outputs:
         for name, other in needs.items():
             if getattr(self, name) not in (None, False) and not getattr(self, other):
                 raise Mistake(f"--{name} needs --{other}")
-        for name, suffix in SUFFIXES.items():
-            path: Path | None = getattr(self, name)
-            if path is not None and path.suffix.lower() != suffix:
-                raise Mistake(f"--{name} {path}: the name of this file should end in {suffix}")
+        for path, suffix in ((self.video, ".mp4"), (self.mcap, ".mcap")):
+            if path is not None:
+                check_suffix(path, suffix)
         if self.mcap is not None:
             from servo.output.mcap_file import check_installed
 
             check_installed()
-        for path in filter(None, (self.video, self.mcap)):
+        for path in self.files:
             _check_writable(path)
 
     def viewer(self) -> LiveViewer | None:

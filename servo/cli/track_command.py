@@ -30,6 +30,7 @@ from servo.report.words import Table
 from servo.scenario.fill import fill_plugin
 from servo.scenario.toml import assignment, put
 from sim.types import Array
+from tracking.advice import advice
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
 from tracking.files.json_text import number
@@ -114,6 +115,14 @@ def run(request: TrackRequest) -> int:
     console = Console(quiet=request.quiet)
     comparison = None
     announce(viewer, console)
+    image = first.picture.image
+    # A live source does not wait: what takes time beside the tracker would cost pictures.
+    if (
+        image is not None
+        and source.count is not None
+        and (line := advice(config, image, region, start))
+    ):
+        plain(console, line)
     more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
     try:
         files = TrackFolder(folder, region, source.rate, recording=request.rerun, more=more)

@@ -78,7 +78,7 @@ class DifferenceFilters:
         f.x[first, 0] = z[first]  # the first measurement is its own estimate
         self._begun |= fresh
         y, nis = (np.where(measured, values, np.nan) for values in (y, nis))
-        return Prediction(shown, f.x[:, 0].copy(), y, nis)
+        return Prediction(shown, f.x[:, 0].copy(), y * dt, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction; the next measurement needs two frames in a row."""

@@ -157,6 +157,8 @@ class Episode:
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         region = Region(*sides.tolist(), quad=change.corners(truth))
+        self.shown = first, region, given
+        """The first picture, and the target in it as the tracker is given it."""
         with self._refusals():
             self.running = self.loop.start(first, region, given, goal, self._true_motion)
         self._scene = Scene(
@@ -229,6 +231,8 @@ class Episode:
             goal_sight=self._goal_sight(frame.time),
             estimate=decision.estimate,
             truth_estimated=self._truths[latest.picture],
+            picture=latest.picture,
+            decided=timeline.decided > 0,
             age=latest.age,
             skipped=latest.skipped,
             command=decision.command,

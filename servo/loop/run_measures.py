@@ -1,5 +1,6 @@
 """The summary of a run: its outcome, and measures over its steps."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -67,9 +68,9 @@ MEANINGS = {
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
     "lost_pct": ("%", "frames in which the tracker reported LOST"),
-    "age_ms": ("ms", "from a picture to its estimate, mean"),
+    "age_ms": ("ms", "from a picture to its estimate, mean over the estimates"),
     "skipped_pct": ("%", "pictures that the tracker had no time for"),
-    "step_ms": ("ms", "wall-clock time of a step, median"),
+    "step_ms": ("ms", "wall-clock time of a step in which the tracker worked, median"),
 }
 """Unit and meaning of every measure; smaller is better for all.
 
@@ -119,16 +120,33 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
-        "age_ms": 1e3 * np.mean([s.age for s in steps]),
+        "age_ms": 1e3 * np.mean([s.age for s in _decided(steps)]),
         "skipped_pct": 100 * steps[-1].skipped / len(steps),
         **_path_measures(steps),
-        "step_ms": 1e3 * float(np.median([s.seconds.total for s in steps])),
+        "step_ms": 1e3 * float(np.median([s.seconds.total for s in timed(steps)])),
     }
     return Summary(_outcome(steps), {name: float(values[name]) for name in MEANINGS})
 
 
 def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:
     return np.array([of(s) for s in steps])
+
+
+def timed(steps: Sequence[Step]) -> Sequence[Step]:
+    """Return the steps in which the tracker worked, or all if it never did.
+
+    A slow tracker leaves most steps without a call: a median over all would show the rest.
+    """
+    return [s for s in steps if s.tracked] or steps
+
+
+def _decided(steps: Sequence[Step]) -> Sequence[Step]:
+    """Return the steps with a new estimate, or all if there is none after the first.
+
+    The first state is given, and a step between two estimates repeats the last one's age.
+    """
+    pairs = itertools.pairwise(steps)
+    return [s for before, s in pairs if s.truth_estimated is not before.truth_estimated] or steps
 
 
 def _final(steps: Sequence[Step]) -> list[Step]:

@@ -99,7 +99,8 @@ class Timeline:
         self._free = 0.0
         self._work: _Work | None = None
         self._skipped = 0
-        self._decided = 0
+        self.decided = 0
+        """Number of decisions since the last picture."""
         self._is_first = True
         self.latest = TimedDecision(running.decision)
         """The last decision."""
@@ -117,7 +118,7 @@ class Timeline:
         """
         self._now = frame.time
         end = self._now + self._schedule.period - SAME
-        self._decided = 0
+        self.decided = 0
         self.seconds = (0.0, 0.0)
         if not self._plain:
             self._record.add(frame.index, replace(posture, asked=self._asked))
@@ -128,9 +129,9 @@ class Timeline:
 
     def steer(self, twist: Array) -> None:
         """Let another twist (6,) act in place of what was decided since the last picture."""
-        if self._decided:
-            last = self._commands[-self._decided :]
-            self._commands[-self._decided :] = [(at, twist) for at, _ in last]
+        if self.decided:
+            last = self._commands[-self.decided :]
+            self._commands[-self.decided :] = [(at, twist) for at, _ in last]
             decision = self.latest.decision
             command = replace(decision.command, twist=twist)
             self.latest = replace(self.latest, decision=replace(decision, command=command))
@@ -193,7 +194,7 @@ class Timeline:
         track, law = self.seconds
         self.seconds = track, law + decision.seconds
         self._commands.append((acts, decision.command.twist))
-        self._decided += 1
+        self.decided += 1
         age = work.done - frame.time
         self.latest = TimedDecision(decision, frame.index, age, self._skipped)
 

@@ -1,7 +1,7 @@
 """The folder of a run: run.rrd, steps.parquet, report.json and two plots."""
 
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from servo.loop.episode import Episode
@@ -44,6 +44,12 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
     text = "".join(traceback.format_exception(error.__cause__))
     path = atomic.write(folder, TRACEBACK, text.encode(errors="replace"))
     return Mistake(f"{error}; its traceback is in {path}")
+
+
+def discard(folder: Path, others: Iterable[Path]) -> None:
+    """Remove the files of a run that ended before its first step: they hold nothing."""
+    for path in (*(folder / name for name in (STREAM, TABLE, RECORDING)), *others):
+        path.unlink(missing_ok=True)
 
 
 def _check_name(folder: Path) -> None:

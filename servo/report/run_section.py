@@ -13,8 +13,7 @@ from servo.mistake import Mistake
 from servo.output.formats import HALF, check_format, content
 from servo.output.run_folder import RECORDING
 from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
-from servo.report.charts import ERROR_RANGE, Curve, Scale, Shade, curves
-from servo.report.drawing import INK, colour
+from servo.report.charts import ERROR_RANGE, INK, Curve, Scale, Shade, colour, curves
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
 from servo.study.run_report import RunReport

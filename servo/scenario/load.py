@@ -67,7 +67,8 @@ def _described(config: Any) -> Table:
     """Return the kind of a `Config` and its settings."""
     value: Any = config
     settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
-    return {"kind": kinds.kind_of(config)} | settings
+    # The kind comes first, and is the part's own even if it has a field of this name.
+    return {"kind": ""} | settings | {"kind": kinds.kind_of(config)}
 
 
 def load(
@@ -150,6 +151,8 @@ def parse(
         raise Mistake(f"{where('sweep')}: sweep should be a table, not {table['sweep']!r}")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{where('camera')}: camera")}
+    if written is not None:  # a change replaces a draw: a wrong one in the file would go unseen
+        draws_of(written.get("vary", {}), f"{place}: vary")
     draws = draws_of(table.get("vary", {}), f"{where('vary')}: vary")
     fixed = {key: value for key, value in table.items() if key != "vary"}
     try:

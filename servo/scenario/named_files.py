@@ -18,6 +18,7 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import shipped
 from servo.scenario.tables import config_of
+from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
 from sim.ranges import NamesFile
 
@@ -55,6 +56,7 @@ def path_of(name: str) -> Path:
         return path
     if name not in shipped():
         raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
+    warn_of_own(name, f"{name}.toml", "scenario")
     return Path(str(resources.files("scenes") / f"{name}.toml"))
 
 
@@ -90,9 +92,12 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
             return name
         try:
             path = (folder / name).resolve()
-            return str(path) if path.is_file() else name
+            if not path.is_file():
+                return name
         except (OSError, RuntimeError, ValueError):  # no file can have this name
             return name
+        warn_of_shipped(name)
+        return str(path)
 
     return _changed(table, (table, *bases), whole)
 
@@ -123,7 +128,10 @@ def digests(names: Iterable[str]) -> dict[str, str]:
     Shipped files, which are named without a path, belong to our source and are left out.
     """
     found = {name: digest_of(name) for name in names}
-    return {name: digest for name, digest in found.items() if digest != MISSING}
+    own = {name: digest for name, digest in found.items() if digest != MISSING}
+    for name in own:
+        warn_of_shipped(name)
+    return own
 
 
 def digest_of(name: str) -> str:

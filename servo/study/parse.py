@@ -29,13 +29,13 @@ from servo.study.axes import (
 from servo.study.bounds import SUCCESS_RATE, check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
+from sim.files.shipped import warn_of_own
 
 KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
 SEEDS = 3
 MOST_RUNS = 1_000_000
 MOST_CHECKED = 2000
-MOST_SCENARIOS = 1000
 TRACKERS = "trackers"
 """Axis of the trackers that a command gives."""
 COUNTABLE = 10**15
@@ -63,6 +63,7 @@ def load(
     if path.suffix != ".toml":
         if name not in studies():
             raise Mistake(f"{unknown(name, studies(), 'study')} (or give a .toml file)")
+        warn_of_own(name, f"{name}.toml", "study")
         path = Path(str(resources.files("scenes") / "studies" / f"{name}.toml"))
     table, place = read(str(path))
     if "sweep" in table:
@@ -76,8 +77,6 @@ def load(
     if changes:
         table["set"] = changed
     if seeds is not None:
-        if seeds > MOST_RUNS:
-            raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
     if trackers is not None:
         table = table | {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
@@ -189,8 +188,6 @@ def _bases(given: Any, path: Path, place: str) -> tuple[StudiedScenario, ...]:
     names: list[Any] = shipped() if given == ALL else given if isinstance(given, list) else [given]
     if not names or not all(isinstance(n, str) for n in names):
         raise Mistake(f'{place}: scenario should name a scenario, several in a list, or "*"')
-    if len(names) > MOST_SCENARIOS:
-        raise Mistake(f"{place}: scenario has {len(names):,} names; the limit is {MOST_SCENARIOS}")
     bases: dict[Path, StudiedScenario] = {}
     for name in names:
         beside = path.parent / name

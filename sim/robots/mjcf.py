@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le, MinLen
 
+from sim.files.shipped import file_of
 from sim.kinematics.chain import FEWEST
 from sim.kinematics.model import camera_chain, drive, make_robot, mount_pose
 from sim.kinematics.robot import Design, Drives, Inversion
@@ -22,6 +23,8 @@ from sim.types import Pose
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
 WHAT = "robot model"
+FOLDER = "robots"
+"""Of the shipped models, in `scenes`."""
 MENAGERIE = "menagerie:"
 ROOT = "MENAGERIE_ROOT"
 
@@ -30,9 +33,9 @@ ROOT = "MENAGERIE_ROOT"
 class Config(Drives):
     """The model, where it stands, and where its camera is."""
 
-    model: File = "arm7.xml"
-    """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, the
-    name of one of ours, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""
+    model: File = "arm7"
+    """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, a
+    shipped one's name, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.5, 0.6, -90.0)
     """Where it stands in the room: x, y, z [m], and its turn about z [deg]; by default behind the
     table's middle, 0.6 m above it, its x towards the middle."""
@@ -94,7 +97,8 @@ def model_path(model: str) -> Path:
     """The file that a setting names.
 
     Raises:
-        ValueError: It is of the Menagerie, whose place is not known.
+        ValueError: It is of the Menagerie, whose place is not known, or no model of its bare name
+            is shipped.
     """
     if model.startswith(MENAGERIE):
         folder = os.environ.get(ROOT)
@@ -104,14 +108,14 @@ def model_path(model: str) -> Path:
                 "github.com/google-deepmind/mujoco_menagerie"
             )
         return Path(folder) / model.removeprefix(MENAGERIE)
-    shipped = {f.name: f for f in resources.files("scenes").iterdir()}
-    return Path(str(shipped[model])) if model in shipped else Path(model)
+    return file_of(model, FOLDER, ".xml", "model")
 
 
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
     """Return the design of a shipped model, such as "arm.xml"."""
-    config = Config(model=model, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
+    path = str(resources.files("scenes") / FOLDER / model)
+    config = Config(model=path, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
     design = config.build(np.random.default_rng(0))  # it draws nothing
     return replace(design, drives=drives, inversion=inversion)

@@ -3,8 +3,6 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any
 
 import cv2
@@ -13,6 +11,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.files.picture_file import read_image
+from sim.files.shipped import file_of
 from sim.models.target import Target, rectangle, target_of
 from sim.ranges import Length, Share
 from sim.types import Image
@@ -59,30 +58,6 @@ def rgba(colour: Colour) -> list[float]:
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
-def file_of(name: str, suffix: str, setting: str) -> Path:
-    """A shipped file by its bare name, else a path, which has a suffix.
-
-    Args:
-        name: Such as "duck" or "mine/duck.obj".
-        suffix: Of the shipped files, such as ".obj".
-        setting: What messages call it, such as "file".
-
-    Raises:
-        ValueError: No file of that name is shipped.
-    """
-    if Path(name).suffix:
-        return Path(name)
-    shipped = {
-        f.name.removesuffix(suffix): f
-        for f in (resources.files("scenes") / "targets").iterdir()
-        if f.name.endswith(suffix)
-    }
-    if name not in shipped:
-        there = ", ".join(sorted(shipped))
-        raise ValueError(f"{setting} = {name!r}: this is not shipped; there is {there} (or a path)")
-    return Path(str(shipped[name]))
-
-
 PICTURE = "picture"
 LARGEST_SIDE = 2048
 """A larger picture is made smaller [px]: no camera sees more of it."""
@@ -96,7 +71,7 @@ def picture_named(name: str, setting: str) -> Image:
     Raises:
         ValueError: There is none of that name, or it cannot be read.
     """
-    return read_image(file_of(name, ".png", setting))
+    return read_image(file_of(name, "targets", ".png", setting))
 
 
 def add_picture(spec: mujoco.MjSpec, picture: Image) -> str:

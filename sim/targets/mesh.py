@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.files import reading
+from sim.files.shipped import file_of
 from sim.models.model_files import said_by_mujoco
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
-from sim.targets._paint import PLAIN, Colour, Outlined, add_picture, file_of, picture_named, rgba
+from sim.targets._paint import PLAIN, Colour, Outlined, add_picture, picture_named, rgba
 from sim.types import Array, Image
 
 Indices = NDArray[np.int64]
@@ -67,7 +68,7 @@ class Config(Outlined):
         Raises:
             ValueError: A file cannot be read or is broken, or there is no such colour.
         """
-        path = file_of(self.file, ".obj", "file")
+        path = file_of(self.file, "targets", ".obj", "file")
         name = self.texture
         mesh = _seen_from_outside(read_mesh(path))
         picture = None if name is None else picture_named(name, "texture")

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from sim.files.shipped import file_of
 from sim.models.model_files import SIMULATION, leave_out, read_spec, said_by_mujoco
 from sim.models.target import Target
 from sim.ranges import File
-from sim.targets._paint import Outlined, file_of
+from sim.targets._paint import Outlined
 
 MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 """Parts of a model that a target does not have."""
@@ -28,7 +29,7 @@ class Config(Outlined):
         Raises:
             ValueError: The file cannot be read or is broken, has a plane, or is not seen.
         """
-        path = file_of(self.model, ".xml", "model")
+        path = file_of(self.model, "targets", ".xml", "model")
         spec = read_spec(path, "target")
         leave_out(spec, MOVING)
         for body in spec.bodies:

@@ -36,6 +36,8 @@ CODES = {
 DEEP = "mono16"
 """Two bytes a pixel, of which the high one is read, as of 16-bit PNG files and videos."""
 NANO = 1e-9
+SECOND = 1_000_000_000
+"""Nanoseconds."""
 Decoder = Callable[[bytes], Any]
 """Turns the bytes of a message into an object with its fields."""
 
@@ -73,8 +75,8 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
     return lambda data: store.deserialize_cdr(data, name)
 
 
-def picture_of(decode: Decoder, data: bytes) -> tuple[float | None, Image]:
-    """Return the stamp [s] of a message, None where it is not set, and its picture (H, W, 3), RGB.
+def picture_of(decode: Decoder, data: bytes) -> tuple[int | None, Image]:
+    """Return the stamp [ns] of a message, None where it is not set, and its picture (H, W, 3), RGB.
 
     Raises:
         ValueError: The message is cut off, of an unknown encoding, or cannot be decoded.
@@ -84,9 +86,9 @@ def picture_of(decode: Decoder, data: bytes) -> tuple[float | None, Image]:
     except Exception:  # the libraries raise all kinds of them for damaged bytes
         raise ValueError("this message is cut off or damaged") from None
     if hasattr(message, "header"):
-        stamp = message.header.stamp.sec + NANO * message.header.stamp.nanosec
+        stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     else:
-        stamp = message.timestamp.seconds + NANO * message.timestamp.nanos
+        stamp = message.timestamp.seconds * SECOND + message.timestamp.nanos
     if hasattr(message, "encoding"):
         return stamp or None, _raw(message)
     return stamp or None, decoded(bytes(message.data))

@@ -35,6 +35,9 @@ class Picture:
     """RGB (H, W, 3), read-only; None if it cannot be decoded."""
     reason: str = "it cannot be decoded"
     """The reason why there is no image, if there is none."""
+    stamp: int | None = None
+    """The source's own stamp [ns]: of a bag, as a rule since 1970; of a video, as its file states
+    it; None where there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Destinations of a recording: a file, or a viewer."""
+"""Destinations of a recording: a file, or a notebook; `live` has the viewers."""
 
 import ctypes
 import shutil
@@ -94,3 +94,22 @@ class RecordingFile:
         """
         self.flush()
         self._stream.disconnect()
+
+
+class NotebookRecording:
+    """A recording in memory, which is shown in a notebook when it is complete."""
+
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """The stream to log to."""
+        self._stream = new_stream(app, None)
+        self._blueprint = blueprint
+        return self._stream
+
+    def flush(self) -> None:
+        """Nothing is written before the end."""
+
+    def close(self) -> None:
+        """Show it; do not wait for a browser to open."""
+        from rerun.notebook import Viewer  # of the extra "notebook"
+
+        Viewer(recording=self._stream, blueprint=self._blueprint).display()

@@ -32,10 +32,9 @@ import rerun as rr
 from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
-from servo.output.recording import archetypes
+from servo.output.recording import solids
 from servo.output.recording.destination import Recording
 from servo.output.recording.layout import IMAGE, blueprint_of_run
-from servo.output.shapes import shapes_of
 from servo.types import DOF
 from sim.kinematics.robot import Robot
 from sim.types import Array
@@ -51,7 +50,6 @@ WAY_RADIUS = 0.004
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
-MOTIONS = ("measured", "estimated", "true")
 LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
     (Event.OCCLUDED, Event.SATURATED, Event.LEAVING, Event.HOLDING, Event.SEARCHING), "WARN"
 )
@@ -75,7 +73,7 @@ class RerunLog:
         self._episode = episode
         world = episode.world
         self._features = episode.loop.features.names
-        self._moving = archetypes.entities(world.moving)
+        self._moving = solids.entities(world.moving)
         self._plots = _plots(world.robot, self._features)
         self._at_once = at_once
         self._second = max(1, round(episode.scenario.camera.rate))
@@ -128,7 +126,7 @@ class RerunLog:
         camera = self._episode.world.camera
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = ["world/fixed", *self._moving]
-        for path, archetype in archetypes.solids(shapes_of(model), bodies):
+        for path, archetype in solids.solids(solids.shapes_of(model), bodies):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy],
@@ -140,7 +138,7 @@ class RerunLog:
         )
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", TRUTH), ("goal", GOAL), ("estimate", ESTIMATE)):
-            style = rr.LineStrips2D.from_fields(colors=colour, radii=archetypes.LINE_RADIUS)
+            style = rr.LineStrips2D.from_fields(colors=colour, radii=solids.LINE_RADIUS)
             self._rec.log(f"{IMAGE}/{name}", style, static=True)
         dots = rr.Points2D.from_fields(colors=PARTICLES, radii=1.0)
         self._rec.log(f"{IMAGE}/particles", dots, static=True)
@@ -174,7 +172,7 @@ class RerunLog:
             "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
-            strips = [strip for c in corners for strip in archetypes.outline_strips(c)]
+            strips = [strip for c in corners for strip in solids.outline_strips(c)]
             columns = rr.LineStrips2D.columns(strips=strips)
             per_frame = [len(strips) // len(steps)] * len(steps)
             self._rec.send_columns(f"{IMAGE}/{name}", index, columns.partition(per_frame))
@@ -186,10 +184,6 @@ class RerunLog:
 
     def _send_numbers(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
         numbers = {p.path: np.array([p.values(s) for s in steps], float) for p in self._plots}
-        motions = np.array(
-            [[s.motion_measured, s.prediction.motion, s.target_motion_true] for s in steps]
-        )
-        numbers |= {f"motion/{f}": motions[:, :, i] for i, f in enumerate(self._features)}
         for path, table in numbers.items():
             columns = rr.Scalars.columns(scalars=table.ravel())
             per_frame = [table.shape[1]] * len(table)
@@ -210,7 +204,7 @@ class RerunLog:
         way = rr.LineStrips3D([np.array(self._way)], colors=PARTICLES, radii=WAY_RADIUS)
         self._rec.log("world/way", way, static=True)
         corners = np.stack(self._corners, axis=1)
-        ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=archetypes.LINE_RADIUS / 2)
+        ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
         self._rec.log(f"{IMAGE}/way", ways, static=True)
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
@@ -219,15 +213,14 @@ class RerunLog:
         self._rec.send_columns(path, index, columns)
 
     def _name_series(self) -> None:
-        named = [(p.path, p.names, p.colours) for p in self._plots]
-        named += [(f"motion/{f}", MOTIONS, (GREY, ESTIMATE, TRUTH)) for f in self._features]
-        for path, names, colours in named:
-            lines = rr.SeriesLines(names=list(names), colors=list(colours[: len(names)]))
-            self._rec.log(f"plots/{path}", lines, static=True)
+        for plot in self._plots:
+            colours = list(plot.colours[: len(plot.names)])
+            lines = rr.SeriesLines(names=list(plot.names), colors=colours)
+            self._rec.log(f"plots/{plot.path}", lines, static=True)
 
 
 def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
-    """All plots except those of the target's motion."""
+    """All plots."""
     limited = np.isfinite(robot.upper)
     low = robot.lower[limited]
     high = robot.upper[limited]
@@ -247,7 +240,16 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
             lambda s: np.concatenate([s.command.twist[part], s.twist_measured[part]]),
         )
 
+    def motion(i: int, name: str) -> Lines:
+        return Lines(
+            f"motion/{name}",
+            ("measured", "estimated", "true"),
+            (GREY, ESTIMATE, TRUTH),
+            lambda s: [s.motion_measured[i], s.prediction.motion[i], s.target_motion_true[i]],
+        )
+
     return [
+        *(motion(i, name) for i, name in enumerate(features)),
         Lines(
             "error",
             ("servo", "tracking"),

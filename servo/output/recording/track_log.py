@@ -2,10 +2,10 @@
 
 import rerun as rr
 
-from servo.output.recording.archetypes import outline
 from servo.output.recording.destination import Recording
 from servo.output.recording.layout import PICTURE, blueprint_of_track
 from servo.output.recording.log import JPEG_QUALITY
+from servo.output.recording.solids import outline
 from sim.types import Array
 from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded

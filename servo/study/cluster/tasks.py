@@ -4,6 +4,7 @@ import logging
 import os
 import time
 import uuid
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -14,7 +15,8 @@ import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
-from servo.study.failure import ClusterLost, Failure
+from servo.study.run import ClusterLost, Failure
+from sim.files.shipped import SameName
 
 DEATHS = 2
 """Most workers that may die at a task; after one more, the task has failed."""
@@ -147,4 +149,5 @@ def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     cv2.setNumThreads(1)
+    warnings.simplefilter("ignore", SameName)  # the process that planned the study says it
     return work(task)

@@ -1,0 +1,67 @@
+"""Files that a setting names: the user's own, or those that are shipped in `scenes`."""
+
+import functools
+import os
+import warnings
+from importlib import resources
+from pathlib import Path
+
+FOLDERS = ("robots", "targets")
+"""Folders of shipped files in `scenes`."""
+
+
+class SameName(UserWarning):
+    """The user's file and a shipped one have the same name; the sentence says which is taken."""
+
+
+def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
+    """The file that a setting names: a shipped one by its bare name, else a path.
+
+    A path with a slash is never looked up elsewhere. The full name of a shipped file stands for
+    it where the user has no file of this name.
+
+    Args:
+        name: Such as "duck", "duck.obj" or "mine/duck.obj".
+        folder: Of the shipped files, in `scenes`.
+        suffix: Of the shipped files, such as ".obj".
+        setting: What messages call it, such as "file".
+
+    Raises:
+        ValueError: It is a bare name, and no file of this name is shipped or there.
+    """
+    own = Path(name)
+    files = (resources.files("scenes") / folder).iterdir()
+    shipped = {f.name: Path(str(f)) for f in files if f.name.endswith(suffix)}
+    found = shipped.get(name if own.suffix else name + suffix)
+    if "/" in name or (_is_file(name) and (own.suffix or not found)):
+        warn_of_shipped(name)
+        return own
+    if not found and not own.suffix:
+        there = ", ".join(sorted(file.removesuffix(suffix) for file in shipped))
+        raise ValueError(f"{setting} = {name!r}: this is not shipped; there is {there} (or a path)")
+    if not own.suffix:
+        warn_of_own(name, name + suffix, setting)
+    return found or own
+
+
+def warn_of_shipped(name: str) -> None:
+    """Say that the user's file is taken, where a shipped model, mesh or picture has its name."""
+    if "/" not in name and any(
+        (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS
+    ):
+        _warn(f"{name} is your file of this name, not the shipped one")
+
+
+def warn_of_own(name: str, file: str, what: str) -> None:
+    """Say that a bare name stands for something shipped, where the user has such a file."""
+    if _is_file(file):
+        _warn(f"{what} = {name!r} is the shipped one, not your {file}: write {file} for that")
+
+
+@functools.cache  # a part is built several times, and it is said once
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, SameName, stacklevel=3)
+
+
+def _is_file(name: str) -> bool:
+    return os.path.isfile(name)  # noqa: PTH113  (Path refuses a name that no file can have)
