@@ -115,7 +115,7 @@ class ErrorFilters:
         f = self._filters
         seen = np.isfinite(error)
         self._corrected = measured = seen & self._begun
-        old = f.x, f.covariance
+        before = f.x, f.covariance
         f.predict(own.past, self._begun)
         expected = f.expected
         y = self._features.error(np.where(seen, error, expected), expected)
@@ -124,10 +124,12 @@ class ErrorFilters:
         if self._test is not None:
             normalised = np.where(measured, y / np.sqrt(f.S * self._level.value), 0.0)
             jumped = measured & self._test.jumped(normalised)
-            f.x, P = old
+            # Where the velocity has jumped it is unknown before this interval: predict once more.
+            f.x, P = before
             P[jumped, 1, 1] += (DIFFUSE / dt) ** 2
             f.covariance = P
             f.predict(own.past, self._begun)
+        # A jump is the target's doing: it must not count as noise of the tracker.
         nis = self._level.learn(ratio, measured, but=jumped)
         f.update(y, seen)
         self._begun |= seen
