@@ -1,6 +1,7 @@
 """A part that is started again remembers nothing of the task before."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,7 +59,9 @@ def test_an_estimator_that_is_started_again(kind):
 @pytest.mark.parametrize("six", [False, True])
 def test_a_controller_that_is_started_again(kind, six):
     tilted = exp_se3(np.array([0.0, 0.0, 0.0, 0.3, 0.0, 0.0]))
-    settings = {} if kind == "hold" else {"smooth_start": 2.0, "acceleration": 0.5}
+    given = {"smooth_start": 2.0, "acceleration": 0.5, "secondary": ("level",)}
+    settings = {} if kind == "hold" else given
+    leaning = replace(STILL, T_base_camera=DOWN @ tilted)
 
     def task(controller):
         found = features.KINDS.config_of("points" if six else "moments")().build(OUTLINE)
@@ -67,7 +70,7 @@ def test_a_controller_that_is_started_again(kind, six):
         controller.start(Task(goal, found, estimator, CAMERA, OUTLINE, 2))
         seen = seen_from(DOWN, tilted @ Pose.planar(0.05, 0.02, 0.3), pixels=False)
         sights = (None, seen, seen, *[None] * 12, seen)
-        return np.array([controller.command(sight, STILL, 0.1).twist for sight in sights])
+        return np.array([controller.command(sight, leaning, 0.1).twist for sight in sights])
 
     fresh, again = twice(controllers.KINDS.config_of(kind)(**settings), task)
     np.testing.assert_array_equal(fresh, again)
