@@ -44,8 +44,8 @@ class BenchRequest:
     seeds: int
     workers: int
     out: Path | None
-    dry_run: bool
     quiet: bool
+    dry_run: bool = False
 
     @property
     def folder(self) -> Path:

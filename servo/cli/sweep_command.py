@@ -35,8 +35,8 @@ def run(
     workers: int,
     scheduler: str | None,
     out: Path | None,
-    dry_run: bool,
     quiet: bool,
+    dry_run: bool = False,
     measures: str | None = None,
 ) -> int:
     """Do the missing runs of a study; the exit code: 1 if a run failed or a bound was missed.
