@@ -214,7 +214,7 @@ def test_a_dry_run_tells_how_many_runs_and_keeps_nothing(tmp_path, monkeypatch, 
     (tmp_path / "mine.toml").write_text(
         "scenario = 'still'\nseeds = 40\nset.run.duration = 0.1\nset.tracker.kind = 'frozen'\n"
     )
-    assert sweep_command.run("mine.toml", [], None, 2, None, None, True, False) == 0
+    assert sweep_command.run("mine.toml", [], None, 2, None, None, False, True) == 0
     out, err = capsys.readouterr()
     first, second = out.splitlines()
     assert first == "40 runs, 0 of them finished"

@@ -9,10 +9,9 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from servo.cli.terminal import print_table
+from servo.cli.terminal import escape, print_table
 from servo.mistake import Mistake, unknown
 from servo.report import words
 from servo.scenario.catalogue import LISTS, PLUGINS, sentence, shipped, studies
