@@ -170,7 +170,7 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
         )
         with TemporaryDirectory() as place:
             region = Region(1.0, 1.0)
-            files = TrackFolder(Path(place), region, RATE, recording=request.rerun)
+            files = TrackFolder(Path(place), region, recording=request.rerun)
             for shot in shots:
                 files.add(shot, None)
             files.close()
