@@ -42,7 +42,7 @@ from servo.study.bounds import MissedBound, check_expect
 from servo.study.execute import Workers, complete
 from servo.study.plan import Study
 from servo.study.record_file import table_of
-from servo.study.results import Cell, cells_csv, cells_of
+from servo.study.results import Cell, cells_csv, cells_of, moved
 from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
 from servo.study.store import StudyFile, opened
@@ -53,8 +53,6 @@ from tracking.drawing.picture_bytes import encoded
 QUALITY = 95
 """Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""
 MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
-SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
-"""Means of a cell that a notebook shows; `cells` has all."""
 
 
 def simulate(
@@ -314,5 +312,6 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         keys = [axis.key for axis in self.study.every_axis]
-        rows = [cell_row(cell, SHOWN) for cell in self._cells]
-        return notebook.html_table(Table((*keys, "units", "held", *SHOWN), rows))
+        measures = moved(self._cells)
+        rows = [cell_row(cell, measures) for cell in self._cells]
+        return notebook.html_table(Table((*keys, "units", "held", *measures), rows))

@@ -172,7 +172,7 @@ def test_a_mistake_in_a_change_of_a_study_names_it(change, tmp_path):
 def test_more_seeds_than_runs_are_refused():
     with pytest.raises(Mistake) as told:
         load("particles", seeds=10**18)
-    assert str(told.value) == "particles.toml: seeds = 1000000000000000000: the limit is 1,000,000"
+    assert str(told.value) == "--seeds 1000000000000000000: the limit is 1,000,000"
 
 
 def test_a_wrong_scenario_is_blamed_and_not_a_cell(tmp_path):

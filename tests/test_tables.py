@@ -194,13 +194,13 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
 
 
 def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch, capsys):
-    clock = iter([0.0, 4.0, 11.0, 15.0, 3600.0])
+    clock = iter([0.0, 4.0, 33.0, 60.0, 3600.0])
     monkeypatch.setattr(jobs.time, "monotonic", lambda: next(clock))
     with jobs.progress(Console(), "sweep mine", 1000, 100) as ended:
         for note in ("a", "b", "c", "d"):
             ended(note)
     assert capsys.readouterr().err.splitlines() == [
-        "sweep mine: 102 of 1,000, b, 82 min left",
+        "sweep mine: 102 of 1,000, b, 4.1 h left",
         "sweep mine: 104 of 1,000, d, 224.0 h left",
     ]
     monkeypatch.setattr(jobs.time, "monotonic", itertools.count(0.0, 60.0).__next__)
@@ -214,7 +214,7 @@ def test_a_dry_run_tells_how_many_runs_and_keeps_nothing(tmp_path, monkeypatch, 
     (tmp_path / "mine.toml").write_text(
         "scenario = 'still'\nseeds = 40\nset.run.duration = 0.1\nset.tracker.kind = 'frozen'\n"
     )
-    assert sweep_command.run("mine.toml", [], None, 2, None, None, True, False) == 0
+    assert sweep_command.run("mine.toml", [], None, 2, None, None, False, True) == 0
     out, err = capsys.readouterr()
     first, second = out.splitlines()
     assert first == "40 runs, 0 of them finished"

@@ -8,15 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from servo.cli.terminal import COMPILING, complain, plain, progress_bar, stop
+from servo.cli.terminal import COMPILING, complain, escape, plain, progress_bar, stop
 from servo.mistake import Mistake, Refused
 from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job
 from servo.study.store import Store
 
-EVERY = 10.0
+EVERY = 30.0
 """Time between two lines of progress where there is no terminal [s]."""
 MINUTE = 60
 HOUR = 3600
@@ -144,6 +143,10 @@ def complete_jobs(
     except ClusterLost as lost:
         sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
         raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
+    alike: dict[str, list[Path]] = {}
     for job, failure in failed:
-        complain(f"{store.failure_path(job)}: {failure.reason}")
+        alike.setdefault(failure.reason, []).append(store.failure_path(job))
+    for reason, paths in alike.items():
+        more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
+        complain(f"{paths[0]}: {reason}{more}")
     return len(failed)

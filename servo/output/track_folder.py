@@ -107,5 +107,7 @@ class TrackReport(Made):
     """Units of the measures by name."""
     end: str = ""
     """The end of the source, where it is worth a sentence: a lost stream, a damaged bag."""
+    start: Number | None = None
+    """Stamp of the first picture [s], as its bag or video states it; exact in track.csv."""
     dropped: int = 0
     """Pictures of a stream that the tracker never saw, because it was slower."""

@@ -77,6 +77,8 @@ def load(
     if changes:
         table["set"] = changed
     if seeds is not None:
+        if seeds > MOST_RUNS:
+            raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
     if trackers is not None:
         table = table | {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
