@@ -40,7 +40,7 @@ from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.sequences.sources import RATE, SECOND, End, Picture, Source
+from tracking.sequences.sources import SECOND, End, Picture, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
@@ -170,7 +170,7 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
         )
         with TemporaryDirectory() as place:
             region = Region(1.0, 1.0)
-            files = TrackFolder(Path(place), region, RATE, recording=request.rerun)
+            files = TrackFolder(Path(place), region, recording=request.rerun)
             for shot in shots:
                 files.add(shot, None)
             files.close()
