@@ -110,6 +110,11 @@ def test_a_camera_gives_pictures_with_their_times_until_it_is_lost(monkeypatch):
         next(iter(source_of("camera:3", 30.0)))
 
 
+def test_the_scheme_of_an_address_may_be_in_capitals():
+    with served(film(5)) as address:
+        assert next(iter(source_of(address.replace("tcp", "TCP"), 30.0))).image is not None
+
+
 def test_a_tracker_is_warmed_up_before_a_stream_is_opened(monkeypatch, capfd, tmp_path):
     """Compiling takes a second: after the first picture, the target would have moved."""
     events = []

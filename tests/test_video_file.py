@@ -180,7 +180,20 @@ def test_a_cut_video_says_so_whatever_its_format(tmp_path, form, options, part):
     there = sum(picture.image is not None for picture in video)
     assert 0 < there < FRAMES
     assert video.end.lost
-    assert video.end.sentence.endswith("pictures, then this video breaks off")
+    ending = (
+        f" of {FRAMES} pictures can be decoded"
+        if form == "avi"
+        else "pictures, then this video breaks off"
+    )
+    assert video.end.sentence.endswith(ending)
+
+
+def test_videos_behind_each_other_in_one_file_are_whole(tmp_path):
+    path = tmp_path / "film.ts"
+    path.write_bytes(2 * film("mpegts"))
+    video = Video.of(path)
+    assert len(list(video)) == 2 * FRAMES
+    assert video.end is None
 
 
 def test_pictures_that_ffmpeg_has_mended_are_counted(tmp_path):

@@ -176,11 +176,12 @@ def camera(number: int) -> LiveSource:
 
 @contextmanager
 def _stream(address: str) -> Generator[Feed]:
-    scheme = address.partition(":")[0].lower()
+    scheme, _, place = address.partition(":")
+    scheme = scheme.lower()
     options = OPTIONS | {"format_whitelist": STREAMS, "protocol_whitelist": PROTOCOLS[scheme]}
     began = time.monotonic()
     try:
-        container = av.open(address, options=options, timeout=PATIENCE)
+        container = av.open(f"{scheme}:{place}", options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
         late = time.monotonic() > began + PATIENCE  # RTSP then says that the data are invalid
         raise SourceLost(

@@ -110,11 +110,14 @@ class Video:
                 time = times.since_first(frame.stamp)
                 yield Picture(f"frame {index}", time, frame.image, stamp=stated)
                 index += 1
-        if damaged:
-            self.end = End(f"{self.path}: {damaged} of {index} pictures are damaged", lost=True)
-        if self.is_cut or index < self.count:
+        if self.is_cut:
             sentence = f"{self.path}: {index} pictures, then this video breaks off"
             self.end = End(sentence, lost=True)
+        elif index < self.count:
+            sentence = f"{self.path}: {index} of {self.count} pictures can be decoded"
+            self.end = End(sentence, lost=True)
+        elif damaged:
+            self.end = End(f"{self.path}: {damaged} of {index} pictures are damaged", lost=True)
         for missing in range(index, min(self.count, index + GIVEN_UP - failures)):
             yield Picture(f"frame {missing}", times.since_first(None), None)
 
@@ -226,7 +229,7 @@ def only_video(container: InputContainer) -> VideoStream:
         there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
-    if stream.codec_context is None:  # FFmpeg has no decoder of this kind
+    if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
         raise ValueError("the pictures of this video are compressed in a way that is not known")
     if not stream.width or not stream.height:
         raise ValueError("no frame of this video can be decoded")
@@ -247,7 +250,7 @@ def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, int, 
                 count += 1
                 end = (packet.pos or 0) + packet.size
                 last = max(last, float((packet.pts or 0) * (stream.time_base or 0)))
-                is_cut = is_cut or packet.is_corrupt
+                is_cut = packet.is_corrupt
     return count, end, is_cut or last < _stated(stream)
 
 
