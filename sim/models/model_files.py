@@ -2,7 +2,6 @@
 package:// nor Collada: URDF files are made ready for it.
 """
 
-import math
 import re
 import warnings
 from collections.abc import Iterable
@@ -29,6 +28,9 @@ READABLE = (".stl", ".obj", ".msh")
 """Suffixes of meshes that MuJoCo reads."""
 PLACE = re.compile("^(file://|(package|model)://[^/]*/+)")
 """How URDF begins the name of a mesh, other than with its path."""
+SLOWEST = 0.001
+FASTEST = 1000.0
+"""Rates that a URDF gives in earnest [rad/s or m/s]: exporters write 0, 1e10 or infinity too."""
 COMPILER = {
     "discardvisual": "false",
     "fusestatic": "false",
@@ -158,7 +160,7 @@ def joint_speeds(path: Path) -> dict[str, float]:
     for joint in ElementTree.parse(path).iter("joint"):
         limit = joint.find("limit")
         speed = 0.0 if limit is None else float(limit.get("velocity", "0"))
-        if 0 < speed < math.inf:
+        if SLOWEST <= speed <= FASTEST:
             found[joint.get("name", "")] = speed
     return found
 
