@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import mujoco
+import numpy as np
 
 from sim.files import reading
 
@@ -58,8 +59,10 @@ def read_spec(path: Path, what: str) -> mujoco.MjSpec:
     try:
         urdf = path.suffix.lower() == ".urdf"
         spec = spec_of_urdf(path) if urdf else mujoco.MjSpec.from_file(str(path.resolve()))
-        compiled(spec.copy())
-    except (ValueError, ElementTree.ParseError, mujoco.FatalError) as error:
+        model = compiled(spec.copy())
+        if not np.isfinite(np.hstack([model.body_pos, model.body_ipos, model.body_inertia])).all():
+            raise ValueError("the place or the inertia of a body is not finite")
+    except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
     return spec
 
