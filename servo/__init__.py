@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from servo.parts import Controller, Estimator, FeatureSet, Task
     from servo.result import Run, Sweep, simulate, sweep
     from servo.scenario.load import Scenario, load
-    from servo.study.record import Record
+    from servo.study.run import Record
     from servo.types import Command, Sight
     from sim.ranges import File
     from sim.types import Camera, Frame, Pose, Posture
@@ -73,7 +73,7 @@ HOMES = {
     "servo.scenario.load": ("Scenario", "load"),
     "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
     "servo.result": ("Run", "Sweep", "simulate", "sweep"),
-    "servo.study.record": ("Record",),
+    "servo.study.run": ("Record",),
     "servo.types": ("Command", "Sight"),
     "sim.ranges": ("File",),
     "sim.types": ("Camera", "Frame", "Pose", "Posture"),

@@ -8,39 +8,46 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
-from math import isfinite
 from numbers import Real
 from typing import Any, TypeVar, cast, final
 
 import numpy as np
 
 from servo.parts import FeatureSet
-from servo.types import Command, Prediction, Sight
+from servo.types import DOF, Command, OwnMotion, Prediction, Sight, Trace
 from sim.types import Array, Effect, Pose
-from tracking.types import Estimate, Status
+from tracking.types import Estimate, State, Status
 
 Built = TypeVar("Built")
-Check = Callable[[Any], None]
-"""Checks what a method of a part returned."""
+Check = Callable[..., None]
+"""Checks what a method of a part returned; it also gets the arguments of the call."""
 ROUNDING = 1e-9
-"""A variance may be negative by this much: the difference of two nearly equal ones."""
+"""A variance may be negative by this much: the difference of two nearly equal ones. So may the
+product of a rotation with its transpose leave the identity."""
+LARGEST = 1e9
+"""Largest number of a state: products of larger ones would overflow."""
 
 
 class BrokenContract(AssertionError):
     """A part does not do what its kind must do; the sentence says what, and what would be right."""
 
 
-def require(holds: object, sentence: str) -> None:
-    """Raise the sentence where something does not hold.
+def require(holds: object, sentence: str, *values: object) -> None:
+    """Raise a sentence where something does not hold.
+
+    Args:
+        holds: What should be true.
+        sentence: What is wrong, and what would be right; {} where a value stands.
+        values: They are written only where it is raised: to write an array takes long.
 
     Raises:
         BrokenContract: It does not hold.
     """
     if not holds:
-        raise BrokenContract(sentence)
+        raise BrokenContract(sentence.format(*values) if values else sentence)
 
 
-def check_estimate(estimate: object) -> None:
+def check_estimate(estimate: object, *_: object) -> None:
     """Check what a tracker reports for a picture.
 
     Raises:
@@ -50,36 +57,49 @@ def check_estimate(estimate: object) -> None:
     if not isinstance(e, Estimate):
         raise BrokenContract(f"update returned {type(e).__name__}; return an Estimate")
     s = e.state
-    finite = all(map(_is_finite, (s.x, s.y, s.theta, s.scale)))
-    if not finite or s.scale <= 0:
-        raise BrokenContract(f"the state is {s}; its numbers must be finite, scale above 0")
-    if not (_is_finite(e.distance) and 0 <= e.distance <= 1):
-        raise BrokenContract(f"the distance is {e.distance}; it goes from 0 to 1")
-    if type(e.status) is not Status:
-        raise BrokenContract(f"the status is {e.status!r}; use tracking.types.Status")
-    if len(e.follows) != 2:
-        raise BrokenContract("follows is not two flags: whether angle, and size, are followed")
-    if np.shape(e.covariance) != (4, 4):
-        raise BrokenContract(
-            "the covariance is not (4, 4); a tracker without one gives unknown_covariance()"
-        )
+    require(type(s) is State, "the state is {}; use tracking.types.State", type(s).__name__)
+    numbers = (s.x, s.y, s.theta, s.scale)
+    right = all(isinstance(n, Real) and abs(n) <= LARGEST for n in numbers)  # nan is not
+    require(
+        right and s.scale * LARGEST >= 1,
+        "the state is {}; its numbers must be finite, scale above 0, none over {:g}",
+        s,
+        LARGEST,
+    )
+    right = isinstance(e.distance, Real) and 0 <= e.distance <= 1
+    require(right, "the distance is {}; it goes from 0 to 1", e.distance)
+    right = type(e.status) is Status
+    require(right, "the status is {!r}; use tracking.types.Status", e.status)
+    flags = np.asarray(e.follows)
+    require(
+        flags.shape == (2,) and flags.dtype == np.bool_,
+        "follows is not two flags: whether angle, and size, are followed",
+    )
+    require(
+        _is_array(e.covariance, (4, 4), finite=False),
+        "the covariance is not (4, 4); a tracker without one gives unknown_covariance()",
+    )
     variances = np.diagonal(e.covariance)
-    if (variances < -ROUNDING).any():
-        raise BrokenContract(f"the variances are {variances}; none can be negative")
-    if e.corners is not None and not _is_array(e.corners, (4, 2)):
-        raise BrokenContract("the corners are not four points (4, 2) of finite numbers")
+    negative = (variances < -ROUNDING).any()
+    require(not negative, "the variances are {}; none can be negative", variances)
+    right = e.corners is None or _is_array(e.corners, (4, 2))
+    require(right, "the corners are not four points (4, 2) of finite numbers")
+    count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
+    right = e.particles is None or _is_array(e.particles, (count, 5))
+    require(right, "the particles are not (N, 5): x, y, theta, scale, weight")
 
 
-def _is_finite(number: object) -> bool:
-    return isinstance(number, Real) and isfinite(number)
+def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
+    """Return whether values are an array of real numbers of a shape, all of them finite."""
+    return (
+        isinstance(values, np.ndarray)
+        and values.shape == shape
+        and values.dtype.kind in "fiu"
+        and (not finite or bool(np.isfinite(values).all()))
+    )
 
 
-def _is_array(values: object, shape: tuple[int, ...]) -> bool:
-    """Whether values have a shape, and all are finite numbers."""
-    return np.shape(cast(Array, values)) == shape and bool(np.isfinite(cast(Array, values)).all())
-
-
-def check_features(features: FeatureSet, method: str, found: Array) -> None:
+def check_features(features: FeatureSet, method: str, found: object, *_: object) -> None:
     """Check what a method of a feature set returned: for each name a number, six in the matrix.
 
     Raises:
@@ -87,46 +107,69 @@ def check_features(features: FeatureSet, method: str, found: Array) -> None:
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
-    if np.shape(found) != shape:
-        raise BrokenContract(f"{method} returned {np.shape(found)}; it should be {shape}")
+    if not isinstance(found, np.ndarray):
+        raise BrokenContract(f"{method} returned {type(found).__name__}; it should be {shape}")
+    require(found.shape == shape, "{} returned {}; it should be {}", method, found.shape, shape)
+    if method == "known":
+        require(found.dtype == np.bool_, "known returned {}; it should be {} flags", found, k)
+        return
+    right = _is_array(found, shape, finite=False)
     # An error may hold nan: that of a feature which was not measured.
-    if method in ("values", "matrix") and not np.isfinite(found).all():
-        raise BrokenContract(f"{method} returned {np.array(found)}; all must be finite")
-    if method == "known" and np.asarray(found).dtype != np.bool_:
-        raise BrokenContract(f"known returned {found}; it should be {k} flags")
-    if method == "scales" and not (np.asarray(found) > 0).all():
-        raise BrokenContract(f"scales returned {found}; all must be above 0")
+    right = right and (np.isfinite(found) | (np.isnan(found) & (method == "error"))).all()
+    require(right, "{} returned {}; all must be finite", method, found)
+    right = method != "scales" or (found > 0).all()
+    require(right, "scales returned {}; all must be above 0", found)
 
 
-def check_prediction(prediction: object, method: str) -> None:
-    """Check what an estimator returned: finite numbers, as many of the motion as of the error.
+def check_names(features: FeatureSet) -> None:
+    """Check what a feature set says of its features by their names.
 
     Raises:
-        BrokenContract: It is no `Prediction`, or a number in it is not finite.
+        BrokenContract: Two have one name, or what is said is not of these names.
     """
-    if not isinstance(prediction, Prediction):
-        raise BrokenContract(f"{method} returned {type(prediction).__name__}, not a Prediction")
-    k = len(prediction.innovation)
-    for name, values in (("error", prediction.error), ("motion", prediction.motion)):
-        right = _is_array(values, (k,))
-        require(right, f"{method}: {name} is {np.array(values)}; it should be {k} finite numbers")
+    names = features.names
+    k = len(names)
+    right = len(set(names)) == k and set(map(type, names)) == {str}
+    require(right, "names are {}; all must differ", names)
+    right = len(features.units) == k
+    require(right, "there are {} names and {} units", k, len(features.units))
+    require(set(features.feed_forward) <= {*names}, "feed_forward names features that are none")
+    sole = features.sole_dof
+    right = set(sole) <= {*names} and set(sole.values()) <= {*DOF}
+    require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
+    right = _is_array(features.noise, (k,)) and (features.noise > 0).all()
+    require(right, "noise is not {} numbers above 0", k)
 
 
-def check_skip(prediction: object) -> None:
-    """Check the prediction without a measurement.
+def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
+    """Check what an estimator returned: finite numbers, as many as there are features.
+
+    Args:
+        method: "update" or "skip"; the latter has no measurement, so no innovation.
+        prediction: What it returned.
+        given: The first argument: the error, or the camera's own part of its change.
 
     Raises:
-        BrokenContract: It is none, or has an innovation.
+        BrokenContract: It is no `Prediction`, or a number in it has no meaning.
     """
-    check_prediction(prediction, "skip")
+    p = prediction
+    if not isinstance(p, Prediction):
+        raise BrokenContract(f"{method} returned {type(p).__name__}, not a Prediction")
+    k = len(given.past if isinstance(given, OwnMotion) else given)
+    for name in ("error", "motion", "innovation", "nis"):
+        values = getattr(p, name)
+        finite = name in ("error", "motion")
+        kind = "finite numbers" if finite else "numbers, nan for none"
+        right = _is_array(values, (k,), finite=finite)
+        require(right, "{}: {} is {}; it should be {} {}", method, name, values, k, kind)
     require(
-        np.isnan(cast(Prediction, prediction).innovation).all(),
+        method == "update" or np.isnan(p.innovation).all(),
         "skip: nothing was measured, so the innovation is nan; "
         "Prediction.unmeasured makes such a value",
     )
 
 
-def check_command(command: object) -> None:
+def check_command(command: object, *_: object) -> None:
     """Check what a controller asks for: six finite numbers.
 
     Raises:
@@ -134,43 +177,57 @@ def check_command(command: object) -> None:
     """
     if not isinstance(command, Command):
         raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
-    if not _is_array(command.twist, (6,)):
-        raise BrokenContract(
-            f"the twist is {np.array(command.twist)}; it should be six finite numbers "
-            "(vx, vy, vz, wx, wy, wz)"
-        )
+    require(
+        _is_array(command.twist, (6,)),
+        "the twist is {}; it should be six finite numbers (vx, vy, vz, wx, wy, wz)",
+        command.twist,
+    )
+    kind = type(command.trace)
+    right = kind in (Trace, type(None))
+    require(right, "the trace is {}; use a Trace or None", kind.__name__)
 
 
-def check_pose(pose: object) -> None:
+def check_pose(pose: object, time: float) -> None:
     """Check where a motion puts the target.
 
     Raises:
-        BrokenContract: It is no `Pose`, or a number in it is not finite.
+        BrokenContract: It is no `Pose`, a number in it is not finite, or its rotation is none.
     """
     if not isinstance(pose, Pose):
         raise BrokenContract(f"at returned {type(pose).__name__}, not a Pose")
-    if not (_is_array(pose.rotation, (3, 3)) and _is_array(pose.translation, (3,))):
-        raise BrokenContract(
-            f"the target's position is {pose.translation}, its rotation {pose.rotation}; these "
-            "must be finite numbers (3,) and (3, 3)"
-        )
+    R = pose.rotation
+    require(
+        _is_array(R, (3, 3)) and _is_array(pose.translation, (3,)),
+        "the target's position is {}, its rotation {}; these must be finite numbers (3,) and "
+        "(3, 3)",
+        pose.translation,
+        R,
+    )
+    turned = np.abs(R @ R.T - np.eye(3)).max() < ROUNDING and np.linalg.det(R) > 0
+    require(turned, "at({:g}) is no pose: its rotation (3, 3) is none", time)
 
 
-def check_effect(effect: object) -> None:
+def check_effect(effect: object, time: float) -> None:
     """Check what a disturbance does to the world.
 
     Raises:
-        BrokenContract: It is no `Effect`.
+        BrokenContract: It is no `Effect`, a factor in it has no meaning, or it is early.
     """
-    require(isinstance(effect, Effect), f"at returned {type(effect).__name__}; return an Effect")
+    if not isinstance(effect, Effect):
+        raise BrokenContract(f"at returned {type(effect).__name__}; return an Effect")
+    for name, factor in (("gain", effect.gain), ("lamp", effect.lamp)):
+        right = isinstance(factor, Real) and 0 <= factor <= LARGEST
+        require(right, "the {} is {!r}; it is a factor from 0 on", name, factor)
+    early = time < 0 and effect != Effect()
+    require(not early, "it does something before time 0; return Effect() there")
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
     "tracker": {"start": None, "update": check_estimate},
     "estimator": {
         "start": None,
-        "update": partial(check_prediction, method="update"),
-        "skip": check_skip,
+        "update": partial(check_prediction, "update"),
+        "skip": partial(check_prediction, "skip"),
     },
     "controller": {"start": None, "aim": None, "command": check_command},
     "motion": {"at": check_pose},
@@ -203,6 +260,11 @@ def check_built(place: str, built: object) -> None:
     for name in _checks_of(place, built):
         if not callable(getattr(built, name, None)):
             raise BrokenContract(f"build returned {kind}, which has no method {name}")
+    if place == "features":
+        check_names(cast(FeatureSet, built))
+    if place == "disturbances":
+        right = isinstance(getattr(built, "props", None), tuple)
+        require(right, "it has no tuple `props`; () if it needs nothing in the scene")
     if place in ("robot", "target"):
         _check_model(place, built)
 
@@ -229,7 +291,7 @@ def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> Non
     if not (angle and size) and not features.known(sight).any():
         missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
         raise BrokenContract(
-            f"the tracker follows no {missing}, without which none of them is known"
+            f"the tracker follows no {missing} of this target, without which none of them is known"
         )
 
 
@@ -258,7 +320,7 @@ class _Guarded:
             with naming:
                 result = found(*arguments, **named)
                 if check is not None:
-                    check(result)
+                    check(result, *arguments)
                 return result
 
         setattr(self, name, call)  # the next call finds it without coming here

@@ -21,15 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.episode import Episode
+from servo import Episode, Mistake, Scenario, Step, load
 from servo.loop.run_measures import CONVERGED_PX
-from servo.loop.step import Step
-from servo.mistake import Mistake
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
 from servo.scenario.arguments import each_once, numbers, one_of, texts
 from servo.scenario.keywords import own_parts
-from servo.scenario.load import Scenario, load, parse
+from servo.scenario.load import parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
 from sim.types import Array

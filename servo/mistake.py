@@ -31,7 +31,7 @@ class Mistake(ValueError):
     """
 
     def __init__(self, sentence: str) -> None:
-        super().__init__(_one_line(sentence))
+        super().__init__(one_line(sentence))
 
     def _render_traceback_(self) -> list[str]:
         """What a notebook shows: the sentence, and where it has a cause, the cause's traceback."""
@@ -44,7 +44,7 @@ class Refused(RuntimeError):
     """Something the machine did not do, such as writing to a full disk, in one sentence."""
 
     def __init__(self, sentence: str) -> None:
-        super().__init__(_one_line(sentence))
+        super().__init__(one_line(sentence))
 
 
 def unwritable(place: object, error: OSError, what: str = "to this folder") -> Mistake | Refused:
@@ -69,8 +69,14 @@ def refusal(error: OSError) -> str:
     return why if error.filename is None else f"{error.filename}: {why}"
 
 
-def _one_line(sentence: str) -> str:
-    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
+def printable(text: str, keep: str = "\n") -> str:
+    """Return a text that changes nothing on a terminal: control characters are written out."""
+    return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
+
+
+def one_line(sentence: str) -> str:
+    """Return a sentence with its line breaks and control characters written out."""
+    line = printable(sentence, keep="")
     if len(line) > LONGEST:
         line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"
     return line

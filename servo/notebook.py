@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from html import escape
 from importlib import import_module
 from importlib.util import find_spec
@@ -12,7 +13,7 @@ from typing import Any, Protocol
 
 import pyarrow as pa
 
-from servo.report.words import Cell, Table
+from servo.report.words import Cell, Table, shown
 
 INTERVAL = 0.2
 """Time between two updates of a bar [s]."""
@@ -64,6 +65,31 @@ def _bar(title: str, done: int, total: int, note: str) -> str:
 def frame_of(table: pa.Table) -> Any:
     """Return a table as a DataFrame where pandas is installed, else as it is."""
     return table if find_spec("pandas") is None else table.to_pandas()
+
+
+@dataclass(frozen=True, repr=False)
+class TextTable:
+    """An Arrow table that prints as rows and columns, for those without pandas."""
+
+    arrow: pa.Table
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.arrow, name)
+
+    def __repr__(self) -> str:
+        rows = [self.arrow.column_names, *self._rows()]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return html_table(Table(self.arrow.column_names, self._rows()))
+
+    def _rows(self) -> list[list[str]]:
+        return [
+            ["" if cell is None else shown(cell) for cell in row.values()]
+            for row in self.arrow.to_pylist()
+        ]
 
 
 def html_table(table: Table) -> str:

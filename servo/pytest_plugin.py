@@ -58,7 +58,7 @@ class ScenarioTest(pytest.Item):
         from servo.output.formats import command_line
         from servo.scenario.load import load
         from servo.study.bounds import check_expect
-        from servo.study.job import Job
+        from servo.study.run import Job
         from servo.study.scenario_run import LoadedScenario
 
         scenario = load(str(self.path), seed=self.seed)

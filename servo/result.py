@@ -33,21 +33,19 @@ from servo.mistake import Mistake, Refused
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table, shown
 from servo.scenario import arguments
 from servo.scenario.load import Scenario, load
 from servo.study import parse
 from servo.study.bounds import MissedBound, check_expect
 from servo.study.execute import Workers, complete
-from servo.study.failure import ClusterLost, Failure
-from servo.study.files import StudyFile
-from servo.study.job import Job
 from servo.study.plan import Study
-from servo.study.record import Record, table_of
-from servo.study.results import Cell, cells_csv, cells_of
+from servo.study.record_file import table_of
+from servo.study.results import Cell, cells_csv, cells_of, moved
+from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
-from servo.study.store import opened
+from servo.study.store import StudyFile, opened
 from sim.camera import gl
 from tracking.drawing.figures import Drawing
 from tracking.drawing.picture_bytes import encoded
@@ -55,8 +53,6 @@ from tracking.drawing.picture_bytes import encoded
 QUALITY = 95
 """Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""
 MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
-SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px")
-"""Means of a cell that a notebook shows; `cells` has all."""
 
 
 def simulate(
@@ -140,7 +136,7 @@ class Run(Sequence[Step]):
     @cached_property
     def measures(self) -> Any:
         """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
-        table.
+        table that prints as one.
         """
         columns = {
             "measure": list(MEANINGS),
@@ -150,7 +146,8 @@ class Run(Sequence[Step]):
             "meaning": [meaning for _, meaning in MEANINGS.values()],
         }
         table = notebook.frame_of(pa.table(columns))
-        return table if isinstance(table, pa.Table) else table.set_index("measure")
+        is_plain = isinstance(table, pa.Table)
+        return notebook.TextTable(table) if is_plain else table.set_index("measure")
 
     @cached_property
     def steps(self) -> Any:
@@ -191,10 +188,11 @@ class Run(Sequence[Step]):
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
             raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
-        from servo.output.recording.log import RerunLog  # rerun takes half a second to import
-        from servo.output.recording.notebook_recording import NotebookRecording
+        # rerun takes half a second to import
+        from servo.output.recording.destination import NotebookRecording
+        from servo.output.recording.log import RerunLog
 
-        log = RerunLog(NotebookRecording(), self._episode, len(self))
+        log = RerunLog(NotebookRecording(), self._episode)
         for step in self:
             log.add(step)
         log.close()
@@ -314,5 +312,6 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         keys = [axis.key for axis in self.study.every_axis]
-        rows = [cell_row(cell, SHOWN) for cell in self._cells]
-        return notebook.html_table(Table((*keys, "units", "held", *SHOWN), rows))
+        measures = moved(self._cells)
+        rows = [cell_row(cell, measures) for cell in self._cells]
+        return notebook.html_table(Table((*keys, "units", "held", *measures), rows))

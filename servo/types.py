@@ -134,7 +134,8 @@ class Prediction:
     motion: Array
     """Estimated de/dt of the target's own motion (k,) [1/s]."""
     innovation: Array
-    """Measured minus expected (k,), of what the estimator filters; nan if nothing was measured."""
+    """Measured minus expected error (k,); nan if nothing was measured. A filter of de/dt gives its
+    own innovation times the interval."""
     nis: Array
     """Innovation squared over its variance (k,), 1 on average where the filter fits; or nan."""
 

@@ -165,8 +165,8 @@ def finished_study(tmp_path_factory):
     """The folder of that study with its four runs; copy it to change it."""
 
     from servo.study import store
-    from servo.study.files import StudyFile
     from servo.study.parse import load
+    from servo.study.store import StudyFile
 
     there = tmp_path_factory.mktemp("finished")
     (there / "mine.toml").write_text(SMALL_STUDY)

@@ -101,6 +101,11 @@ class Step:
     servo_error: float = 0.0
     centre: tuple[float, float] = (5.0, 5.0)
     limited: bool = False
+    turned_deg: float = 0.0
+    size: float = 1.0
+    servoed: tuple[bool, bool] = (True, True)
+    goal_theta: float = 0.0
+    goal_size: float = 1.0
 
     @property
     def frame(self):
@@ -108,7 +113,8 @@ class Step:
 
     @property
     def truth(self):
-        return SimpleNamespace(centre=np.array(self.centre), depth=1.0)
+        theta = np.radians(self.turned_deg)
+        return SimpleNamespace(centre=np.array(self.centre), depth=1.0, theta=theta, size=self.size)
 
     @property
     def estimate(self):
@@ -122,6 +128,13 @@ class Step:
         ([Step(servo_error=10.01)], Outcome.TIMED_OUT),
         ([Step(0.0, 99.0), Step(1.0)], Outcome.CONVERGED),  # the last second has begun after it
         ([Step(0.01, 99.0), Step(1.0)], Outcome.TIMED_OUT),
+        ([Step(turned_deg=-19.99)], Outcome.CONVERGED),
+        ([Step(turned_deg=20.01)], Outcome.TIMED_OUT),
+        ([Step(turned_deg=161.0)], Outcome.CONVERGED),  # moments take front for back
+        ([Step(turned_deg=89.0, servoed=(False, True))], Outcome.CONVERGED),
+        ([Step(size=1.25)], Outcome.CONVERGED),
+        ([Step(size=0.7499)], Outcome.TIMED_OUT),
+        ([Step(size=2.0, servoed=(True, False))], Outcome.CONVERGED),
         ([Step(0.0, 99.0, (0.0, 0.0))], Outcome.TIMED_OUT),
         ([Step(0.0, 99.0, (40.0, 30.0))], Outcome.TIMED_OUT),
         ([Step(0.0, 99.0, (-0.1, 5.0))], Outcome.DIVERGED),

@@ -17,7 +17,7 @@ from servo.study.axes import MOST_VALUES, axes_of
 from servo.study.cluster import local as local_cluster
 from servo.study.cluster import remote as remote_cluster
 from servo.study.cluster import tasks as cluster
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 from servo.study.sequence_run import LONGEST_LABEL, Contender
 
 
@@ -115,14 +115,9 @@ def test_studies(tmp_path, monkeypatch, text, right):
     assert passes(parse.load, str(tmp_path / "mine.toml")) is right
 
 
-def test_seeds_of_the_command_line_and_names_of_scenarios(tmp_path, monkeypatch):
+def test_seeds_of_the_command_line(tmp_path, monkeypatch):
     monkeypatch.setattr(parse, "_check", lambda *_: None)
-    monkeypatch.setattr(parse, "MOST_SCENARIOS", 2)
     path = tmp_path / "mine.toml"
-    for count, right in ((2, True), (3, False)):
-        names = ["still", "line", "reversal"][:count]
-        path.write_text(f"scenario = {names}\n")
-        assert passes(parse.load, str(path)) is right
     path.write_text("scenario = 'still'\n")
     assert [passes(parse.load, str(path), (), n) for n in (1_000_000, 1_000_001)] == [True, False]
 

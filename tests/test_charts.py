@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from servo.report import charts
-from servo.report.charts import Curve, Scale
-from servo.report.drawing import colour
+from servo.report.charts import Curve, Scale, colour
 
 
 @pytest.fixture

@@ -1,12 +1,14 @@
 """Checks for other programs: JUnit's XML, JSON, and scenario files as pytest's tests."""
 
 import json
+import os
 import subprocess
 import sys
 from xml.etree import ElementTree
 
 import pytest
 
+from servo.cli import jobs
 from servo.cli.check_command import check_scenarios
 from servo.mistake import Mistake
 
@@ -49,10 +51,35 @@ def test_a_missed_bound_is_a_failure_with_its_command(tmp_path, capsys):
     capsys.readouterr()
 
 
+def test_reading_many_scenarios_shows_progress(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(jobs, "EVERY", 0.0)
+    path = tmp_path / "mine.toml"
+    path.write_text(SHORT.format(bound=1000))
+    assert check_scenarios([str(path)], [], 0, 2, 1, quiet=False) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("check: 2 runs\n")
+    read, _, first, _ = err.splitlines()
+    assert read.startswith(f"check: reading scenarios: 1 of 2, {path}, ")
+    assert first.startswith("check: 1 of 2, mine, seed 0, ")
+
+
 def test_kept_bounds_are_passed_tests(tmp_path):
     _, code = checked(tmp_path, 1000, junit=tmp_path / "out.xml")
     suite = ElementTree.parse(tmp_path / "out.xml").getroot()
     assert (code, suite.get("failures"), [len(case) for case in suite]) == (0, "0", [0, 0])
+
+
+@pytest.mark.parametrize("name", ["bell\x07", "escape\x1b[31m", os.fsdecode(b"latin\xe9")])
+def test_a_name_that_xml_cannot_have_is_written_out(tmp_path, name):
+    path = tmp_path / f"{name}.toml"
+    path.write_text(SHORT.format(bound=0.001))
+    files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
+    assert check_scenarios([str(path)], [], 0, 1, 1, quiet=True, **files) == 1
+    case = ElementTree.parse(files["junit"]).getroot()[0]
+    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in name)
+    assert (case.get("name"), case.get("classname")) == (f"{shown}, seed 0", f"servobench.{shown}")
+    assert shown in case[0].text
+    assert len(json.loads(files["json"].read_text())["runs"]) == 1
 
 
 @pytest.mark.parametrize("name", ["x/out.xml", "folder.xml", "link.xml"])

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from made import config_for
+from made import Good, config_for
 
 from servo import testing
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.testing import BrokenContract, check_features, check_tracker
-from tracking.types import Estimate, State, Status, check_region, unknown_covariance
+from tracking.types import State, Status
 
 FOLDERS = {part: folder for part, (folder, _) in PLUGINS.items()} | LISTS
 CHECKS = {part: getattr(testing, f"check_{part.removesuffix('s')}", None) for part in FOLDERS}
@@ -25,26 +25,6 @@ ALONE = [("tracker", kind) for kind in ("opencv", "tag", "trax")]
 @pytest.mark.parametrize(("part", "kind"), [e for e in EVERY if e not in ALONE])
 def test_every_shipped_kind_keeps_its_contract(part, kind):
     CHECKS[part](kind)
-
-
-class Good:
-    """A tracker that sees a blue target, and changes nothing."""
-
-    def __init__(self, rng):
-        self.rng = rng
-
-    def start(self, frame, region, state):
-        check_region(frame, region, state)
-        self.state = state
-
-    def update(self, frame, ego=None):
-        red, _, blue = np.moveaxis(frame.image.astype(int), -1, 0)
-        rows, columns = np.nonzero(blue > red + 100)
-        seen = len(rows) > 0
-        if seen:
-            self.state = State(columns.mean() + 0.5, rows.mean() + 0.5)
-        status = Status.LOCKED if seen else Status.LOST
-        return Estimate(self.state, unknown_covariance(), float(not seen), status)
 
 
 def changed(**changes):

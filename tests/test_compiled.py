@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from tracking.loops import compiled
+from tracking.loops.compiled import SLOW
 
 READ_ONLY = """
 import numba, numba.core.caching as caching
@@ -18,18 +19,41 @@ print(normalised(np.zeros(4)).tolist(), numba.config.CACHE_DIR)
 """
 
 
+def run(program, **environment):
+    """The end of a Python process in an environment with these variables only."""
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+
+
 def test_an_installation_that_cannot_be_written_keeps_loops_in_the_temporary_folder(tmp_path):
-    ended = subprocess.run(
-        [sys.executable, "-c", READ_ONLY],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"TMPDIR": str(tmp_path), "HOME": "/nonexistent"},
-    )
+    places = {"TMPDIR": str(tmp_path), "HOME": "/nonexistent"}
+    ended = run(READ_ONLY, **places)
     (folder,) = tmp_path.iterdir()
     assert ended.stdout == f"[0.25, 0.25, 0.25, 0.25] {folder}\n"
+    assert ended.stderr == SLOW.format(f"only in {folder}, which may not last") + "\n"
     assert list(folder.rglob("*.nbi"))
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert run(READ_ONLY, **places).stderr == ""
+
+
+def test_where_no_folder_can_be_written_a_line_says_what_that_costs(tmp_path):
+    """The loops run all the same."""
+    nowhere = f"import tempfile; tempfile.tempdir = '{tmp_path / 'none'}'"
+    ended = run(nowhere + READ_ONLY, HOME="/nonexistent")
+    assert ended.stdout == "[0.25, 0.25, 0.25, 0.25] \n"
+    reason = f"[Errno 2] No such file or directory: '{tmp_path / 'none'}/"
+    assert ended.stderr.startswith(SLOW.split("(")[0] + "(" + reason)
+    assert ended.stderr.endswith("; set NUMBA_CACHE_DIR to a folder that can be written\n")
+    assert ended.stderr.count("\n") == 1
+
+
+def test_a_full_disk_costs_a_line_and_not_the_run(tmp_path):
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))\n"
+    ended = run(full + READ_ONLY, NUMBA_CACHE_DIR=str(tmp_path))
+    assert ended.stdout == f"[0.25, 0.25, 0.25, 0.25] {tmp_path}\n"
+    assert ended.stderr.startswith(f"{SLOW.split('{')[0]}{tmp_path}")
+    assert "File too large): compiling them takes 30 s in each run; set NUMBA" in ended.stderr
+    assert ended.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("trap", ["link", "open to all", "file"])

@@ -6,8 +6,8 @@ import pytest
 from servoing import METRIC, begun, own
 
 from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
-from servo.estimators._error_filter import ErrorFilters
-from servo.estimators._kalman import between
+from servo.estimators._difference_filters import between
+from servo.estimators._error_filters import ErrorFilters
 from servo.estimators.difference import Difference
 from servo.estimators.jump import Cusum
 from servo.features.moments import NOISE
@@ -72,6 +72,13 @@ def test_kalman_agrees_with_the_textbook_written_out():
         np.testing.assert_allclose(
             estimator.update(errors[k], own(given[k]), 1 / 30).motion, x[0], atol=1e-10
         )
+
+
+def test_an_innovation_of_the_difference_has_the_units_of_the_error():
+    estimator = begun(kalman_cv.Config(noise="difference").build(RNG))
+    for error in (0.0, 0.0, 0.0, 0.2):
+        found = estimator.update(np.full(4, error), OwnMotion(np.zeros(4), ()), 1 / 30)
+    np.testing.assert_allclose(found.innovation, 0.2)
 
 
 def test_tuned_constants_pass_through_both_rates():

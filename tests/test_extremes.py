@@ -49,7 +49,7 @@ REFUSED = (
     "most of it outside the image",
     "both sides must be at least 4 px",
     "no part of the twist move",
-    "this OpenCV has no tracker",
+    "the additional modules has no tracker",
     "has no model file",
     "has no score",
     "a TraX server needs a command",

@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 from commands import PATIENCE
+from matplotlib.colors import to_rgba_array
+from matplotlib.figure import Figure
 
 import servo
 from servo.loop.episode import Episode
@@ -13,8 +15,8 @@ from servo.output import room_view
 from servo.output.film import PANEL, write_film
 from servo.output.room_view import RoomView
 from tracking.drawing.colours import GOAL, STATUS_ON_WHITE
-from tracking.drawing.film_page import CAPTION, CHART, HEAD, MARGIN, panel
-from tracking.drawing.running_chart import Chart, RunningChart, rgb
+from tracking.drawing.film_page import BELOW, CAPTION, CHART, HEAD, LEFT, MARGIN, FilmPage, panel
+from tracking.drawing.running_chart import Chart, RunningChart
 from tracking.drawing.video_writer import VideoWriter
 from tracking.sequences.video_file import Video
 
@@ -91,17 +93,43 @@ def test_a_picture_keeps_its_shape_in_its_panel():
 
 
 def test_a_chart_grows_with_time_and_values_and_says_the_status():
-    chart = RunningChart(640, 194, Chart({"error": "#c23b2e"}, "distance [px]", end=2.0))
-    chart.add(0.0, [3.0], "LOCKED")
-    assert (chart._end, chart._top) == (2.0, 5.0)
-    chart.add(1.0, [float("nan")], "UNSURE")
-    chart.add(2.5, [34.0], "LOST")
-    assert (chart._end, chart._top) == (3.0, 50.0)
-    picture = chart.add(3.0, [34.0], "LOST")
-    band, left, right = (chart._at([t], np.array([-1.5 * 0.07 * 50]))[0] for t in (0.5, 1.0, 3.0))
-    row = picture[round(band[1])]
-    assert tuple(row[round(band[0])]) == rgb(STATUS_ON_WHITE["UNSURE"])
-    assert tuple(row[round((left[0] + right[0]) / 2)]) == rgb(STATUS_ON_WHITE["LOST"])
+    axes = Figure((6.4, 1.9)).add_subplot()
+    chart = RunningChart(axes, Chart({"error": "#c23b2e"}, "distance [px]", end=2.0))
+    grown = [chart.add(0.0, [3.0], "LOCKED"), chart.add(1.0, [float("nan")], "UNSURE")]
+    assert grown == [False, False]
+    assert (axes.get_xlim()[1], axes.get_ylim()[1]) == (2.0, 1.02 * 5.0)
+    assert chart.add(2.5, [34.0], "LOST")
+    assert (axes.get_xlim()[1], axes.get_ylim()[1]) == (3.0, 1.02 * 50.0)
+    assert not chart.add(3.0, [34.0], "LOST")
+    line, band = chart.artists
+    np.testing.assert_array_equal(line.get_data(), [[0, 1, 2.5, 3], [3, np.nan, 34, 34]])
+    assert [segment[:, 0].tolist() for segment in band.get_segments()] == [
+        [0, 1],
+        [1, 2.5],
+        [2.5, 3],
+    ]
+    colours = [STATUS_ON_WHITE[status] for status in ("UNSURE", "LOST", "LOST")]
+    np.testing.assert_array_equal(band.get_colors(), to_rgba_array(colours))
+
+
+def test_a_film_shows_its_curve_and_status(tmp_path):
+    film = FilmPage(
+        tmp_path / "a.mp4", 10.0, "title", ["one"], (640, 64), Chart({"c": "#c23b2e"}, "c", 2.0)
+    )
+    for k in range(21):
+        film.add(
+            k / 10, [np.zeros((64, 640, 3), np.uint8)], [4.0], "LOST" if k > 10 else "LOCKED", ""
+        )
+    film.close()
+    first, *_, last = Video.of(tmp_path / "a.mp4")
+    band = last.image[-BELOW - 5].astype(int)
+    left, right = (band[LEFT + 20], band[-MARGIN - 20])
+    np.testing.assert_allclose(left, [0x1F, 0x7A, 0x3A], atol=12)
+    np.testing.assert_allclose(right, [0xC2, 0x3B, 0x2E], atol=12)
+    curve = last.image[-CHART:, 400].astype(int)
+    assert (np.abs(curve - [0xC2, 0x3B, 0x2E]).sum(axis=1) < 60).sum() >= 8  # curve and band
+    status = (slice(0, HEAD), slice(-120, None))
+    assert np.abs(first.image[status].astype(int) - last.image[status]).max() > 100
 
 
 @pytest.mark.processes

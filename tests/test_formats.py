@@ -20,8 +20,8 @@ from servo.output.track_folder import TrackReport
 from servo.papers.claim import Rule
 from servo.papers.claims import Judged, PapersReport
 from servo.study.bounds import MissedBound
-from servo.study.files import FailureFile, StudyFile
 from servo.study.run_report import RunReport
+from servo.study.store import FailureFile, StudyFile
 from tracking.evaluation import track_file
 from tracking.files.json_text import as_json
 
@@ -118,7 +118,7 @@ def test_the_stream_of_a_run_has_the_format_number_too(tmp_path):
     from servo.scenario.load import load
 
     with Episode(load("still", ["run.duration=0.1", "tracker.kind=frozen"])) as episode:
-        table = StepsTable(tmp_path, episode, 1)
+        table = StepsTable(tmp_path, episode)
     with pa.ipc.open_stream(str(tmp_path / STREAM)) as stream:
         assert stream.schema.metadata == {b"format": b"1"}
     table.close()
@@ -127,10 +127,10 @@ def test_the_stream_of_a_run_has_the_format_number_too(tmp_path):
 def test_an_older_track_is_named_by_its_columns(tmp_path):
     path = tmp_path / "track.csv"
     path.write_text("frame,x,y\n0,1,2\n")
-    with pytest.raises(ValueError, match="not a track of format 1, which this") as told:
+    with pytest.raises(ValueError, match="not a track of format 2, which this") as told:
         track_file.read(path)
     assert str(told.value) == (
-        f"{path}: this is not a track of format 1, which this version reads: its columns are "
+        f"{path}: this is not a track of format 2, which this version reads: its columns are "
         "frame, x, y"
     )
 
@@ -210,7 +210,7 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
 
     from servo.loop.episode import measured_run
     from servo.scenario.load import load
-    from servo.study.job import Job
+    from servo.study.run import Job
     from servo.study.scenario_run import LoadedScenario, record_of
 
     scenario = replace(load("still", ["run.duration=0.1"]), tracker=MyConfig(gain=2.0))
@@ -218,5 +218,4 @@ def test_a_report_of_a_part_from_python_names_it(tmp_path):
     job = Job(0, LoadedScenario(scenario), 0)
     found = RunReport.of(record_of(job, scenario, steps), scenario, steps[0].scene)
     assert found.settings["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
-    assert found.table["tracker"] == {"kind": "elsewhere:MyConfig", "gain": 2.0}
     assert as_json(found.settings) == found.settings

@@ -88,6 +88,19 @@ def test_settings_reach_a_part_of_ones_own(part, changes, given):
     assert scenario.settings()["controller"] == {"kind": f"{__name__}:Law", "gain": 2.0}
 
 
+@dataclass(frozen=True)
+class Named(Law):
+    """A part with a field that has the name of the kind."""
+
+    kind: str = "mine"
+
+
+def test_a_field_called_kind_does_not_rename_a_part():
+    scenario = servo.load("still", controller=Named, gain=2)
+    assert scenario.controller == Named(2.0)
+    assert scenario.settings()["controller"] == {"kind": f"{__name__}:Named", "gain": 2.0}
+
+
 def test_a_draw_reaches_a_part_of_ones_own_and_an_instance_is_left_as_it_is():
     law = Law()
     drawn = servo.load("still", seed=1, controller=law, vary={"controller.gain": {"choice": [7.0]}})

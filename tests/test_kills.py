@@ -22,10 +22,10 @@ from commands import (
 
 from servo.cli import main
 from servo.study import store
-from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.record import table_of
+from servo.study.record_file import table_of
 from servo.study.scenario_run import TIMES
+from servo.study.store import StudyFile
 
 pytestmark = pytest.mark.processes
 

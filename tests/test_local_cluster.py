@@ -7,7 +7,7 @@ from distributed.core import Status
 
 from servo.study.cluster import local as local_cluster
 from servo.study.cluster import tasks as cluster
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 
 
 class Cluster:

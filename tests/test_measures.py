@@ -7,8 +7,8 @@ import pytest
 
 from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise
+from servo.loop.settings import MeasureConfig
 from servo.scenario.load import load
-from servo.scenario.sections import MeasureConfig
 from servo.study.bounds import missed_bounds
 from sim.geometry import exp_so3
 from tracking.types import Status

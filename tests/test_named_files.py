@@ -14,10 +14,9 @@ from servo.scenario.named_files import (
     named_by,
     named_in,
 )
-from servo.study.files import StudyFile
 from servo.study.parse import load as load_study
 from servo.study.sequence_run import Contender
-from servo.study.store import opened
+from servo.study.store import StudyFile, opened
 from sim.installed import entries
 from tracking.trackers import opencv
 

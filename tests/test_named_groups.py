@@ -4,8 +4,8 @@ import pytest
 
 from servo.report import study_data, study_paths
 from servo.study import store
-from servo.study.files import StudyFile
 from servo.study.parse import load
+from servo.study.store import StudyFile
 
 NAMED = """# mine
 # Two schemes from two starts.

@@ -125,13 +125,25 @@ def test_a_tracker_of_the_additional_modules_follows_or_says_where_it_is(name):
         assert follow(Config(name=name), count=6)[-1].state.x == pytest.approx(75, abs=4)
     else:
         assert refused(Config(name=name)) == (
-            f"this OpenCV has no tracker '{name}' (it is in opencv-contrib-python-headless); it "
+            f"OpenCV {cv2.__version__} without the additional modules has no tracker '{name}' "
+            "(uninstall every opencv package, then install opencv-contrib-python-headless: "
+            "whichever is installed last is used); it "
             "has DaSiamRPN, MIL, Nano, Vit"
         )
 
 
+def test_what_is_imported_decides_which_opencv_it_is_called(monkeypatch):
+    """Two distributions write into one folder: the packages that are installed do not tell."""
+    monkeypatch.setattr(cv2, "TrackerCSRT", object(), raising=False)
+    assert cv2_tracker.running() == f"{cv2.__version__} with the additional modules"
+    monkeypatch.delattr(cv2, "TrackerCSRT")
+    assert cv2_tracker.running() == f"{cv2.__version__} without the additional modules"
+
+
 def test_an_unknown_name_lists_what_there_is():
-    assert refused(Config(name="Best")).startswith("this OpenCV has no tracker 'Best'; it has ")
+    assert refused(Config(name="Best")).startswith(
+        f"OpenCV {cv2_tracker.running()} has no tracker 'Best'; it has "
+    )
 
 
 class Leaving:

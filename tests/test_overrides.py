@@ -96,6 +96,15 @@ def test_setting_another_kind_clears_the_rest_of_its_table():
             ["start.pose=[0, 0, 1, 0, 0, 0]", "start.pose.6=1"],
             "--set start.pose.6=1: 'start.pose.6' is not a key of a table",
         ),
+        (
+            ['run."lat.ency"=2'],
+            "--set run.\"lat.ency\"=2: run: there is no key 'lat.ency'; did you mean 'latency'?",
+        ),
+        (
+            [f"run.{'a.' * 30}b=1"],
+            f"--set run.{'a.' * 30}b=1: tables and lists lie too deep in each other; the limit is "
+            "20",
+        ),
         (["sweep=3"], "--set sweep=3: sweep should be a table, not 3"),
         (
             ["controller.weights=[1, 2]"],

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from servo.cli import main, papers_command
-from servo.papers import estimator_study, loop_series, particle_counts, servo_paper, tuning
+from servo.papers import estimator_study, experiments, kams_particles, servo_paper, tuning
 from servo.papers.claim import Effort, Evidence
-from servo.papers.claims import CLAIMS, Known, KnownVerdicts
+from servo.papers.claims import CLAIMS
 from servo.papers.experiments import generated
 from servo.scenario.load import load
-from servo.study.record import Record
+from servo.study.run import Record
 from tracking.statistics.verdicts import Finding
 
 NAMES = [
@@ -74,8 +74,8 @@ def test_a_claim_is_run_told_drawn_and_written(monkeypatch, capfd, tmp_path):
     assert written["P1-3"]["count"] == 1
     for claim in written.values():
         assert cv2.imread(str(tmp_path / claim["figures"][0])).std() > 10
-    found = json.loads((tmp_path / "verdicts.json").read_text())["claims"]
-    assert {k: v["finding"] for k, v in found.items()} == {
+    found = json.loads((tmp_path / "verdicts.json").read_text())
+    assert {k: finding for k, (finding, _) in found.items()} == {
         k: v["finding"] for k, v in written.items()
     }
 
@@ -83,7 +83,7 @@ def test_a_claim_is_run_told_drawn_and_written(monkeypatch, capfd, tmp_path):
 def test_a_known_verdict_that_changes_ends_a_full_run_with_1(monkeypatch, capfd, tmp_path):
     monkeypatch.setattr(servo_paper, "SEEDS", 2)
     for finding, code in (("undecided", 1), ("does not hold", 1), ("holds", 0)):
-        known = KnownVerdicts(claims={"P1-4a": Known(finding, "4 times smaller")})
+        known = {"P1-4a": (finding, "4 times smaller")}
         monkeypatch.setattr(papers_command, "known", lambda known=known: known)
         found, _, err = call(monkeypatch, capfd, "P1-4a", "--workers", "1", "--out", str(tmp_path))
         assert found == code
@@ -162,7 +162,7 @@ def test_as_many_histograms_are_read_as_by_kams(tmp_path):
 
 def test_particles_needed_are_found_between_the_counts():
     shares = np.array([[0, 0.5, 0.8, 1.0, 0.9, 1.0], [0.9] * 6, [0, 0, 0, 0.5, 0.6, 0.8]]).T
-    assert particle_counts.needed(shares) == pytest.approx([50 * 2**0.5, 12, 800])
+    assert kams_particles.needed(shares) == pytest.approx([50 * 2**0.5, 12, 800])
 
 
 def test_kept_pictures_are_those_that_are_painted():
@@ -175,21 +175,21 @@ def test_kept_pictures_are_those_that_are_painted():
 
 
 def test_a_run_is_varied_by_its_seed_alone():
-    drawn = [loop_series.varied("reversal", seed) for seed in (1000, 1000, 1001)]
+    drawn = [experiments.varied("reversal", seed) for seed in (1000, 1000, 1001)]
     assert drawn[0] == drawn[1]
     changed = [a != b for a, b in zip(drawn[0], drawn[2], strict=True)]
     assert all(changed)
     assert len(changed) == 6
-    x, y = (float(t.split("=")[1]) for t in loop_series.varied("line", 1000)[-2:])
+    x, y = (float(t.split("=")[1]) for t in experiments.varied("line", 1000)[-2:])
     assert np.hypot(x, y) == pytest.approx(0.45, abs=1e-3)
 
 
 def test_no_draw_lets_the_car_drive_through_a_toy():
     through = ["motion.x=0.3778", "motion.y=0.2445", "motion.heading_deg=-147.09"]
-    assert not loop_series.is_clear(load("line", through))  # over the red box at (0.34, 0.24)
-    assert loop_series.is_clear(load("line", ["motion.speed=0.05"]))
+    assert not experiments.is_clear(load("line", through))  # over the red box at (0.34, 0.24)
+    assert experiments.is_clear(load("line", ["motion.speed=0.05"]))
     for seed in range(2000, 2006):
-        assert loop_series.is_clear(load("reversal", loop_series.varied("reversal", seed), seed))
+        assert experiments.is_clear(load("reversal", experiments.varied("reversal", seed), seed))
 
 
 def test_a_wrong_sign_is_found():

@@ -8,12 +8,13 @@ import pytest
 
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
-from servo.papers import annealing_layers, kernel_paper, kernel_surface, texture_paper, tuning
+from servo.papers import kams_particles, kernel_paper, texture_paper, tuning
 from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS
-from servo.papers.loop_series import ERROR, ESTIMATED, TIME, TRUE, EstimatedLoop, loop_job
+from servo.papers.experiments import ERROR, ESTIMATED, TIME, TRUE, EstimatedLoop, loop_job
 from servo.scenario import load as scenarios
-from servo.study.record import Record
+from servo.study.record_file import decoded, encoded
+from servo.study.run import Record
 from servo.study.sequence_run import Generated
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
@@ -84,12 +85,12 @@ def surface(worse):
     would show.
     """
     rng = np.random.default_rng(4)
-    turned = np.abs(kernel_surface.TURNED_DEG)[:, None] / 300
-    turned = turned * np.where(kernel_surface.TURNED_DEG < 0, 0.5, 1.0)[:, None]
-    moved = np.abs(kernel_surface.MOVED_PX) / 100
-    steep = {kernel_surface.ONE: np.ones(10), kernel_surface.NINE: 3 * worse.get("nine", 1.0)}
-    steep[kernel_surface.NINE] = steep[kernel_surface.NINE] * rng.uniform(0.9, 1.1, 10)
-    return kernel_surface.judged(
+    turned = np.abs(kernel_paper.TURNED_DEG)[:, None] / 300
+    turned = turned * np.where(kernel_paper.TURNED_DEG < 0, 0.5, 1.0)[:, None]
+    moved = np.abs(kernel_paper.MOVED_PX) / 100
+    steep = {kernel_paper.ONE: np.ones(10), kernel_paper.NINE: 3 * worse.get("nine", 1.0)}
+    steep[kernel_paper.NINE] = steep[kernel_paper.NINE] * rng.uniform(0.9, 1.1, 10)
+    return kernel_paper.judged(
         {k: np.minimum(0.1 + s[:, None, None] * turned + moved, 1) for k, s in steep.items()}
     )
 
@@ -97,7 +98,7 @@ def surface(worse):
 def neighbours(worse):
     before = np.tile([9.0, 7, 5, 4, 3], (10, 1))
     by = worse.get("after", 1.0) * np.random.default_rng(4).uniform(0.7, 0.8, (10, 1))
-    return annealing_layers.judged(before, by * before, before)
+    return kams_particles.judged(before, by * before, before)
 
 
 def likeness(worse):
@@ -268,7 +269,7 @@ def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
     job = loop_job("reversal", "kalman_cv", 2, ["run.duration=0.4"], way="short way")
     assert job.key == "loop/shortway-reversal-kalman_cv-2"
     record = job.run(tmp_path)
-    kept = Record.decoded(record.encoded(job.describe()))
+    kept = decoded(encoded(record, job.describe()))
     changes = ["estimator.kind=kalman_cv", "run.duration=0.4"]
     scenario = scenarios.load("reversal", changes, 2)
     steps = list(run(scenario))

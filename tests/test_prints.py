@@ -28,10 +28,8 @@ from servo.papers.claim import Claim, Rule, Verdict
 from servo.papers.claims import Judged
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.scenario_run import LoadedScenario
-from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
@@ -58,6 +56,7 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})
     monkeypatch.setattr(doctor_command.gl, "describe", lambda: "a renderer")
+    monkeypatch.setattr(doctor_command, "running", lambda: "5.x without the additional modules")
 
     step = SimpleNamespace(seconds=SimpleNamespace(render=0.002))
     monkeypatch.setattr(doctor_command, "Episode", lambda _: nullcontext([step]))
@@ -65,7 +64,9 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     approved("prints/doctor", lines(console))
     monkeypatch.setattr(doctor_command, "clash", lambda: "uninstall one")
     assert doctor_command.examine() == 1
-    assert capsys.readouterr().err == "servobench: uninstall one\n"
+    assert capsys.readouterr().err == (
+        "servobench: uninstall one; OpenCV 5.x without the additional modules is used\n"
+    )
     assert doctor_command.FINE not in lines(console)
 
 
@@ -126,7 +127,7 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
 def test_the_list_is_laid_out_so(console, monkeypatch, approved):
     monkeypatch.setattr(list_command, "shipped", lambda: ["still"])
     monkeypatch.setattr(list_command, "studies", lambda: ["noise"])
-    monkeypatch.setattr(list_command, "FOLDERS", {"robot": robots.KINDS})
+    monkeypatch.setattr(list_command, "PARTS", ("scenario", "study", "robot"))
     list_command.show_all()
     approved("prints/list", lines(console))
 
@@ -143,7 +144,7 @@ def test_a_progress_bar_is_gone_when_the_work_is_done():
 
 def test_the_stages_of_a_step_are_told_as_medians():
     steps = [
-        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))))
+        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))), tracked=True)
         for t in ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])
     ]
     assert run_command._stage_line(steps, [0.002, 0.001, 0.5]) == (

@@ -8,11 +8,11 @@ import pytest
 
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
-from servo.study.record import _cell, _type
+from servo.study.record_file import _cell, _type
 from sim.camera import gl
 from sim.files import picture_file
 from sim.geometry import inverse_if_strong
-from tracking import adapters
+from tracking import exported
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.sequences import truth, video_file
@@ -148,7 +148,7 @@ def test_a_toolkit_that_has_no_picture_is_asked_for_no_more():
         def report(self, *_):
             raise AssertionError
 
-    assert adapters.run_vot(Handle(), "frozen") is None
+    assert exported.run_vot(Handle(), "frozen") is None
 
 
 def test_other_systems_and_other_libraries_have_their_own_back_ends(monkeypatch):

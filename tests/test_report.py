@@ -13,9 +13,10 @@ import pytest
 from servo.cli import main
 from servo.cli.report_command import write
 from servo.report import study_section
+from servo.study import record_file
 from servo.study.bounds import MissedBound
-from servo.study.files import FailureFile, StudyFile
-from servo.study.record import Record
+from servo.study.run import Record
+from servo.study.store import FailureFile, StudyFile
 
 EVIL = "<script>alert(1)</script>"
 AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
@@ -66,7 +67,7 @@ def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
             series=series,
             sheet=encoded(".jpg"),
         )
-        (folder / "runs" / f"{number:06}.parquet").write_bytes(record.encoded({}))
+        (folder / "runs" / f"{number:06}.parquet").write_bytes(record_file.encoded(record, {}))
     return folder
 
 

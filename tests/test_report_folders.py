@@ -14,8 +14,9 @@ import pytest
 from servo.cli.report_command import write
 from servo.mistake import Mistake
 from servo.report.study_time import band, survival
-from servo.study.files import StudyFile
-from servo.study.record import Record
+from servo.study import record_file
+from servo.study.run import Record
+from servo.study.store import StudyFile
 from tracking.files import atomic
 
 EVIL = "<script>alert(1)</script>"
@@ -60,7 +61,9 @@ def make_bench(folder):
                 measures={"auc": auc, "frames_until_loss": lost},
                 versions={},
             )
-            atomic.write(folder, f"runs/{record.number:06}.parquet", record.encoded({}))
+            atomic.write(
+                folder, f"runs/{record.number:06}.parquet", record_file.encoded(record, {})
+            )
     for name in ("success.png", "precision.png", "sheets/a.png"):
         (folder / name).write_bytes(encoded(".png"))
     return folder

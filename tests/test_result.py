@@ -41,6 +41,13 @@ def test_without_pandas_tables_are_of_arrow(result, monkeypatch):
     monkeypatch.delitem(vars(result), "steps", raising=False)
     assert isinstance(result.steps, pa.Table)
     assert result.measures.column("measure")[0].as_py() == "servo_rms_px"
+    head, first, *_ = str(result.measures).splitlines()
+    assert head.split() == ["measure", "value", "unit", "bound", "meaning"]
+    name, value, unit = first.split()[:3]
+    assert (name, unit) == ("servo_rms_px", "px")
+    assert float(value) == pytest.approx(result.record.measures["servo_rms_px"], rel=0.01)
+    assert head.index("value") == first.index(value)
+    assert result.measures._repr_html_().count("<tr>") == 1 + result.measures.num_rows
     del result.__dict__["steps"], result.__dict__["measures"]
 
 

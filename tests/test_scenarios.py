@@ -9,10 +9,10 @@ import pytest
 from servo.loop.episode import Episode, run
 from servo.loop.events import events
 from servo.loop.run_measures import summarise
+from servo.loop.settings import stream
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.catalogue import shipped
-from servo.scenario.draws import stream
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
 

@@ -18,7 +18,7 @@ from servo.study.cluster import local as processes
 from servo.study.cluster import tasks as watched
 from servo.study.cluster.remote import check_address, remote
 from servo.study.cluster.tasks import carry_out
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 
 pytestmark = pytest.mark.processes
 

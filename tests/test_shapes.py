@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from seen_targets import build
 
-from servo.output.recording.archetypes import entities, solids
-from servo.output.shapes import shapes_of
+from servo.output.recording.solids import entities, shapes_of, solids
 from sim.targets import mesh, plate
 
 SCENE = """<mujoco>
@@ -81,7 +80,7 @@ def test_a_mesh_lies_where_the_target_has_it_with_its_picture():
 
 
 def test_a_large_picture_is_thinned_out(monkeypatch):
-    monkeypatch.setattr("servo.output.shapes.LARGEST_SIDE", 100)
+    monkeypatch.setattr("servo.output.recording.solids.LARGEST_SIDE", 100)
     (shape,) = shapes_of(build(plate.Config()).spec.copy().compile())
     assert shape.surface.picture.shape == (60, 80, 3)
 

@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from servo.cli import run_command
@@ -33,6 +34,15 @@ def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tm
     )
 
 
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    """The table of a run whose tracker needs 80 ms, as lists."""
+    folder = tmp_path_factory.mktemp("late") / "out"
+    changes = ["run.tracker_ms=80", "run.duration=1.5", "expect={}", "tracker.kind=kams"]
+    assert run_command.run_scenario("circle", changes, 0, folder, quiet=True, rerun=False) == 0
+    return pq.read_table(folder / "steps.parquet").to_pydict()
+
+
 def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
     asked = Counter()
     right = Step.target_motion_true.fget
@@ -48,6 +58,47 @@ def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
     )
     # Once for the table, and once for each of the plot's two curves.
     assert asked == dict.fromkeys(range(6), 3)
+
+
+def test_a_row_names_the_picture_that_its_decision_is_of(late):
+    """A tracker that needs 80 ms: everything it reports is true of an older frame."""
+    picture = np.array(late["picture"])
+    decided = np.array(late["decided"])
+    assert not decided.all()
+    assert np.array_equal(decided[1:], np.diff(picture) > 0)
+    for part in ("x_px", "y_px", "theta_rad", "scale"):
+        then = np.array(late[f"true_of_picture_{part}"])
+        np.testing.assert_array_equal(then, np.array(late[f"true_{part}"])[picture])
+    apart = [
+        np.subtract(late[f"estimated_{axis}_px"], late[f"true_of_picture_{axis}_px"])
+        for axis in "xy"
+    ]
+    np.testing.assert_allclose(np.hypot(*apart), late["tracking_error_px"], atol=1e-12)
+    of_frame = np.subtract(late["estimated_x_px"], late["true_x_px"])
+    assert np.abs(of_frame).max() > 1.5 * np.abs(apart[0]).max()
+    repeated = np.array(late["command_vx_m_s"])[1:] == np.array(late["command_vx_m_s"])[:-1]
+    assert repeated[~decided[1:]].all()
+
+
+def test_a_row_has_poses_and_corners(late):
+    for name, height in (("camera", 1.042), ("target", 0.0)):
+        places = np.array([late[f"{name}_{axis}_m"] for axis in "xyz"]).T
+        turns = np.array([late[f"{name}_q{part}"] for part in "wxyz"])
+        np.testing.assert_allclose(places[:, 2], height, atol=0.02)
+        np.testing.assert_allclose((turns**2).sum(axis=0), 1.0, atol=1e-12)
+    np.testing.assert_allclose(late["camera_x_m"], late["joint_x_m"], atol=1e-3)
+    for who in ("true", "estimated"):
+        us = np.array([late[f"{who}_corner_u{i}_px"] for i in range(4)])
+        np.testing.assert_allclose(us.mean(axis=0), late[f"{who}_x_px"], atol=0.3)
+
+
+def test_an_innovation_has_the_units_of_the_error(late):
+    def endings(prefix):
+        return [name.removeprefix(prefix) for name in late if name.startswith(prefix)]
+
+    assert endings("innovation_") == [
+        name for name in endings("error_") if not name.startswith("ahead")
+    ]
 
 
 def test_two_runs_do_not_write_into_one_folder(tmp_path):

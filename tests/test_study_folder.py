@@ -16,9 +16,9 @@ from servo.cli import main
 from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
-from servo.study.files import StudyFile
 from servo.study.parse import load
-from servo.study.record import Record
+from servo.study.record_file import decoded
+from servo.study.store import StudyFile
 
 
 @pytest.fixture
@@ -87,10 +87,10 @@ def test_what_does_not_fit_the_plan_is_run_again(small, folder, damage):
 
 def test_no_flipped_bit_changes_what_is_read(small, folder):
     raw = run_file(folder, 2).read_bytes()
-    before, detected = Record.decoded(raw), 0
+    before, detected = decoded(raw), 0
     places = np.random.default_rng(0).integers(len(raw), size=300)
     for at in places.tolist():
-        found = Record.decoded(flipped(raw, at))
+        found = decoded(flipped(raw, at))
         detected += found is None
         assert found is None or found.row == before.row
     assert detected > 200
@@ -231,3 +231,14 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(small, study_place):
     assert refused(small, study_place / "file" / "out") == (
         f"{study_place}/file/out: cannot write to this folder: Not a directory"
     )
+
+
+def test_a_pipe_in_place_of_a_record_is_not_waited_for(small, folder):
+    """Reading a pipe that nobody writes to would never end."""
+    path = folder / store.RUNS / "000000.parquet"
+    path.unlink()
+    os.mkfifo(path)
+    found = store.Store(folder)
+    found.find(small.jobs())
+    assert found.done == {job.key for job in small.jobs()} - {"000000"}
+    assert found.damaged == []

@@ -12,7 +12,7 @@ from servo.output.sinks import Sinks
 from servo.report import study_time
 from servo.study.cluster import local as local_cluster
 from servo.study.cluster import remote as remote_cluster
-from sim import quiet
+from sim import stderr
 from sim.camera import gl
 from sim.files import reading
 from tracking.files import atomic
@@ -133,9 +133,9 @@ def test_errors_name_their_file():
 
 
 def test_a_closed_stderr_needs_no_silence(monkeypatch):
-    monkeypatch.setattr(quiet.os, "dup", refusing())
+    monkeypatch.setattr(stderr.os, "dup", refusing())
     done = []
-    with quiet.silent_libraries():
+    with stderr.silent_libraries():
         done.append(1)
     assert done == [1]
 

@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import itertools
+import re
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -10,19 +11,20 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo.cli import bench_command, list_command, sweep_command, terminal
+from servo.cli import bench_command, jobs, list_command, sweep_command
 from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
+from servo.mistake import Mistake
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
-from servo.study.failure import Failure
-from servo.study.files import StudyFile
 from servo.study.parse import KEYS, load
-from servo.study.record import Record
+from servo.study.results import SHOWN, Cell, moved
+from servo.study.run import Failure, Job, Record
+from servo.study.scenario_run import MEASURED
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE
-from servo.study.store import Store
+from servo.study.store import Store, StudyFile
 from tracking.drawing import curves
 from tracking.evaluation.track_measures import MEASURES, OVERLAPS, PIXELS
 from tracking.files.json_text import as_json
@@ -166,7 +168,7 @@ def test_the_manifest_of_every_shipped_study_is_this(approved):
 
 def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.toml").write_text('scenario = "still"\nseeds = 6\n')
-    jobs, told = list(load(str(tmp_path / "mine.toml")).jobs()), []
+    every, told = list(load(str(tmp_path / "mine.toml")).jobs()), []
     store = Store(tmp_path)
     store.done = {"000000", "000001"}
     clock = itertools.count(100.0, 30.0)
@@ -174,18 +176,89 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
         add_task=lambda name, **more: told.append([name, more]),
         update=lambda _, **more: told.append(more),
     )
-    ends = [(job, Failure("no") if job.number == 5 else None) for job in jobs[2:]]
-    monkeypatch.setattr(terminal, "progress_bar", lambda _: nullcontext(bar))
-    monkeypatch.setattr(terminal.time, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(terminal, "complete", lambda *_: ends)
-    failed = terminal.complete_jobs(jobs, store, Workers(), Console(), "sweep mine", "")
+    ends = [(job, Failure("no") if job.number == 5 else None) for job in every[2:]]
+    monkeypatch.setattr(jobs, "progress_bar", lambda _: nullcontext(bar))
+    monkeypatch.setattr(jobs.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(jobs, "complete", lambda *_: ends)
+    console = Console(force_terminal=True)
+    failed = jobs.complete_jobs(every, store, Workers(), console, "sweep mine", "")
     assert failed == 1
     path = tmp_path / "failures" / "000005.json"
-    assert capsys.readouterr().err == f"servobench: {path}: no\n"
-    more = {"total": 6, "completed": 2, "note": terminal.COMPILING}
+    out, err = capsys.readouterr()
+    assert "sweep mine: 6 runs, 2 of them finished\n" in out
+    assert err == f"servobench: {path}: no\n"
+    more = {"total": 6, "completed": 2, "note": jobs.COMPILING}
     assert told == [["sweep mine", more]] + [
         {"advance": 1, "note": f"2.0 a minute, {failed} failed"} for failed in (0, 0, 0, 1)
     ]
+
+
+def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch, capsys):
+    clock = iter([0.0, 4.0, 33.0, 60.0, 3600.0])
+    monkeypatch.setattr(jobs.time, "monotonic", lambda: next(clock))
+    with jobs.progress(Console(), "sweep mine", 1000, 100) as ended:
+        for note in ("a", "b", "c", "d"):
+            ended(note)
+    assert capsys.readouterr().err.splitlines() == [
+        "sweep mine: 102 of 1,000, b, 4.1 h left",
+        "sweep mine: 104 of 1,000, d, 224.0 h left",
+    ]
+    monkeypatch.setattr(jobs.time, "monotonic", itertools.count(0.0, 60.0).__next__)
+    with jobs.progress(Console(quiet=True), "sweep mine", 2) as ended:
+        ended("a")
+    assert capsys.readouterr().err == ""
+
+
+def test_a_dry_run_tells_how_many_runs_and_keeps_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(
+        "scenario = 'still'\nseeds = 40\nset.run.duration = 0.1\nset.tracker.kind = 'frozen'\n"
+    )
+    assert sweep_command.run("mine.toml", [], None, 2, None, None, False, True) == 0
+    out, err = capsys.readouterr()
+    first, second = out.splitlines()
+    assert first == "40 runs, 0 of them finished"
+    assert re.fullmatch(r"one takes \d+\.\d s here, 40 of them about \d+ s, 2 at once", second)
+    assert err == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_a_dry_run_tells_what_would_fail(tmp_path, capsys):
+    def fails(job, folder):
+        raise RuntimeError("no")
+
+    subject = SimpleNamespace(name="mine", perform=fails)
+    every = [Job(i, subject, i, command=f"again {i}") for i in range(3)]
+    assert jobs.print_estimate(every, 2, Console()) == 1
+    assert capsys.readouterr().err == "servobench: RuntimeError: no (again: again 0)\n"
+
+
+def test_the_table_of_a_study_has_the_measures_that_differ():
+    """An rms is shown without its peak, which says the same; times differ between any two runs."""
+
+    def cell(x, seeds=3, **measures):
+        rows = [
+            dict.fromkeys(MEASURED, 1.0)
+            | {"axis": x, "seed": seed, "success": True}
+            | {name: value + 0.01 * seed for name, value in measures.items()}
+            for seed in range(seeds)
+        ]
+        return Cell.of({"axis": x}, rows, drawn=True)
+
+    moving = [
+        cell(x, servo_rms_px=x, servo_peak_px=3 * x, end_position_mm=(x - 2) ** 2, step_ms=x)
+        for x in (1.0, 2.0, 3.0)
+    ]
+    assert moved(moving) == ["servo_rms_px", "end_position_mm"]
+    assert moved([cell(1.0), cell(2.0)]) == list(SHOWN)
+    assert moved(moving[:1]) == list(SHOWN)
+
+
+def test_an_unknown_measure_is_refused_before_the_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(Mistake, match=r"^--measures: there is no measure 'age'; did you mean"):
+        sweep_command.run("noise", [], 1, 1, None, None, False, False, "servo_rms_px, age")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_list_has_every_scenario_study_and_kind(printed):

@@ -9,8 +9,7 @@ from servo.cli import main
 from servo.study.cluster.local import local
 from servo.study.cluster.remote import remote
 from servo.study.cluster.tasks import carry_out
-from servo.study.failure import ClusterLost, Failure
-from servo.study.job import Job
+from servo.study.run import ClusterLost, Failure, Job
 from servo.study.scenario_run import TIMES
 
 pytestmark = pytest.mark.processes

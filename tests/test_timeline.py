@@ -1,5 +1,6 @@
 """Time that counts: slow trackers, late pictures, and what is under way meanwhile."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from servo.controllers._pending_commands import PendingCommands
 from servo.loop.episode import Episode, measured_run
+from servo.loop.run_measures import summarise
+from servo.loop.settings import MeasureConfig
 from servo.mistake import Mistake
 from servo.scenario.load import load
+from servo.study.run import Job
+from servo.study.scenario_run import LoadedScenario, record_of
 from sim.types import Pose, Posture
 
 T = 1 / 30
@@ -134,6 +139,33 @@ def test_a_measured_tracker_is_as_old_as_it_took():
     taken = decided(steps)[1:]
     assert len(taken) > 5
     assert all(s.age >= s.seconds.track > 0 for s in taken if s.age < T)
+
+
+class Sleeper:
+    """A tracker that takes longer than two frames."""
+
+    def init(self, image, rect):
+        self.rect = rect
+
+    def update(self, image):
+        time.sleep(0.08)
+        return True, self.rect
+
+
+def test_times_are_of_the_frames_in_which_the_tracker_worked():
+    """Nearly all frames of a slow tracker are without a call: medians over all would be near 0."""
+    scenario = load("still", ["run.tracker_ms=measured", "run.duration=1"], tracker=Sleeper)
+    record = record_of(Job(0, LoadedScenario(scenario), 0), scenario, measured_run(scenario)[0])
+    assert record.measures["track_ms"] > 80
+    assert record.measures["step_ms"] > 80
+    assert record.measures["age_ms"] > 80
+
+
+def test_the_age_is_a_mean_over_estimates():
+    """Frames between two estimates repeat the age of the last one; the first state is given."""
+    steps = stepped("line", "run.tracker_ms=100", "run.duration=1.0")
+    found = summarise(steps, MeasureConfig(), T).measures["age_ms"]
+    assert_allclose(found, 100.0, atol=1e-9)
 
 
 def test_a_frame_that_is_not_later_is_refused():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,16 @@ def test_a_perfect_track_has_perfect_measures():
     assert found["precision_20"] == found["completed"] == found["held"] == 1.0
     assert found["rmse_px"] == found["angle_rmse_deg"] == found["scale_rmse"] == 0.0
     assert (found["milliseconds"], found["evaluations"]) == (5.0, 5.0)
+
+
+def test_pictures_that_cannot_be_read_cost_no_time():
+    """They are not shown to the tracker: with more than half of them the median was 0."""
+    exact = track(straight())
+    read = np.arange(10) < 4
+    times = np.where(read, np.arange(10.0), 0.0)
+    found = replace(exact, milliseconds=times, evaluations=np.where(read, 5.0, 0.0))
+    measures = measure_all(Comparison.of(found, exact.corners, exact.states))
+    assert (measures["milliseconds"], measures["evaluations"]) == (2.0, 5.0)
 
 
 def test_errors_are_those_of_the_centre():

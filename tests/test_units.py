@@ -1,7 +1,7 @@
 """What the intervals and tests of a study are over."""
 
 from servo.study import results
-from servo.study.units import Units
+from servo.study.results import Units
 from tracking.statistics.comparisons import McNemar
 
 

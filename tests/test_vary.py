@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from servo.mistake import Mistake
-from servo.papers.loop_series import is_clear
+from servo.papers.experiments import is_clear
 from servo.scenario.catalogue import shipped
 from servo.scenario.draws import draws_of
 from servo.scenario.load import load, parse
@@ -140,3 +140,14 @@ def test_mistakes(vary, said):
     with pytest.raises(Mistake) as found:
         with_seed(1, vary=vary)
     assert str(found.value) == said
+
+
+@pytest.mark.parametrize("change", [{"seed": 3}, {"overrides": ["run.seed=3"]}])
+def test_a_draw_of_the_seed_is_refused_where_the_seed_is_given_too(tmp_path, change):
+    path = tmp_path / "mine.toml"
+    path.write_text("[vary]\nrun.seed = { choice = [5, 6] }\n")
+    with pytest.raises(Mistake) as told:
+        load(str(path), **change)
+    assert str(told.value) == (
+        "mine.toml: vary.run.seed: this is not drawn; draw a setting, such as start.x"
+    )

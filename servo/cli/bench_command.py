@@ -1,25 +1,26 @@
 """The command `servobench bench`: compare trackers on sequences or in the closed loop."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
+from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
-from servo.cli.terminal import complete_jobs, go_on, plain, print_table
+from servo.cli.terminal import complain, plain, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
 from servo.study import ranking, suites
 from servo.study.execute import Workers, check_number
-from servo.study.files import StudyFile
-from servo.study.job import Job
 from servo.study.parse import load
 from servo.study.ranking import Rank
-from servo.study.record import Record, parquet, table_of
+from servo.study.record_file import parquet, table_of
+from servo.study.run import Job, Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
-from servo.study.store import RESULTS, Store, opened
+from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet
@@ -44,6 +45,7 @@ class BenchRequest:
     workers: int
     out: Path | None
     quiet: bool
+    dry_run: bool = False
 
     @property
     def folder(self) -> Path:
@@ -75,9 +77,12 @@ def run(request: BenchRequest) -> int:
         for seed in seeds
     ]
     title = Path(request.suite).stem
+    if request.dry_run:
+        return print_estimate(jobs, request.workers, console, Store(request.folder))
     workers = Workers(request.workers)
     again = go_on(request.command, request.out)
     with opened(request.folder, _described(request, subjects)) as store, workers:
+        _forget_lost_tracks(jobs, store)
         failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
         records = store.records(jobs, series=True)
         if records:
@@ -90,12 +95,34 @@ def run(request: BenchRequest) -> int:
     return 1 if failed else 0
 
 
+def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
+    """Let jobs be done again whose tracks are missing, cut or damaged."""
+    for job in jobs:
+        record = store.record(job)
+        if record is None or not isinstance(job.subject, TrackedSequence):
+            continue
+        path = job.subject.track_path(store.folder, job.seed)
+        if _length(path) != record.settings["frames"]:
+            complain(f"{path}: this track is missing or damaged; it is computed again")
+            store.forget(job)
+
+
+def _length(path: Path) -> int:
+    """Return the number of rows of a track; 0 if it cannot be read."""
+    try:
+        return len(read_track(path).states)
+    except ValueError:
+        return 0
+
+
 def _closed_loop(request: BenchRequest, console: Console) -> int:
     chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
     study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
     workers = Workers(request.workers)
     gl.backend()
-    return run_study(study, request.command, workers, request.folder, console)
+    return run_study(
+        study, request.command, workers, request.folder, console, dry_run=request.dry_run
+    )
 
 
 def _subjects(request: BenchRequest) -> list[TrackedSequence]:
@@ -172,7 +199,9 @@ def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Pat
     for subject in subjects:
         if subject.contender.label == best:
             sequence = subject.entry.build(0)
-            found = read_track(subject.track_path(folder, 0)).corners
+            found = None  # where the run of this seed has failed
+            with suppress(ValueError):
+                found = read_track(subject.track_path(folder, 0)).corners
             picture = sheet(sequence.source, sequence.truth, found)
             atomic.write(place, f"{sequence.name}.png", encoded(picture))
     return place

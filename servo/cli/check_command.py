@@ -9,12 +9,12 @@ from typing import ClassVar
 from xml.etree import ElementTree
 
 from rich.console import Console
-from rich.markup import escape
 
+from servo.cli.jobs import print_estimate, progress
 from servo.cli.run_command import load, print_missed
-from servo.cli.terminal import complain, plain, print_table, progress_bar
+from servo.cli.terminal import complain, plain, print_table
 from servo.loop.run_measures import MEANINGS
-from servo.mistake import Mistake, Refused, check_suffix, unwritable
+from servo.mistake import Mistake, Refused, check_suffix, one_line, unwritable
 from servo.output.formats import Made, Number, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
@@ -23,9 +23,7 @@ from servo.scenario import load as scenarios
 from servo.scenario.toml import assignment
 from servo.study.bounds import MissedBound
 from servo.study.execute import Workers, check_number, execute
-from servo.study.failure import ClusterLost, Failure
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario
 from sim.camera import gl
 from tracking.files import atomic
@@ -92,6 +90,7 @@ def check_scenarios(
     count: int,
     workers: int,
     quiet: bool,
+    dry_run: bool = False,
     junit: Path | None = None,
     json: Path | None = None,
 ) -> int:
@@ -107,18 +106,18 @@ def check_scenarios(
     _check_changes(changes)
     _check_place(junit, ".xml")
     _check_place(json, ".json")
-    each = [(name, s) for name in chosen for s in range(seed, seed + count)]
-    jobs = [
-        Job(
-            i,
-            LoadedScenario(load(name, changes, s)),
-            s,
-            command=command_line("run", name, set=list(changes), seed=s),
-        )
-        for i, (name, s) in enumerate(each)
-    ]
-    gl.backend()
     console = Console(quiet=quiet)
+    each = [(name, s) for name in chosen for s in range(seed, seed + count)]
+    jobs: list[Job] = []
+    with progress(console, "check: reading scenarios", len(each)) as ended:
+        for name, s in each:
+            again = command_line("run", name, set=list(changes), seed=s)
+            jobs.append(Job(len(jobs), LoadedScenario(load(name, changes, s)), s, command=again))
+            ended(name)
+    gl.backend()
+    if dry_run:
+        return print_estimate(jobs, workers, console)
+    plain(console, f"check: {len(jobs):,} runs")
     ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
     _write([CheckedRun.of(*one) for one in ends], junit, json, again)
@@ -151,13 +150,11 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console) -> list[End]
     """Do all runs; how they ended, in the order of the table."""
     ends: dict[int, End] = {}
     pool = Workers(min(workers, len(jobs)))
-    with pool, progress_bar(console) as progress:
-        task = progress.add_task("check", total=len(jobs), note="")
+    with pool, progress(console, "check", len(jobs)) as ended:
         try:
             for job, end in execute(jobs, pool):
                 ends[job.number] = job, end
-                note = f"{escape(job.subject.name)}, seed {job.seed}"
-                progress.update(task, advance=1, note=note)
+                ended(f"{job.subject.name}, seed {job.seed}")
         except ClusterLost as error:
             raise Refused(f"{error}; the check has no result") from None
     return [ends[job.number] for job in jobs]
@@ -235,14 +232,15 @@ def _junit(runs: list[CheckedRun]) -> str:
         case = ElementTree.SubElement(
             suite,
             "testcase",
-            classname=f"servobench.{run.scenario}",
-            name=f"{run.scenario}, seed {run.seed}",
+            classname=f"servobench.{one_line(run.scenario)}",
+            name=one_line(f"{run.scenario}, seed {run.seed}"),
             time=f"{run.seconds:.3f}",
         )
         message = run.failed or "; ".join(map(str, run.missed))
         if message:
             tag = "error" if run.failed else "failure"
-            ElementTree.SubElement(case, tag, message=message).text = f"again: {run.command}"
+            found = ElementTree.SubElement(case, tag, message=one_line(message))
+            found.text = one_line(f"again: {run.command}")
     for plural, tag in (("failures", "failure"), ("errors", "error")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", f"{sum(run.seconds for run in runs):.3f}")

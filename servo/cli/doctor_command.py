@@ -11,6 +11,7 @@ from servo.output.versions import clash, versions
 from servo.report.words import Table
 from servo.scenario import load as scenarios
 from sim.camera import gl
+from tracking.wrapped.cv2_tracker import running
 
 FINE = "All is well. To begin with: servobench run reversal"
 
@@ -27,12 +28,13 @@ def examine() -> int:
         "OpenGL back end": backend,
         "renderer": gl.describe(),
         "frames a second": f"{1 / seconds:.0f} at {camera.width} x {camera.height}",
+        "OpenCV": running(),
         "Python": platform.python_version(),
         **versions(),
     }
     print_table(console, Table(("what", "found"), list(rows.items()), words=range(2)))
     if sentence := clash():
-        complain(sentence)
+        complain(f"{sentence}; OpenCV {running()} is used")
         return 1
     plain(console, FINE)
     return 0

@@ -12,7 +12,10 @@ import sys
 import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from math import inf
 from pathlib import Path
+from threading import Timer
+from time import monotonic
 from types import FrameType
 from typing import Any, TextIO, cast
 
@@ -154,6 +157,14 @@ ENDING = tuple(
 )
 
 
+IMPORTER = "<frozen importlib._bootstrap>"
+"""File of Python's own code that imports modules."""
+SOON = 0.02
+"""Time until a signal that comes during an import is tried again [s]."""
+LONGEST_IMPORT = 5.0
+"""From then on the import is stopped as well: it may hang [s]."""
+
+
 class StopSignal(KeyboardInterrupt):
     """A signal that ends the command."""
 
@@ -168,19 +179,27 @@ def exit_code(cause: KeyboardInterrupt) -> int:
 
 
 @contextmanager
-def ending_signals() -> Generator[None]:
+def ending_signals() -> Generator[list[StopSignal]]:
     """Raise `StopSignal` at the first ending signal within the block, and ignore all later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
+
+    Yields:
+        What was raised: libraries of C make other exceptions of it.
     """
-    stopped = False
+    raised = list[StopSignal]()
+    latest = inf
 
     def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal stopped
-        del frame
-        if not stopped:
-            stopped = True
-            raise StopSignal(number)
+        nonlocal latest
+        latest = min(latest, monotonic() + LONGEST_IMPORT)
+        if _imports(frame) and monotonic() < latest:
+            again = Timer(SOON, os.kill, (os.getpid(), number))
+            again.daemon = True
+            again.start()
+        elif not raised:
+            raised.append(StopSignal(number))
+            raise raised[0]
 
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
@@ -188,7 +207,16 @@ def ending_signals() -> Generator[None]:
     for number in before:
         signal.signal(number, stop)
     try:
-        yield
+        yield raised
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported: those of C, such as NumPy's, take an exception in
+    the middle of it for a fault of their own.
+    """
+    while frame is not None and frame.f_code.co_filename != IMPORTER:
+        frame = frame.f_back
+    return frame is not None

@@ -50,6 +50,7 @@ def run(scenario: str, no_rerun: bool, **options: Any) -> None:
 @opt.workers_option
 @click.option("--junit", type=opt.PATH, metavar="FILE", help="Also write JUnit's XML.")
 @click.option("--json", type=opt.PATH, metavar="FILE", help="Also write all measures.")
+@opt.dry_run_option
 @opt.quiet_option
 def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
@@ -130,6 +131,7 @@ def track(**options: Any) -> None:
 )
 @opt.workers_option
 @opt.out_option("runs/bench-SUITE, also to continue")
+@opt.dry_run_option
 @opt.quiet_option
 def bench(**options: Any) -> None:
     """Compare trackers; the same command continues a stopped bench."""
@@ -149,6 +151,11 @@ def bench(**options: Any) -> None:
     help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
 )
 @opt.out_option("runs/sweep-STUDY, also to continue")
+@click.option(
+    "--measures",
+    help="Columns of the table, such as servo_rms_px,age_ms (default: what differs most).",
+)
+@opt.dry_run_option
 @opt.quiet_option
 def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
@@ -163,6 +170,7 @@ def sweep(**options: Any) -> None:
 @click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
 @opt.workers_option
 @opt.out_option("runs/papers, also to continue")
+@opt.dry_run_option
 @opt.quiet_option
 def papers(claims: tuple[str, ...], quick: bool, sequences: Path | None, **options: Any) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""

@@ -9,6 +9,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from servo.cli.guard import ending_signals
+from servo.mistake import Refused
 from servo.scenario import catalogue
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -95,6 +96,11 @@ changes_option = click.option(
 workers_option = click.option(
     "--workers", type=COUNT, default=2, show_default=True, help="Processes at the same time."
 )
+dry_run_option = click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Print how many runs there are and, after trying a few, how long they take; keep nothing.",
+)
 
 
 def out_option(default: str) -> Callable[[Command], Command]:
@@ -124,10 +130,15 @@ class Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
-        with ending_signals():
+        with ending_signals() as raised:
             try:
                 return super().invoke(ctx)
-            except KeyboardInterrupt as cause:
+            except (Refused, OSError):
+                raise
+            except (KeyboardInterrupt, Exception) as error:
                 from servo.cli.terminal import stop  # it imports rich
 
-                stop(cause)
+                cause = raised[0] if raised else error
+                if isinstance(cause, KeyboardInterrupt):
+                    stop(cause)
+                raise

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servo.cli import options as opt
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.sinks import PacedSink, Sink
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 PORT = 9090
 LARGEST_PORT = 65_534
 VIEWER = "the viewer"
-SUFFIXES = {"video": ".mp4", "mcap": ".mcap"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,11 @@ class Outputs:
     speed: float | None = None
     port: int | None = None
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that are written."""
+        return [path for path in (self.video, self.mcap) if path is not None]
+
     def check(self) -> None:
         """Refuse what cannot be, before anything is written.
 
@@ -50,15 +54,14 @@ class Outputs:
         for name, other in needs.items():
             if getattr(self, name) not in (None, False) and not getattr(self, other):
                 raise Mistake(f"--{name} needs --{other}")
-        for name, suffix in SUFFIXES.items():
-            path: Path | None = getattr(self, name)
-            if path is not None and path.suffix.lower() != suffix:
-                raise Mistake(f"--{name} {path}: the name of this file should end in {suffix}")
+        for path, suffix in ((self.video, ".mp4"), (self.mcap, ".mcap")):
+            if path is not None:
+                check_suffix(path, suffix)
         if self.mcap is not None:
             from servo.output.mcap_file import check_installed
 
             check_installed()
-        for path in filter(None, (self.video, self.mcap)):
+        for path in self.files:
             _check_writable(path)
 
     def viewer(self) -> LiveViewer | None:
@@ -87,9 +90,10 @@ class Outputs:
 
             found[self.mcap] = RunMcap(self.mcap, episode)
         if viewer is not None:
+            from servo.output.recording.live import EVERY
             from servo.output.recording.log import RerunLog
 
-            log = RerunLog(viewer, episode, self._at_once(scenario.camera.rate))
+            log = RerunLog(viewer, episode, EVERY)
             found[VIEWER] = PacedSink(log, self.speed or 1.0, lambda step: step.frame.time)
         return found
 
@@ -108,9 +112,10 @@ class Outputs:
 
             found[self.mcap] = TrackMcap(self.mcap, region)
         if viewer is not None:
+            from servo.output.recording.live import EVERY
             from servo.output.recording.track_log import TrackLog
 
-            log = TrackLog(viewer, region, self._at_once(source.rate))
+            log = TrackLog(viewer, region, EVERY)
             is_camera = source.count is None  # it has a pace of its own
             found[VIEWER] = (
                 log
@@ -118,11 +123,6 @@ class Outputs:
                 else PacedSink(log, self.speed or 1.0, lambda shot: shot.picture.time)
             )
         return found
-
-    def _at_once(self, rate: float) -> int:
-        from servo.output.recording.live import SHOWN
-
-        return max(1, round(rate * (self.speed or 1.0) / SHOWN))
 
 
 NOTHING_MORE = Outputs()

@@ -5,9 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from servo.cli.terminal import complain, complete_jobs, plain, print_table
+from servo.cli.jobs import complete_jobs, print_estimate
+from servo.cli.terminal import complain, escape, plain, print_table
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
 from servo.output.versions import versions
@@ -17,27 +17,36 @@ from servo.papers.claims import (
     FIGURES,
     JOINED,
     TITLES,
+    VERDICTS,
     Judged,
-    KnownVerdicts,
     PapersReport,
+    broken,
+    found_in,
     known,
 )
-from servo.papers.groups import words
-from servo.papers.loop_series import EstimatedLoop
+from servo.papers.experiments import EstimatedLoop
+from servo.papers.summaries import words
 from servo.papers.tuning import TUNING
 from servo.report.words import Table
 from servo.study.execute import Workers
-from servo.study.files import StudyFile
-from servo.study.store import GOES_ON, Store, opened
+from servo.study.store import GOES_ON, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing.figures import save
 from tracking.files import atomic
+from tracking.files.json_text import json_text
 from tracking.statistics.verdicts import Finding
 
 TONES = {Finding.HOLDS: "green", Finding.DOES_NOT_HOLD: "red", Finding.UNDECIDED: "yellow"}
 
 
-def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, quiet: bool) -> int:
+def run(
+    names: Sequence[str],
+    effort: Effort,
+    workers: int,
+    out: Path | None,
+    dry_run: bool,
+    quiet: bool,
+) -> int:
     """Test claims; the exit code: 1 if a run failed, or a full run found another verdict than is
     known.
 
@@ -56,6 +65,9 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
     verdicts: dict[str, Verdict] = {}
     if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
         gl.backend()  # it says in one sentence where this machine cannot render
+    if dry_run:
+        every = {job.key: job for some in jobs.values() for job in some}
+        return print_estimate(list(every.values()), workers, console, Store(folder))
     with Workers(workers) as pool, opened(folder, _described(again)):
         plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
         for claim in chosen:
@@ -73,16 +85,16 @@ def run(names: Sequence[str], effort: Effort, workers: int, out: Path | None, qu
         written = PapersReport(
             command=again, versions=versions(), quick=effort.quick, claims=tested
         ).write(folder)
-        found = KnownVerdicts.of(verdicts)
-        found.write(folder)
+        found = found_in(verdicts)
+        atomic.write(folder, VERDICTS, json_text(found))
     plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
     for name, judged in tested.items():
         plain(console, judged.row(name))
     plain(console, f"  {folder / FIGURES}\n  {written}")
-    broken = [] if effort.quick else known().broken(found)
-    for sentence in broken:
+    others = [] if effort.quick else broken(found, known())
+    for sentence in others:
         complain(f"papers: {sentence}")
-    return 1 if broken or len(verdicts) < len(chosen) else 0
+    return 1 if others or len(verdicts) < len(chosen) else 0
 
 
 def _described(command: str) -> StudyFile:

@@ -8,8 +8,8 @@ from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
 from servo.report import bench_section, papers_section, run_section, study_section
 from servo.report.page import Section, render
-from servo.study.files import StudyFile
 from servo.study.run_report import RunReport
+from servo.study.store import StudyFile
 from tracking.files import atomic
 
 PAGE = "report.html"

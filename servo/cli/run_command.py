@@ -6,28 +6,27 @@ from pathlib import Path
 from statistics import median
 
 from rich.console import Console
-from rich.markup import escape
 
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
-from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
+from servo.cli.terminal import COMPILING, WAITING, escape, plain, print_table, progress_bar
 from servo.loop.episode import Episode
-from servo.loop.part import PartFailed
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.part_failures import PartFailed
+from servo.loop.run_measures import MEANINGS, Outcome, timed
+from servo.loop.settings import DOES_NOT_REPEAT
 from servo.loop.step import Step
 from servo.output.formats import command_line
-from servo.output.run_folder import RunFolder, prepare, with_traceback
+from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.bounds import check_expect
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
 from sim.models.target import dimensions
 from sim.types import Array
+from tracking.advice import advice
 
 
 def run_scenario(
@@ -60,15 +59,23 @@ def run_scenario(
     with episode:
         if episode.world.outline_found:
             console.print(_outline_line(episode.world.outline))
+        first, region, state = episode.shown
+        if line := advice(scenario.tracker, first.image, region, state):
+            plain(console, line)
         viewer = outputs.viewer()
         folder = prepare(out, name)
         announce(viewer, console)
         more = outputs.of_run(episode, viewer)
-        output = RunFolder(folder, episode, rerun=rerun, more=more)
+        steps = list[Step]()
         try:
-            steps, writing = _written(episode, output, console)
+            output = RunFolder(folder, episode, rerun=rerun, more=more)
+            writing = _write(episode, output, console, steps)
         except PartFailed as error:
             raise with_traceback(error, folder) from None
+        except KeyboardInterrupt:
+            if not steps:
+                discard(folder, outputs.files)
+            raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, steps)
     paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
@@ -85,11 +92,8 @@ def run_scenario(
     return 1 if record.missed else 0
 
 
-def _written(
-    episode: Episode, output: RunFolder, console: Console
-) -> tuple[list[Step], list[float]]:
-    """The steps without pictures, and how long each took to write [s]."""
-    steps: list[Step] = []
+def _write(episode: Episode, output: RunFolder, console: Console, steps: list[Step]) -> list[float]:
+    """Add the steps, without their pictures, to a list; how long each took to write [s]."""
     writing: list[float] = []
     try:
         with progress_bar(console) as progress:
@@ -98,13 +102,13 @@ def _written(
             for step in episode:
                 note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
                 progress.update(task, advance=1, note=note)
-                steps.append(step.light())
                 began = time.perf_counter()
                 output.add(step)
                 writing.append(time.perf_counter() - began)
+                steps.append(step.light())
     finally:
         output.close()
-    return steps, writing
+    return writing
 
 
 def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
@@ -146,9 +150,10 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
 
 def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
     stages = ("render", "track", "control", "physics")
-    each = {stage: median(getattr(s.seconds, stage) for s in steps) for stage in stages}
-    total = median(s.seconds.total for s in steps)
-    parts = "  ".join(f"{stage} {1e3 * seconds:.2f}" for stage, seconds in each.items())
+    seconds = [step.seconds for step in timed(steps)]
+    each = {stage: median(getattr(s, stage) for s in seconds) for stage in stages}
+    total = median(s.total for s in seconds)
+    parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in each.items())
     return (
         f"A step took {1e3 * total:.1f} ms: {parts}; "
         f"writing it took {1e3 * median(writing):.1f} ms (medians)"

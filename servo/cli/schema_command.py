@@ -50,7 +50,8 @@ def vary_schema() -> Schema:
     """Schema of the table of settings that are drawn for each seed."""
     nested = {"$ref": "#/properties/vary"}
     return {
-        "description": "Settings that are drawn for each seed but 0, by dotted keys.",
+        "description": "Settings that are drawn for each seed but 0, by dotted keys, such as "
+        f"start.x = {{ uniform = [-8, 8] }}. Laws: {', '.join(LAWS)}.",
         "type": "object",
         "additionalProperties": {"anyOf": [*_laws(LAWS), nested]},
     }

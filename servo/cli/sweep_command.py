@@ -5,35 +5,25 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from servo.cli.terminal import complain, complete_jobs, go_on, plain, print_table
+from servo.cli.jobs import complete_jobs, go_on, print_estimate
+from servo.cli.terminal import complain, escape, plain, print_table
+from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
-from servo.report.cell_row import cell_row
+from servo.report.study_data import cell_row
 from servo.report.words import Table
 from servo.study.bounds import missed_by_cells
 from servo.study.execute import Workers
-from servo.study.files import StudyFile
 from servo.study.parse import load
 from servo.study.plan import Study
-from servo.study.record import parquet, table_of
-from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, grouped
-from servo.study.store import RESULTS, Store, opened
+from servo.study.record_file import parquet, table_of
+from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, grouped, moved
+from servo.study.scenario_run import MEASURED, meaning
+from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
-SHOWN = {
-    "rms": "servo_rms_px",
-    "peak": "servo_peak_px",
-    "tracker": "tracking_rms_px",
-    "ms": "track_ms",
-}
-"""Measures in the table, by the titles of their columns."""
-LEGEND = (
-    "held: share of runs with the expected outcome, with its 95 % interval over the units; true "
-    "centre against the goal,\nrms and peak [px]; estimate against truth, rms [px]; tracker's time "
-    "[ms]: means"
-)
+HELD = "held: share of runs with the expected outcome, with its 95 % interval over the units"
 MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
 
@@ -46,6 +36,8 @@ def run(
     scheduler: str | None,
     out: Path | None,
     quiet: bool,
+    dry_run: bool = False,
+    measures: str | None = None,
 ) -> int:
     """Do the missing runs of a study; the exit code: 1 if a run failed or a bound was missed.
 
@@ -56,26 +48,47 @@ def run(
     console = Console(quiet=quiet)
     with console.status("reading the study"):
         parsed = load(study, changes, seeds)
+    chosen = None if measures is None else _measures(measures)
     if scheduler is None:
         gl.backend()
     again = command_line("sweep", study, set=list(changes), seeds=seeds)
-    return run_study(parsed, again, Workers(workers, scheduler), out, console)
+    pool = Workers(workers, scheduler)
+    return run_study(parsed, again, pool, out, console, dry_run=dry_run, measures=chosen)
+
+
+def _measures(text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in MEASURED:
+            raise Mistake(f"--measures: {unknown(name, MEASURED, 'measure')}")
+    return list(dict.fromkeys(names))
 
 
 def run_study(
-    study: Study, command: str, workers: Workers, out: Path | None, console: Console
+    study: Study,
+    command: str,
+    workers: Workers,
+    out: Path | None,
+    console: Console,
+    *,
+    dry_run: bool = False,
+    measures: Sequence[str] | None = None,
 ) -> int:
     """Do the missing runs of a study in a folder; result and errors are those of `run`."""
     folder = out or Path("runs") / f"sweep-{study.name}"
+    if dry_run:
+        return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
     with opened(folder, StudyFile.of(study, command)) as store, workers:
         jobs = list(study.jobs())
         title = f"sweep {study.name}"
         failed = complete_jobs(jobs, store, workers, console, title, go_on(command, out))
-        code = _sum_up(study, store, console)
+        code = _sum_up(study, store, console, measures)
     return 1 if failed else code
 
 
-def _sum_up(study: Study, store: Store, console: Console) -> int:
+def _sum_up(
+    study: Study, store: Store, console: Console, measures: Sequence[str] | None = None
+) -> int:
     """Write the tables and print a summary; the exit code: 1 if a bound was missed."""
     records = store.records(study.jobs())
     if not records:
@@ -85,7 +98,7 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     keys = [axis.key for axis in study.every_axis]
     cells = cells_of(study, rows)
     pairs = comparisons(study.compare, keys, rows, drawn=bool(study.draws))
-    _print_cells(console, cells)
+    _print_cells(console, cells, moved(cells) if measures is None else measures)
     paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
@@ -104,10 +117,13 @@ def _sum_up(study: Study, store: Store, console: Console) -> int:
     return 1 if not_kept else 0
 
 
-def _print_cells(console: Console, cells: Sequence[Cell]) -> None:
+def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str]) -> None:
     keys = [key.replace(".", ".\n", 1) for key in cells[0].settings]
-    rows = [cell_row(cell, SHOWN.values()) for cell in cells[:MOST_SHOWN]]
-    print_table(console, Table((*keys, "units", "held", *SHOWN), rows, range(len(keys))))
+    titles = [name.replace("_", "_\n", 1) for name in measures]
+    rows = [cell_row(cell, measures) for cell in cells[:MOST_SHOWN]]
+    print_table(console, Table((*keys, "units", "held", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
-    plain(console, LEGEND)
+    plain(console, HELD)
+    for name in measures:
+        plain(console, f"{name}: {meaning(name)}")

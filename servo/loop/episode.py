@@ -13,14 +13,12 @@ import numpy as np
 
 from servo.loop.goal import Goal
 from servo.loop.loop import Loop
-from servo.loop.part import Part, PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.loop.run_measures import Summary, summarise
+from servo.loop.settings import Setup, StartConfig, stream
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
-from servo.scenario.draws import stream
-from servo.scenario.load import Scenario
-from servo.scenario.sections import StartConfig
 from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 from sim.geometry import exp_so3
@@ -44,7 +42,7 @@ class Episode:
 
     def __init__(
         self,
-        scenario: Scenario,
+        scenario: Setup,
         renderer: MakeRenderer = OpenGLRenderer,
         *,
         steered: bool = False,
@@ -159,6 +157,8 @@ class Episode:
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         region = Region(*sides.tolist(), quad=change.corners(truth))
+        self.shown = first, region, given
+        """The first picture, and the target in it as the tracker is given it."""
         with self._refusals():
             self.running = self.loop.start(first, region, given, goal, self._true_motion)
         self._scene = Scene(
@@ -231,6 +231,8 @@ class Episode:
             goal_sight=self._goal_sight(frame.time),
             estimate=decision.estimate,
             truth_estimated=self._truths[latest.picture],
+            picture=latest.picture,
+            decided=timeline.decided > 0,
             age=latest.age,
             skipped=latest.skipped,
             command=decision.command,
@@ -262,14 +264,14 @@ class Episode:
         )
 
 
-def run(scenario: Scenario) -> Iterator[Step]:
+def run(scenario: Setup) -> Iterator[Step]:
     """Yield the steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode
 
 
 def measured_run(
-    scenario: Scenario, each: Callable[[Step], None] | None = None
+    scenario: Setup, each: Callable[[Step], None] | None = None
 ) -> tuple[list[Step], Summary]:
     """Run a scenario to its end; its steps without pictures, and what was measured.
 

@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from servo.scenario.sections import GoalConfig
+from servo.loop.settings import GoalConfig
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.types import Sight
 from sim.placement import size_above

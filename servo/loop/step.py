@@ -94,6 +94,10 @@ class Step:
     """What the tracker reported last."""
     truth_estimated: Truth
     """The truth at the picture that this estimate is of."""
+    picture: int
+    """Number of that picture."""
+    decided: bool
+    """Whether estimate and command are new since the last frame, and not those of an older one."""
     age: float
     """From that picture to the estimate [s]."""
     skipped: int
@@ -203,6 +207,19 @@ class Step:
         return np.full(len(self.scene.features.names), np.nan)
 
     @property
+    def servoed(self) -> tuple[bool, bool]:
+        """True where the features servo the angle, and the size: they are known only with it, and
+        the tracker follows it.
+        """
+        goal = self.goal_sight
+        known = self.scene.features.known
+        follows = np.array(self.estimate.follows) | (self.estimate.corners is not None)
+        without = (replace(goal, angle_known=False), replace(goal, size_known=False))
+        needed = [(known(goal) & ~known(sight)).any() for sight in without]
+        angle, size = (follows & needed).tolist()
+        return angle, size
+
+    @property
     def joints(self) -> Array:
         """Joint positions (n,) at the time of the frame [m or rad]."""
         return self.posture.joints
@@ -222,6 +239,11 @@ class Step:
     def tilt(self) -> float:
         """Angle between the optical axis and straight down [rad]."""
         return tilt(self.truth.T_world_camera.rotation)
+
+    @property
+    def tracked(self) -> bool:
+        """Whether the tracker was called in this frame interval; in the first one it is started."""
+        return self.frame.index > 0 and self.frame.fresh and self.seconds.track > 0
 
     @property
     def seen(self) -> bool:

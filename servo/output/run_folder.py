@@ -1,11 +1,11 @@
 """The folder of a run: run.rrd, steps.parquet, report.json and two plots."""
 
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from servo.loop.episode import Episode
-from servo.loop.part import PartFailed
+from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, refusal, unwritable
 from servo.output import plots
@@ -44,6 +44,12 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
     text = "".join(traceback.format_exception(error.__cause__))
     path = atomic.write(folder, TRACEBACK, text.encode(errors="replace"))
     return Mistake(f"{error}; its traceback is in {path}")
+
+
+def discard(folder: Path, others: Iterable[Path]) -> None:
+    """Remove the files of a run that ended before its first step: they hold nothing."""
+    for path in (*(folder / name for name in (STREAM, TABLE, RECORDING)), *others):
+        path.unlink(missing_ok=True)
 
 
 def _check_name(folder: Path) -> None:
@@ -99,24 +105,22 @@ class RunFolder:
         """
         self.folder = folder
         self._scenario = episode.scenario
-        at_once = max(1, round(episode.scenario.camera.rate))
         try:
-            self._table = StepsTable(folder, episode, at_once)
+            self._table = StepsTable(folder, episode)
         except FileExistsError:
             raise Mistake(f"{folder}: another run is writing into this folder") from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
             sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
             raise Refused(sentence) from None
-        sinks: dict[Path | str, Sink] = {}
+        self._sinks = Sinks(more or {})
         if rerun:
             # rerun takes half a second to import
             from servo.output.recording.destination import RecordingFile
             from servo.output.recording.log import RerunLog
 
             path = folder / RECORDING
-            sinks[path] = RerunLog(RecordingFile(path), episode, at_once)
-        self._sinks = Sinks({**sinks, **(more or {})})
+            self._sinks.begin(path, lambda: RerunLog(RecordingFile(path), episode))
 
     @property
     def refused(self) -> Refused | None:

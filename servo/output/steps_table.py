@@ -1,7 +1,7 @@
 """The steps of a run as a Parquet table: a row for each frame, and units in the columns' names.
 
-During the run, rows are written to an Arrow stream once a second, so that a killed run keeps them:
-`pyarrow.ipc.open_stream("steps.arrows")` reads them.
+During the run, rows are written to an Arrow stream once a second of the wall clock, so that a
+killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads them.
 """
 
 import os
@@ -18,9 +18,11 @@ import pyarrow.parquet as pq
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
+from servo.output.sinks import Every
 from servo.parts import FeatureSet
 from servo.types import DOF
-from sim.types import Array
+from sim.models.quaternion import quaternion_of
+from sim.types import Array, Pose
 from tracking.files import atomic
 
 STREAM = "steps.arrows"
@@ -35,9 +37,11 @@ TEXT = pa.string()
 TIMED = "seconds_"
 """Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
 CELL = 16
-COLUMN_OF_BATCH = 320
-"""Largest size of a value in stream and table, and of a column's part of a batch [bytes]."""
-SPARE = 1 << 20
+COLUMN_OF_BATCH = 96
+"""Largest size of a value in stream and table, and of a column's frame in a batch [bytes]."""
+BATCHES = 10
+"""Batches a simulated second for which space is reserved: a run at a tenth of real time."""
+SPARE = 1 << 19
 """Space for report and plots, which are written after the rows [bytes]."""
 
 
@@ -76,7 +80,9 @@ def quantities(
         _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
         _single("time_s", "simulated time", lambda s: s.frame.time),
         _single("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
-        _single("age_s", "from a picture to its estimate", lambda s: s.age),
+        _single("picture", "frame that estimate and command are of", lambda s: s.picture, WHOLE),
+        _single("decided", "whether they are new in this row", lambda s: s.decided, FLAG),
+        _single("age_s", "from that picture to its estimate", lambda s: s.age),
         _single(
             "skipped",
             "pictures that the tracker had no time for, so far",
@@ -84,6 +90,7 @@ def quantities(
             WHOLE,
         ),
         *_states(),
+        *_places(),
         *_features(features),
         _vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
         _vector("acting", "asked for until the next", lambda s: s.twist_acting, DOF, TWIST_UNITS),
@@ -150,7 +157,14 @@ def _row(step: Step, found: Sequence[Quantity]) -> dict[str, Any]:
 def _states() -> Iterator[Quantity]:
     parts = ("x", "y", "theta", "scale")
     units = ("px", "px", "rad", "")
-    yield _vector("true", "truth", lambda s: astuple(s.true_state), parts, units)
+    yield _vector("true", "truth of this frame", lambda s: astuple(s.true_state), parts, units)
+    yield _vector(
+        "true_of_picture",
+        "truth of the picture that the estimate is of",
+        lambda s: astuple(s.true_state_estimated),
+        parts,
+        units,
+    )
     yield _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), parts, units)
     yield _vector(
         "sd",
@@ -163,7 +177,7 @@ def _states() -> Iterator[Quantity]:
     yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
     yield _single(
         "tracking_error_px",
-        "estimated to true centre of the same picture",
+        "estimated to true centre of its picture",
         lambda s: s.tracking_error,
     )
     yield _single(
@@ -174,6 +188,29 @@ def _states() -> Iterator[Quantity]:
     yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
     yield _single("ess", "effective sample size", lambda s: s.estimate.ess)
     yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, WHOLE)
+
+
+def _places() -> Iterator[Quantity]:
+    corners = tuple(f"{axis}{i}" for i in range(4) for axis in "uv")
+    pixels = ("px",) * 8
+    yield _vector("true_corner", "truth", lambda s: s.truth.corners.ravel(), corners, pixels)
+    yield _vector(
+        "estimated_corner",
+        "estimate",
+        lambda s: s.estimate.outline(s.region).ravel(),
+        corners,
+        pixels,
+    )
+    parts = ("x", "y", "z", "qw", "qx", "qy", "qz")
+    units = ("m", "m", "m", "", "", "", "")
+    pose = "true pose in the world"
+    yield _vector("camera", pose, lambda s: _pose(s.truth.T_world_camera), parts, units)
+    yield _vector("target", pose, lambda s: _pose(s.truth.T_world_target), parts, units)
+
+
+def _pose(pose: Pose) -> Array:
+    """Position [m] and unit quaternion with w first (7,)."""
+    return np.append(pose.translation, quaternion_of(pose.rotation))
 
 
 def _features(features: FeatureSet) -> Iterator[Quantity]:
@@ -191,12 +228,8 @@ def _features(features: FeatureSet) -> Iterator[Quantity]:
         "motion_estimated", f"{motion}, estimated", lambda s: s.prediction.motion, names, rates
     )
     yield _vector("motion_true", f"{motion}, true", lambda s: s.target_motion_true, names, rates)
-    yield _vector(
-        "innovation",
-        "measured minus expected, of what the estimator filters",
-        lambda s: s.prediction.innovation,
-        names,
-    )
+    innovation = "measured minus expected error"
+    yield _vector("innovation", innovation, lambda s: s.prediction.innovation, names, units)
     yield _vector("nis", "innovation squared over its variance", lambda s: s.prediction.nis, names)
 
 
@@ -238,7 +271,7 @@ def _vector(
 class StepsTable:
     """Writer of the table of one run."""
 
-    def __init__(self, folder: Path, episode: Episode, rows_at_once: int) -> None:
+    def __init__(self, folder: Path, episode: Episode) -> None:
         """Open the stream, and reserve space for all rows on the disk.
 
         Raises:
@@ -246,7 +279,7 @@ class StepsTable:
             OSError: The disk has no space for the rows.
         """
         self._folder = folder
-        self._at_once = rows_at_once
+        self._every = Every()
         self._quantities = quantities_of(episode)
         rows = episode.frames
         self._rows: list[dict[str, Any]] = []
@@ -256,7 +289,7 @@ class StepsTable:
         # An empty batch writes the schema: a stream that is killed at once can be read, too.
         self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
         self._file.flush()
-        batches = 1 + rows / rows_at_once
+        batches = 1 + BATCHES * rows / episode.scenario.camera.rate
         size = round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE
         if hasattr(os, "posix_fallocate"):  # readers interpret the zeros as the stream's end
             os.posix_fallocate(self._file.fileno(), 0, size)
@@ -269,7 +302,7 @@ class StepsTable:
             OSError: The row cannot be written.
         """
         self._rows.append(_row(step, self._quantities))
-        if len(self._rows) >= self._at_once:
+        if self._every.due():
             self._flush()
 
     def close(self) -> None:

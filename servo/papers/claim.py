@@ -6,8 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.sequence_run import TRACKER
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding

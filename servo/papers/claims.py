@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from importlib import resources
 from typing import ClassVar
 
-from servo.output.formats import Document, Made
+from servo.output.formats import Made
 from servo.papers import (
-    annealing_layers,
     estimator_study,
     kams_paper,
+    kams_particles,
     kernel_paper,
-    kernel_surface,
-    particle_counts,
     servo_paper,
     texture_paper,
 )
 from servo.papers.claim import WORDS, Claim, Rule, Verdict
-from servo.papers.groups import words
+from servo.papers.summaries import words
 from tracking.files.json_text import number
 
 CLAIMS = (
     *sorted(
         kams_paper.CLAIMS
-        + annealing_layers.CLAIMS
-        + particle_counts.CLAIMS
+        + kams_particles.CLAIMS
         + kernel_paper.CLAIMS
-        + kernel_surface.CLAIMS
         + servo_paper.CLAIMS
         + texture_paper.CLAIMS,
         key=lambda claim: claim.name,
@@ -37,6 +34,8 @@ CLAIMS = (
 JOINED = "P0-1a"
 """The claim that also uses real sequences."""
 FIGURES = "figures"
+VERDICTS = "verdicts.json"
+"""The findings of the last full run; a run that finds others exits with 1."""
 TITLES = ("claim", "rule", "effect", "95 % interval", "units", "verdict", "figure")
 
 
@@ -105,44 +104,24 @@ class PapersReport(Made):
     claims: dict[str, Judged]
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
-    """A verdict that was found before."""
-
-    finding: str
-    effect: str
-    """With its interval and unit, in words."""
+Found = dict[str, tuple[str, str]]
+"""Finding and effect, in words, by claim."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KnownVerdicts(Document):
-    """verdicts.json: the verdicts of the last full run; a run that finds others exits with 1."""
-
-    FILE: ClassVar[str] = "verdicts.json"
-    KIND: ClassVar[str] = "verdicts"
-
-    claims: dict[str, Known]
-
-    @staticmethod
-    def of(verdicts: dict[str, Verdict]) -> KnownVerdicts:
-        """Return the verdicts of this run."""
-        return KnownVerdicts(
-            claims={
-                name: Known(WORDS[v.finding], words(v.effect, v.unit))
-                for name, v in verdicts.items()
-            }
-        )
-
-    def broken(self, now: KnownVerdicts) -> list[str]:
-        """Return a sentence for each claim of this run whose verdict is another one."""
-        return [
-            f"{name}: {new.finding}, {new.effect}; it was: {old.finding}, {old.effect}"
-            for name, new in now.claims.items()
-            if (old := self.claims.get(name)) is not None and old.finding != new.finding
-        ]
+def found_in(verdicts: dict[str, Verdict]) -> Found:
+    """Return the findings of some verdicts, as verdicts.json keeps them."""
+    return {name: (WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()}
 
 
-def known() -> KnownVerdicts:
-    """Return the verdicts that belong to this version."""
-    with resources.as_file(resources.files("servo.papers") / KnownVerdicts.FILE) as path:
-        return KnownVerdicts.read(path)
+def known() -> Found:
+    """Return the findings of the last full run, which belong to this version."""
+    return json.loads((resources.files("servo.papers") / VERDICTS).read_text())
+
+
+def broken(found: Found, before: Found) -> list[str]:
+    """Return a sentence for each claim whose finding is another one than before."""
+    return [
+        f"{name}: {', '.join(new)}; it was: {', '.join(before[name])}"
+        for name, new in found.items()
+        if name in before and before[name][0] != new[0]
+    ]

@@ -8,11 +8,9 @@ from matplotlib.figure import Figure
 
 from servo.estimators import KINDS as ESTIMATORS
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
-from servo.papers.drawing import BLACK, COLOURS, bars, panels
-from servo.papers.groups import column, group
-from servo.papers.loop_series import loop_job
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.papers.experiments import loop_job
+from servo.papers.summaries import BLACK, COLOURS, bars, column, group, panels
+from servo.study.run import Job, Record
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
 

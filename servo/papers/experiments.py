@@ -1,13 +1,22 @@
-"""Trackers on painted sequences: their jobs, and the tracks they leave."""
+"""Jobs of the claims: trackers on painted sequences, and scenarios in the closed loop."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from importlib import resources
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
-from servo.study.job import Job
-from servo.study.record import Record
+import mujoco
+import numpy as np
+
+from servo.loop.episode import measured_run
+from servo.scenario import load as scenarios
+from servo.scenario.draws import stream
+from servo.scenario.load import Scenario
+from servo.study.run import Job, Record
+from servo.study.scenario_run import record_of
 from servo.study.sequence_run import (
     TRACKER,
     TRACKS,
@@ -77,3 +86,110 @@ def states_found(folder: Path, run: Record) -> Array:
     """Return the states (frames, 4) of the track that a run has left."""
     track = f"{run.settings[TRACKER]}/{run.settings['family']}-{run.seed}.csv"
     return read(folder / TRACKS / track).states
+
+
+ALONG = "yn"
+"""The feature along which the car of `reversal` drives back and forth."""
+TIME = "time_s"
+ERROR = "servo_error_px"
+ESTIMATED = "motion_estimated"
+TRUE = "motion_true"
+LINE = "line"
+REVERSAL = "reversal"
+START_DISTANCE = 0.45
+"""Distance from the middle of the table at which the car of `line` starts [m]."""
+CAR = (0.11, 0.06)
+"""Half the length and width of the rectangle around the car that must be free (2,) [m]."""
+INTERVAL = 0.05
+"""Time between two places at which the car must be clear of toys [s]."""
+
+
+def varied(scenario: str, seed: int) -> tuple[str, ...]:
+    """Return the drawn settings of a run: the start of the camera; heading, speed and place of the
+    car, and the distance that it drives before it reverses, which is also the phase of its
+    reversals. A draw that lets the car drive through a toy on the table is drawn again.
+    """
+    rng = np.random.default_rng([seed, *b"vary"])
+    while True:
+        changes = _drawn(scenario, rng)
+        if is_clear(scenarios.load(scenario, changes, seed)):
+            return changes
+
+
+def is_clear(scenario: Scenario) -> bool:
+    """Return whether the car drives around all toys of the room."""
+    places, radii = _toys()
+    motion = scenario.motion.build(stream(scenario.run.seed, "motion"))
+    for time in np.arange(0.0, scenario.run.duration, INTERVAL):
+        car = motion.at(float(time)).inverse()
+        seen = places @ car.rotation.T + car.translation
+        apart = np.linalg.norm(np.maximum(np.abs(seen[:, :2]) - CAR, 0.0), axis=1)
+        if (apart < radii).any():
+            return False
+    return True
+
+
+@cache
+def _toys() -> tuple[Array, Array]:
+    """Return the places of the toys (n, 3), and the radius around each (n,) [m]."""
+    with resources.as_file(resources.files("scenes")) as folder:
+        room = mujoco.MjSpec.from_file(str(folder / "room.xml"))
+    names = [geom.name for geom in room.geoms if geom.classname.name == "toy"]
+    model = room.compile()
+    toys = [model.geom(name).id for name in names]
+    return model.geom_pos[toys], model.geom_rbound[toys]
+
+
+def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
+    x, y, angle = rng.uniform((-30, -20, -20), (30, 20, 20)).tolist()
+    heading, speed, length = rng.uniform((-180, 0.07, 0.5), (180, 0.12, 0.8)).tolist()
+    drawn = {
+        "start.x": x,
+        "start.y": y,
+        "start.angle_deg": angle,
+        "motion.heading_deg": heading,
+        "motion.speed": speed,
+    }
+    if scenario == REVERSAL:
+        drawn["motion.length"] = length
+    else:
+        drawn["motion.x"] = -START_DISTANCE * cos(radians(heading))
+        drawn["motion.y"] = -START_DISTANCE * sin(radians(heading))
+    return tuple(f"{key}={value:.4f}" for key, value in drawn.items())
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatedLoop:
+    """A subject: a scenario in the closed loop, whose record has the target's motion over time."""
+
+    name: str
+    """Name of the scenario."""
+    changes: tuple[str, ...]
+    """As with --set."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the scenario and its changes."""
+        return {"scenario": self.name, "changes": list(self.changes)}
+
+    def perform(self, job: Job, folder: Path) -> Record:
+        """Run the scenario; errors [px] and velocities [m/s] keep all their digits."""
+        del folder
+        scenario = scenarios.load(self.name, self.changes, job.seed)
+        steps, _ = measured_run(scenario)
+        along = steps[0].scene.features.names.index(ALONG)
+        series = {
+            TIME: np.array([s.frame.time for s in steps]),
+            ERROR: np.array([s.servo_error for s in steps]),
+            ESTIMATED: np.array([s.prediction.motion[along] for s in steps]),
+            TRUE: np.array([s.target_motion_true[along] for s in steps]),
+        }
+        return replace(record_of(job, scenario, steps), series=series)
+
+
+def loop_job(
+    scenario: str, estimator: str, seed: int, changes: Sequence[str], **settings: str
+) -> Job:
+    """Return the job of a scenario with an estimator; further settings distinguish it."""
+    name = "-".join([*settings.values(), scenario, estimator, str(seed)]).replace(" ", "")
+    subject = EstimatedLoop(scenario, (f"estimator.kind={estimator}", *changes))
+    return Job(0, subject, seed, {"estimator": estimator, **settings}, name=f"loop/{name}")

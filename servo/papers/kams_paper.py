@@ -8,21 +8,21 @@ from functools import partial
 import numpy as np
 
 from servo.papers.claim import WORDS, Claim, Effort, Evidence, Rule, Verdict, every
-from servo.papers.drawing import dots, intervals
 from servo.papers.experiments import contender, generated, sequence_jobs
-from servo.papers.groups import (
+from servo.papers.summaries import (
     column,
     completed,
     completed_more,
     done,
+    dots,
     group,
+    intervals,
     mean,
     reads,
     words,
 )
 from servo.papers.tuning import AS_PUBLISHED, LEVELS, published, tuned
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from servo.study.sequence_run import Contender, Generated, Recorded
 from tracking.sequences.sequence import read_all
 from tracking.sequences.sources import RATE

@@ -1,5 +1,5 @@
 """Claims of the multi-kernel paper about trackers (Teuliere, Marchand, Eck): deterministic,
-probabilistic, and combined.
+probabilistic, and combined; and what nine kernels see that one does not.
 """
 
 from collections.abc import Sequence
@@ -9,21 +9,23 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
-from servo.papers.drawing import dots, lines
-from servo.papers.experiments import generated, sequence_jobs, states_found
-from servo.papers.groups import (
+from servo.papers.experiments import contender, generated, sequence_jobs, states_found
+from servo.papers.summaries import (
+    COLOURS,
     column,
     completed_more,
     difference,
     done,
+    dots,
+    lines,
     mean,
+    panels,
     ratio,
     reads,
     words,
 )
 from servo.papers.tuning import published, tuned
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from sim.types import Array, Frame
 from tracking.sequences.painted.similarity import FAST, HIDDEN_AT
 from tracking.sequences.sources import RATE
@@ -227,6 +229,75 @@ def _size(evidence: Evidence, run: Record) -> tuple[float, float]:
     return float(off[fast].mean()), float(off[: fast.start].mean())
 
 
+SEEDS_SURFACE = 30
+TURNED_DEG = np.linspace(-90, 90, 37)
+MOVED_PX = np.linspace(-40, 40, 33)
+AT_DEG = 15.0
+"""Rotation at which the slopes are compared."""
+LEAST_RATIO = 2.0
+ONE = "one kernel"
+NINE = "nine kernels"
+MODELS = {ONE: contender("kernel_pf", "paper"), NINE: contender("mk_pf", "paper")}
+
+
+def surfaces(seed: int) -> dict[str, Array]:
+    """Return distances (angles, shifts) around the true state in the first picture of a sequence,
+    by number of kernels.
+    """
+    sequence = SIMILARITY.build(seed)
+    image = next(iter(sequence.source)).image
+    assert image is not None
+    states = np.tile(sequence.start.vector, (len(TURNED_DEG), len(MOVED_PX), 1))
+    states[..., 2] += np.radians(TURNED_DEG)[:, None]
+    states[..., 0] += MOVED_PX
+    found: dict[str, Array] = {}
+    for name, tracker in MODELS.items():
+        model = tracker.config.model(image, sequence.region, sequence.start)
+        distances = model.distances(model.label(image), states.reshape(-1, 4))
+        found[name] = distances.reshape(states.shape[:2])
+    return found
+
+
+def _judge_surface(evidence: Evidence) -> Verdict:
+    found = [surfaces(seed) for seed in evidence.effort.seeds(SEEDS_SURFACE)]
+    return judged({name: np.array([one[name] for one in found]) for name in MODELS})
+
+
+def judged(found: dict[str, Array]) -> Verdict:
+    """Return the verdict on surfaces (sequences, angles, shifts), by number of kernels."""
+    slopes = {name: _slopes(surface) for name, surface in found.items()}
+    times = ratio(slopes[NINE], slopes[ONE])
+    return Verdict(
+        greater(times, LEAST_RATIO),
+        times,
+        "times the slope of one kernel",
+        len(found[NINE]),
+        f"slope at {AT_DEG:g} deg with nine kernels {words(times)} times that with one",
+        figure=_draw_surface({name: surface.mean(axis=0) for name, surface in found.items()}),
+    )
+
+
+def _slopes(surface: Array) -> Array:
+    """Return the mean rise (n,) of the distance to `AT_DEG` on both sides [1/deg], unshifted."""
+    along = surface[:, :, len(MOVED_PX) // 2]
+    sides = [int(np.argmin(np.abs(TURNED_DEG - a))) for a in (-AT_DEG, AT_DEG)]
+    return (along[:, sides].mean(axis=1) - along[:, len(TURNED_DEG) // 2]) / AT_DEG
+
+
+def _draw_surface(means: dict[str, Array]) -> Figure:
+    figure, (*maps, turned, moved) = panels(2, 2, 9.0)
+    for ax, (name, surface), colour in zip(maps, means.items(), COLOURS, strict=False):
+        shown = ax.contourf(MOVED_PX, TURNED_DEG, surface, np.linspace(0, 1, 21), cmap="viridis")
+        ax.set(xlabel="x [px]", ylabel="rotation [deg]", title=name)
+        figure.colorbar(shown, ax=ax, label="distance", ticks=[0, 0.5, 1])
+        turned.plot(TURNED_DEG, surface[:, len(MOVED_PX) // 2], color=colour, label=name)
+        moved.plot(MOVED_PX, surface[len(TURNED_DEG) // 2], color=colour)
+    turned.set(xlabel="rotation [deg]", ylabel="distance", ylim=(0, 1))
+    moved.set(xlabel="x [px]", ylabel="distance", ylim=(0, 1))
+    turned.legend(frameon=False, loc="lower right")
+    return figure
+
+
 UNITS = f"{SEEDS} painted `similarity` sequences, seeds from {FRESH} on"
 SETTINGS = "the paper's presets; each with its own best settings in the table"
 PAIRED = "95 % interval of the mean paired difference"
@@ -260,6 +331,20 @@ CLAIMS = (
         ),
         _judge_pair,
         _jobs,
+    ),
+    Claim(
+        "P1-3",
+        "nine kernels see a rotation that one does not (figure 3)",
+        Rule(
+            f"rise of the distance from 0 to {AT_DEG:g} deg with nine kernels, over that with one",
+            "the papers' presets",
+            f"first pictures of {SEEDS_SURFACE} painted `similarity` sequences, seeds from "
+            f"{FRESH} on",
+            f"{LEAST_RATIO:g}",
+            "95 % interval of the geometric mean ratio",
+            f"above {LEAST_RATIO:g}",
+        ),
+        _judge_surface,
     ),
     Claim(
         "P1-7",

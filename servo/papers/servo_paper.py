@@ -8,11 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
-from servo.papers.drawing import lines
-from servo.papers.groups import column, group, mean, mean_percent, ratio, words
-from servo.papers.loop_series import ERROR, ESTIMATED, LINE, REVERSAL, TIME, TRUE, loop_job, varied
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.papers.experiments import ERROR, ESTIMATED, LINE, REVERSAL, TIME, TRUE, loop_job, varied
+from servo.papers.summaries import column, group, lines, mean, mean_percent, ratio, words
+from servo.study.run import Job, Record
 from sim.types import Array
 from tracking.statistics.comparisons import mean_of
 from tracking.statistics.verdicts import greater, not_worse

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict, every
-from servo.papers.drawing import dots, lines
 from servo.papers.experiments import contender, generated, sequence_jobs, states_found
-from servo.papers.groups import column, completed, mean, mean_percent, ratio, words
+from servo.papers.summaries import column, completed, dots, lines, mean, mean_percent, ratio, words
 from servo.papers.tuning import published, tuned
-from servo.study.job import Job
+from servo.study.run import Job
 from servo.study.sequence_run import Contender, Generated
 from sim.types import Array
 from tracking.settings import PLAIN

@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 from servo.output.formats import Document
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import contender, generated, sequence_jobs
-from servo.papers.groups import column, group
-from servo.study.job import Job
+from servo.papers.summaries import column, group
+from servo.study.run import Job
 from servo.study.sequence_run import Contender, Generated
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding

@@ -9,10 +9,10 @@ from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.study_data import load_records
 from servo.report.words import Badge, Table, Tone, basis, cut, shown, spread
 from servo.study import ranking
-from servo.study.files import StudyFile
 from servo.study.ranking import Rank
-from servo.study.record import Record
+from servo.study.run import Record
 from servo.study.sequence_run import TRACKER
+from servo.study.store import StudyFile
 
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 SHEETS = "sheets"

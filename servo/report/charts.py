@@ -1,16 +1,27 @@
-"""The figures of a page: curves, values by name, and heat maps."""
+"""The figures of a page as SVG: curves, values by name, and heat maps.
 
-from collections.abc import Sequence
+The ground is transparent. Matplotlib draws with placeholder colours. In the SVG they become
+`currentColor` and the page's variables `--series-N`, which have one set of values for light mode
+and one for dark mode.
+"""
+
+import io
+import re
+import warnings
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
+import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
-from servo.report.drawing import INK, canvas, css, svg
-from servo.report.page import Figure, Key
+from servo.report.page import LIGHT, Figure, Key
 from servo.report.words import shown
 from sim.types import Array
 from tracking.drawing.figures import plain_logarithm
@@ -33,6 +44,32 @@ COLOUR_MAP = "viridis"
 DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
+INK = "#ab00ff"
+"""Placeholder for the colour of the page's text."""
+SIZE = (4.9, 2.9)
+"""Size of a figure [inch]: about the width of a phone, where its text must be readable."""
+STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "text.parse_math": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "servobench",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "axes.grid": True,
+    "grid.color": INK,
+    "grid.alpha": 0.15,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.xmargin": 0,
+    "axes.linewidth": 0.7,
+    "path.simplify_threshold": 0.3,
+}
+"""Matplotlib's settings; text from files is never parsed as a formula."""
 
 Shade = tuple[Array, NDArray[np.bool_]]
 """Times (n,), and flags (n,): where they are true, a figure is shaded."""
@@ -74,7 +111,7 @@ def curves(
     note: str = "",
 ) -> Figure:
     """Return a figure of lines over a common axis, shaded where the flags are true."""
-    with canvas() as (figure, axes):
+    with _canvas() as (figure, axes):
         for curve in drawn:
             _draw(axes, curve)
         if shaded is not None:
@@ -94,7 +131,7 @@ def curves(
         _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
         if any(c.points for c in drawn):
             axes.margins(x=0.05)
-        keys = [Key(c.label, css(c.colour), c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
+        keys = [Key(c.label, _css(c.colour), c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
         return Figure(title, svg(figure, title), keys, note)
 
 
@@ -116,7 +153,7 @@ def heat(
     logarithmic = finite.min() > 0 and _range(finite) > log_from
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
     row_height = max(0.3, min(0.5, 3.0 / len(rows)))
-    with canvas(FRAME_HEIGHT + row_height * max(3, len(rows))) as (figure, axes):
+    with _canvas(FRAME_HEIGHT + row_height * max(3, len(rows))) as (figure, axes):
         axes.grid(visible=False)
         axes.pcolormesh(values, norm=norm, cmap=COLOUR_MAP)
         if len(columns) <= MOST_NUMBERED_COLUMNS:
@@ -171,3 +208,42 @@ def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x"
 def _range(values: Array) -> float:
     """Return the largest value over the lower quartile: a few values near zero do not count."""
     return float(values.max() / np.percentile(values, 25))
+
+
+def colour(i: int) -> str:
+    """Return the placeholder for the colour of series i."""
+    return f"#ab00{i % len(LIGHT):02x}"
+
+
+def _css(placeholder: str) -> str:
+    """Return the colour in CSS for a placeholder."""
+    return "currentColor" if placeholder == INK else f"var(--series-{int(placeholder[-2:], 16)})"
+
+
+@contextmanager
+def _canvas(height: float = SIZE[1]) -> Generator[tuple[Drawing, Axes]]:
+    """Yield a figure with axes; draw it and turn it into SVG within the block."""
+    with mpl.rc_context(STYLE), warnings.catch_warnings():
+        # The browser has the characters that our font lacks.
+        warnings.filterwarnings("ignore", "Glyph")
+        figure = Drawing(figsize=(SIZE[0], height), layout="constrained")
+        axes = figure.subplots()
+        axes.set_axisbelow(True)
+        yield figure, axes
+
+
+def svg(figure: Drawing, title: str) -> Markup:
+    """Return the figure as a scalable SVG element with a label for screen readers."""
+    file = io.StringIO()
+    figure.savefig(
+        file,
+        format="svg",
+        transparent=True,
+        metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")),
+    )
+    text = file.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"#ab00(?:ff|0[0-9a-f])", lambda found: _css(found.group()), text)
+    head, rest = text.split(">", 1)
+    head = re.sub(r' (?:width|height)="[^"]*"', "", head)
+    return Markup(f'{head} role="img" aria-label="{Markup.escape(title)}">{rest}')

@@ -16,9 +16,37 @@ from markupsafe import Markup
 
 from servo.mistake import Mistake
 from servo.output.formats import Made, content
-from servo.report.drawing import DARK, LIGHT
 from servo.report.words import Badge, Cell, Table, cut
 
+LIGHT = (
+    "#c23b2e",
+    "#2b6cb0",
+    "#1f7a3a",
+    "#b7791f",
+    "#6b46c1",
+    "#0f766e",
+    "#be185d",
+    "#4b5563",
+    "#0e7490",
+    "#9a3412",
+    "#4d7c0f",
+    "#a21caf",
+)
+DARK = (
+    "#ff7b6b",
+    "#6cb2ff",
+    "#5fd38a",
+    "#f2b84b",
+    "#b79cff",
+    "#3fd0c0",
+    "#ff7ab5",
+    "#aab4c3",
+    "#4cc9e8",
+    "#ffab73",
+    "#b5d94c",
+    "#eb8bf5",
+)
+"""Colours of the series of a figure, on light and on dark ground."""
 TEMPLATE = "page.html.jinja"
 JPEG_QUALITY = 82
 MOST_ROWS = 500

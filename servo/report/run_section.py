@@ -8,15 +8,14 @@ import pyarrow.parquet as pq
 import tomli_w
 
 from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.settings import DOES_NOT_REPEAT
 from servo.mistake import Mistake
 from servo.output.formats import HALF, check_format, content
 from servo.output.run_folder import RECORDING
 from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
-from servo.report.charts import ERROR_RANGE, Curve, Scale, Shade, curves
-from servo.report.drawing import INK, colour
+from servo.report.charts import ERROR_RANGE, INK, Curve, Scale, Shade, colour, curves
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
-from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.run_report import RunReport
 from sim.types import Array
 from tracking.drawing.contact_sheet import page, tile

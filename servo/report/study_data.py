@@ -1,7 +1,7 @@
 """A study's folder as values: the study, and rows, errors over time and sheets of its runs."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from servo.output import formats
-from servo.study.files import FailureFile, StudyFile
-from servo.study.record import Record, Row
-from servo.study.store import FAILURES, RUNS
-from servo.study.units import SUCCESS, Units, values
+from servo.report.words import counted, shown, spread
+from servo.study.record_file import decoded
+from servo.study.results import SUCCESS, Cell, Units, values
+from servo.study.run import Record, Row
+from servo.study.store import FAILURES, RUNS, FailureFile, StudyFile
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
@@ -103,7 +104,7 @@ def load_records(folder: Path) -> list[Record]:
 
 
 def _record(path: Path) -> Record | None:
-    return Record.decoded(formats.content(path))
+    return decoded(formats.content(path))
 
 
 def duration(series: Series) -> float:
@@ -116,3 +117,17 @@ def median(rows: list[Row], name: str) -> float:
     """Return the median of a measure; nan if no run has it."""
     found = values(rows, name)
     return float(np.median(found)) if len(found) else np.nan
+
+
+def cell_row(cell: Cell, measures: Iterable[str]) -> list[str]:
+    """Return a cell as a row: axis values, units, the share held with its interval, and means.
+
+    A mean over a part of the runs says how many these are: "2.1 (1 of 10)".
+    """
+    means: list[str] = []
+    for name in measures:
+        mean = cell.means.get(name)
+        part = f" ({cell.finite[name]} of {cell.runs})" if cell.finite[name] < cell.runs else ""
+        means.append(shown(mean.value) + part if mean else shown(None))
+    axes = map(shown, cell.settings.values())
+    return [*axes, counted(cell.success, cell.unit), spread(cell.success), *means]

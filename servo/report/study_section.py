@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
 from servo.report.study_data import SUCCESS, Row, StudyResults, load, median
@@ -22,7 +23,6 @@ from servo.report.words import (
     shown,
     spread,
 )
-from servo.scenario.sections import DOES_NOT_REPEAT
 from servo.study.bounds import missed_by_cells
 from servo.study.results import COMPARED, Compared, comparisons, grouped
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from servo.loop.run_measures import MEANINGS
 from servo.report import charts
-from servo.report.charts import ERROR_RANGE, SETTING_RANGE, Curve, Scale, curves
-from servo.report.drawing import LIGHT, colour
-from servo.report.page import Figure
+from servo.report.charts import ERROR_RANGE, SETTING_RANGE, Curve, Scale, colour, curves
+from servo.report.page import LIGHT, Figure
 from servo.report.study_data import SUCCESS, TIME, Row, Series, StudyResults, duration, median
 from servo.report.words import cut, shown
 from sim.types import Array

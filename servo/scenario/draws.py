@@ -1,4 +1,4 @@
-"""Random draws: a stream for each part of a run, and settings that are drawn for each seed.
+"""Settings that are drawn for each seed.
 
 A scenario's `[vary]` table names settings and the law that each is drawn from. Seed 0 is the
 scenario as it is written; each other seed is another run of the same experiment, also for a tracker
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from servo.loop.settings import stream
 from servo.mistake import Mistake
 from servo.scenario.toml import is_number, names_of
 
@@ -24,11 +25,6 @@ AS_WRITTEN = 0
 """The seed for which a scenario's own draws are left out."""
 FIXED = ("run.seed", "expect", "vary", "sweep", "measure")
 """Settings that a scenario does not draw."""
-
-
-def stream(seed: int, name: str) -> np.random.Generator:
-    """Return the random stream of one part: the draws of one part never shift another's."""
-    return np.random.default_rng([seed, *name.encode()])
 
 
 @dataclass(frozen=True, slots=True)

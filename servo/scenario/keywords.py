@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 from servo.mistake import Mistake, unknown
 from servo.scenario.arguments import texts
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.draws import spelled
-from servo.scenario.toml import assignment, plain
+from servo.scenario.toml import assignment, names_of, plain
 from sim import kinds
 
 
@@ -35,7 +34,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
         The place of the last change of one of them, of a table around it or of a value in it.
     """
     for change in reversed(changes):
-        changed = f"{spelled(change.key, change.place)}."
+        changed = ".".join([*names_of(change.key), ""])
         for setting in settings:
             path = re.sub(r"\[(\d+)\]", r".\1", setting) + "."
             if path.startswith(changed) or changed.startswith(path):

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from servo.loop.settings import RunConfig, Setup
 from servo.mistake import Mistake, unknown
-from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.scenario import arguments, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -19,68 +19,30 @@ from servo.scenario.expected import Expected, tracker_of
 from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
-from servo.scenario.sections import (
-    GoalConfig,
-    MeasureConfig,
-    RegionConfig,
-    RunConfig,
-    StartConfig,
-    check_frames,
-)
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, section_of
 from servo.scenario.toml import put, with_settings
-from servo.sight.estimate_to_sight import SightConfig
 from sim import kinds
-from sim.camera.camera import CameraConfig
 from sim.installed import Trusted
-from sim.kinds import PartConfig
-from sim.kinematics.robot import Design
-from sim.miscalibration import BelievedConfig
-from sim.models.target import Target
-from sim.stage import Disturbance, Motion
 from sim.timing import Rates
-from sim.world import WorldConfig
-from tracking.types import Tracker
 
 Table = dict[str, Any]
 NO_PARTS: Mapping[str, Any] = {}
+MOST_FRAMES = 360_000
+"""An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scenario:
-    """Everything a run depends on."""
+class Scenario(Setup):
+    """A setup that was read from a file, and its bounds."""
 
-    name: str
     table: Table = field(repr=False)
     """The TOML table it was parsed from, overrides and the camera's calibration included."""
-    run: RunConfig
-    world: WorldConfig
-    camera: CameraConfig
-    goal: GoalConfig
-    start: StartConfig
-    region: RegionConfig
-    sight: SightConfig
-    believed: BelievedConfig
-    measure: MeasureConfig
-    robot: PartConfig[Design]
-    target: PartConfig[Target]
-    motion: PartConfig[Motion]
-    tracker: PartConfig[Tracker]
-    features: FeaturesConfig
-    estimator: PartConfig[Estimator]
-    controller: PartConfig[Controller]
-    disturbances: tuple[PartConfig[Disturbance], ...]
     expect: dict[str, float | str]
     """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
     bounds: Expected
     """The bounds of all trackers."""
     drawn: Table = field(default_factory=dict)
     """The settings that were drawn for this seed, and their values."""
-
-    @property
-    def frames(self) -> int:
-        """Return the number of frames of a run."""
-        return max(1, round(self.run.duration * self.camera.rate))
 
     @property
     def unjudged(self) -> str:
@@ -105,7 +67,8 @@ def _described(config: Any) -> Table:
     """Return the kind of a `Config` and its settings."""
     value: Any = config
     settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
-    return {"kind": kinds.kind_of(config)} | settings
+    # The kind comes first, and is the part's own even if it has a field of this name.
+    return {"kind": ""} | settings | {"kind": kinds.kind_of(config)}
 
 
 def load(
@@ -188,6 +151,8 @@ def parse(
         raise Mistake(f"{where('sweep')}: sweep should be a table, not {table['sweep']!r}")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{where('camera')}: camera")}
+    if written is not None:  # a change replaces a draw: a wrong one in the file would go unseen
+        draws_of(written.get("vary", {}), f"{place}: vary")
     draws = draws_of(table.get("vary", {}), f"{where('vary')}: vary")
     fixed = {key: value for key, value in table.items() if key != "vary"}
     try:
@@ -203,7 +168,7 @@ def parse(
         sentence = f"{where(error.setting, *named)}: {error}"
         raise Mistake(sentence) from error.__cause__
     bounds = Expected.read(table, table if written is None else written, where("expect"))
-    check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
+    _check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
     expect = bounds.of(tracker_of(table))
     if tracker_of(table) != bounds.own:
         table = table | {"expect": expect}
@@ -244,3 +209,17 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any
             except WrongSetting as error:
                 raise WrongSetting(f"{at}: {error}", at) from error.__cause__
     return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
+
+
+def _check_frames(run: RunConfig, rate: float, place: str) -> None:
+    """Refuse a run whose steps would not fit into memory, which are kept until its end.
+
+    Raises:
+        Mistake: It has too many frames at this rate [Hz].
+    """
+    frames = run.duration * rate
+    if frames > MOST_FRAMES:
+        raise Mistake(
+            f"{place}: run.duration = {run.duration:g} s at camera.rate = {rate:g} Hz is "
+            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
+        )

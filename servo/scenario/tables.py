@@ -3,14 +3,14 @@
 from contextlib import suppress
 from typing import Any
 
-from servo.scenario.catalogue import LISTS, PLUGINS
-from servo.scenario.sections import (
+from servo.loop.settings import (
     GoalConfig,
     MeasureConfig,
     RegionConfig,
     RunConfig,
     StartConfig,
 )
+from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind

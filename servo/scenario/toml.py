@@ -123,6 +123,8 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
         Mistake: The path leads through something that is no table; place names it.
     """
     *above, name = keys = names_of(path)
+    if len(keys) > DEEPEST:
+        raise Mistake(f"{place}: {TOO_DEEP}")
     at: Any = table
     for key in above:
         at = _inside(at, key, [] if at is table and key in LISTS else {})

@@ -1,19 +1,25 @@
 """The executor: does jobs in this process, on workers of this machine, or on a cluster."""
 
-from collections.abc import Callable, Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import cached_property, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+import numpy as np
+
 from servo.mistake import Mistake
-from servo.study.failure import Failure
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Failure, Job, Record
 from servo.study.store import Store
 
 MOST_RUNS = 100_000
 """Most runs of one command that keeps their records in memory."""
+TRIED = 5
+"""Most different jobs that are tried to reckon how long all take."""
+TRYING = 15.0
+"""Longest time of that, but for the last of them [s]."""
 Task = TypeVar("Task")
 Done = TypeVar("Done")
 
@@ -32,7 +38,7 @@ class Workers(ExitStack):
             Mistake: The machine cannot run so many, or the address is wrong.
         """
         super().__init__()
-        self._count = count
+        self.count = count
         self.scheduler = scheduler
         if scheduler is not None:
             from servo.study.cluster.remote import check_address, security_of
@@ -52,7 +58,7 @@ class Workers(ExitStack):
             ClusterLost: The workers are gone.
             Refused: The processes cannot be started.
         """
-        if self.scheduler is None and self._count == 1:
+        if self.scheduler is None and self.count == 1:
             yield from _one_by_one(tasks, work)
             return
         from servo.study.cluster.tasks import carry_out
@@ -67,7 +73,7 @@ class Workers(ExitStack):
             return self.enter_context(remote(self.scheduler))
         from servo.study.cluster.local import local
 
-        return self.enter_context(local(self._count))
+        return self.enter_context(local(self.count))
 
 
 def _one_by_one(
@@ -101,6 +107,30 @@ def execute(
 
 def _run(job: Job, folder: Path) -> Record:
     return job.run(folder)
+
+
+def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
+    """Do a few of some jobs, at least one, in this process, and keep nothing.
+
+    Returns:
+        How long one took [s], mean, and those that failed. Before others, the first one counts
+        only if it took all the time: it compiles the hot loops.
+    """
+    some = jobs[:: -(-len(jobs) // TRIED)]
+    spent: list[float] = []
+    failed: list[tuple[Job, Failure]] = []
+    before = time.monotonic()
+    with TemporaryDirectory() as folder:
+        for job, end in _one_by_one([some[0], *some], partial(_run, folder=Path(folder))):
+            now = time.monotonic()
+            spent.append(now - before)
+            before = now
+            if isinstance(end, Failure):
+                failed.append((job, end))
+                break
+            if sum(spent) > TRYING:
+                break
+    return float(np.mean(spent[1:] or spent)), failed
 
 
 def complete(

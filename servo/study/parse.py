@@ -36,7 +36,6 @@ ALL = "*"
 SEEDS = 3
 MOST_RUNS = 1_000_000
 MOST_CHECKED = 2000
-MOST_SCENARIOS = 1000
 TRACKERS = "trackers"
 """Axis of the trackers that a command gives."""
 COUNTABLE = 10**15
@@ -191,8 +190,6 @@ def _bases(given: Any, path: Path, place: str) -> tuple[StudiedScenario, ...]:
     names: list[Any] = shipped() if given == ALL else given if isinstance(given, list) else [given]
     if not names or not all(isinstance(n, str) for n in names):
         raise Mistake(f'{place}: scenario should name a scenario, several in a list, or "*"')
-    if len(names) > MOST_SCENARIOS:
-        raise Mistake(f"{place}: scenario has {len(names):,} names; the limit is {MOST_SCENARIOS}")
     bases: dict[Path, StudiedScenario] = {}
     for name in names:
         beside = path.parent / name

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.study.record import Record
+from servo.study.run import Record
 from servo.study.sequence_run import TRACKER
 from sim.types import Array
 from tracking.evaluation.track_measures import MEASURES

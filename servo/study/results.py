@@ -1,24 +1,95 @@
-"""The results of a study: cells with intervals, paired comparisons, and missed bounds."""
+"""The results of a study: its units, cells with intervals, and paired comparisons.
+
+A unit is what could have been otherwise, over which intervals are taken. Over several scenarios it
+is the scenario; else the seed, which decides the draws in all cells. Seeds that draw nothing, so
+that all runs of a cell are alike, are one observation.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from servo.loop.run_measures import MEANINGS, TIMED
 from servo.study.bounds import SUCCESS_RATE
 from servo.study.plan import Study
-from servo.study.record import Row
-from servo.study.scenario_run import MEASURED
-from servo.study.units import SUCCESS, Units, values
+from servo.study.run import SCENARIO, Row
+from servo.study.scenario_run import MEASURED, TIMES, TRACK_MS
+from sim.types import Array
 from tracking.files.csv_text import csv_text
-from tracking.statistics.comparisons import Interval, McNemar, cells, holm, titles
+from tracking.statistics.comparisons import Interval, McNemar, cells, holm, mean_of, titles
 
+SUCCESS = "success"
+SIGNED = ("detour_m",)
+"""Measures that may be below 0."""
+UNTIMED = tuple(name for name in MEANINGS if name not in TIMES)
+SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", TRACK_MS)
+"""Measures of a table in which nothing differs."""
+MOST_MOVED = 5
+LEAST_MOVED = 0.05
+"""Least difference between cells, over the largest mean."""
+ALIKE = 0.98
+"""Correlation over the cells from which on a second measure says the same."""
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")
 _Held = dict[Any, dict[tuple[Any, ...], bool]]
 """Whether runs succeeded, by unit and by what else distinguishes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Rows of a study by their unit."""
+
+    name: str
+    """scenario, draw, seed, or run where all is one observation."""
+    rows: dict[Any, list[Row]]
+
+    @staticmethod
+    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> Units:
+        """The units of rows.
+
+        Args:
+            rows: Runs of one study.
+            keys: Its axes.
+            drawn: Whether its seeds draw settings.
+            apart: An axis whose values are compared: where this is the scenario, scenarios are no
+                units.
+        """
+        if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
+            return Units("scenario", _by(rows, [SCENARIO]))
+        if drawn or _varies(rows, keys):
+            return Units("draw" if drawn else "seed", _by(rows, ["seed"]))
+        return Units("run", {(): list(rows)} if rows else {})
+
+    def mean(self, name: str) -> Interval | None:
+        """Mean over the units of a measure's mean in each; None if no run has it."""
+        scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
+        if not scores:
+            return None
+        least = -np.inf if name in SIGNED else 0.0
+        most = 1.0 if name == SUCCESS else np.inf
+        return mean_of(np.array(scores), least=least, most=most)
+
+
+def values(rows: Iterable[Row], name: str) -> Array:
+    """The finite values of a measure (n,)."""
+    found = np.array([r[name] for r in rows if r.get(name) is not None], dtype=float)
+    return found[np.isfinite(found)]
+
+
+def _by(rows: Sequence[Row], keys: Iterable[str]) -> dict[Any, list[Row]]:
+    found: dict[Any, list[Row]] = {}
+    for row in rows:
+        found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
+    return found
+
+
+def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
+    """Whether two seeds of a cell differ in anything but time."""
+    cells = _by(rows, [SCENARIO, *keys]).values()
+    return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +148,36 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
     keys = [axis.key for axis in study.every_axis]
     drawn = bool(study.draws)
     return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(keys, rows)]
+
+
+def moved(cells: Sequence[Cell]) -> list[str]:
+    """Return the measures that differ most between the cells, at most `MOST_MOVED`.
+
+    A difference counts against the intervals of the means, and has to be a part of the largest
+    mean. A measure that goes with an earlier one is left out, as a peak with its rms.
+    """
+    scores: dict[str, float] = {}
+    values: dict[str, Array] = {}
+    for name in MEASURED:
+        means = [cell.means[name] for cell in cells if name in cell.means]
+        if name == TIMED or len(means) < max(2, len(cells)):
+            continue
+        values[name] = np.array([mean.value for mean in means])
+        largest = float(np.abs(values[name]).max()) or 1.0
+        share = float(np.ptp(values[name])) / largest
+        if share <= LEAST_MOVED:
+            continue
+        noise = float(np.mean([m.high - m.low if m.known else 0.0 for m in means])) / largest
+        score = share / (noise + LEAST_MOVED)
+        alike = [other for other in scores if _correlation(values, name, other) > ALIKE]
+        first = alike[0] if alike else name
+        scores[first] = max(score, scores.get(first, 0.0))
+    chosen = sorted(scores, key=lambda name: -scores[name])[:MOST_MOVED]
+    return [name for name in MEASURED if name in (chosen or SHOWN)]
+
+
+def _correlation(values: dict[str, Array], first: str, second: str) -> float:
+    return abs(float(np.corrcoef(values[first], values[second])[0, 1]))
 
 
 def comparisons(

@@ -7,12 +7,10 @@ from typing import Any, ClassVar
 
 from servo.loop.run_measures import MEANINGS
 from servo.loop.step import Scene
-from servo.mistake import Mistake
 from servo.output.formats import Made, Number
-from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
 from servo.study.bounds import MissedBound
-from servo.study.record import Record
+from servo.study.run import Record
 from sim.models.target import dimensions
 from tracking.files.json_text import as_json, number
 
@@ -69,26 +67,7 @@ class RunReport(Made):
             features=dict(zip(features.names, features.units, strict=True)),
             feed_forward=list(features.feed_forward),
             settings=as_json(settings),
-            table=_table(scenario),
+            table=as_json(scenario.table),
             rates=scenario.rates_changed,
             unjudged=scenario.unjudged,
         )
-
-
-def _table(scenario: Scenario) -> dict[str, Any]:
-    """The scenario's table; if Python changed a setting, a table of all settings."""
-    settings = scenario.settings()
-    try:
-        same = scenarios.parse(scenario.table, scenario.name, scenario.name).settings() == settings
-    except Mistake:
-        same = False
-    return as_json(
-        scenario.table if same else _without_none(settings | {"expect": scenario.expect})
-    )
-
-
-def _without_none(value: Any) -> Any:
-    """A value without settings that are None: TOML has no null, and None is their default."""
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    return [_without_none(item) for item in value] if isinstance(value, list) else value

@@ -13,7 +13,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from servo.loop.episode import measured_run
-from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise
+from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise, timed
 from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.formats import command_line
@@ -24,8 +24,7 @@ from servo.scenario.named_files import digest_of
 from servo.scenario.toml import assignment, put
 from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import check_expect, missed_bounds
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.run import Job, Record
 from sim.kinds import UnknownKind
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded
@@ -38,11 +37,17 @@ CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
 CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
 """Projected corners of the target's reference rectangle."""
 TRACK_MS = "track_ms"
-"""The tracker's time for a picture, median [ms]: a measure of records only."""
+"""The tracker's time for a picture that it was shown, median [ms]: a measure of records only."""
 MEASURED = (*MEANINGS, TRACK_MS)
 """The measures of a record."""
 TIMES = (TIMED, TRACK_MS)
 """Measured times, which differ when a run is repeated."""
+
+
+def meaning(name: str) -> str:
+    """Return what a measure of a record is, with its unit."""
+    unit, text = MEANINGS.get(name, ("ms", "the tracker's time for a picture, median"))
+    return f"{text} [{unit}]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +169,7 @@ def record_of(
     summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     outcome = summary.outcome.name
     expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
-    track_ms = 1e3 * float(np.median([s.seconds.track for s in steps]))
+    track_ms = 1e3 * float(np.median([s.seconds.track for s in timed(steps)]))
     return Record(
         number=job.number,
         subject=job.subject.name,

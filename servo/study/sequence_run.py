@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from servo.scenario.named_files import digests, named_by
-from servo.study.job import Job
-from servo.study.record import SEQUENCE, Record
+from servo.study.run import SEQUENCE, Job, Record
 from sim.kinds import kind_of
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile

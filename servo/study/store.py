@@ -10,17 +10,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, ClassVar
 
 from filelock import FileLock, Timeout
 
 from servo.mistake import Mistake, Refused, unwritable
-from servo.output.formats import OtherFormat
+from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
-from servo.study.failure import Failure
-from servo.study.files import FailureFile, StudyFile
-from servo.study.job import Job
-from servo.study.record import Record
+from servo.study.plan import Study
+from servo.study.record_file import decoded, encoded
+from servo.study.run import Failure, Job, Record
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
@@ -31,6 +32,72 @@ LOCK = ".lock"
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
 """Keys of study.json that must not differ between the sessions of one study."""
 GOES_ON = "the same command goes on from there"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyFile(Made):
+    """study.json: all that defines a study."""
+
+    FILE: ClassVar[str] = "study.json"
+    KIND: ClassVar[str] = "study"
+
+    holds: str = "sweep"
+    """The command whose results are in the folder."""
+    name: str
+    title: str
+    axes: dict[str, list[Any]]
+    draws: dict[str, dict[str, list[Any]]]
+    """The law of each drawn setting, and its numbers."""
+    seeds: list[int]
+    compare: str | None
+    """The axis whose values are compared with each other."""
+    expect: dict[str, Number]
+    runs: int
+    table: dict[str, Any]
+    """The study's TOML table, including the changes of the command line."""
+    scenarios: dict[str, dict[str, Any]]
+    """Tables of the scenarios that the study changes, by name."""
+    files: dict[str, str] = field(default_factory=dict[str, str])
+    """Digests of the files that these tables name, by path."""
+
+    @staticmethod
+    def of(study: Study, command: str) -> StudyFile:
+        """The file of a study that a command line starts."""
+        return StudyFile(
+            command=command,
+            versions=versions(),
+            name=study.name,
+            title=study.title,
+            axes={a.key: list(a.values) for a in study.every_axis},
+            draws={d.key: {d.law: list(d.numbers)} for d in study.draws},
+            seeds=list(study.seeds),
+            compare=study.compare,
+            expect=study.expect,
+            runs=study.size,
+            table=study.table,
+            scenarios={b.name: b.table for b in study.bases},
+            files=study.files,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailureFile(Document):
+    """failures/NUMBER.json: a run that ended in an error."""
+
+    KIND: ClassVar[str] = "failure"
+
+    run: int
+    settings: dict[str, Any]
+    command: str
+    """The command that repeats this run alone."""
+    error: str
+    """The traceback."""
+
+    @staticmethod
+    def of(job: Job, error: str) -> FailureFile:
+        """The file of a failed run."""
+        settings = job.settings | {"seed": job.seed}
+        return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
 
 @contextmanager
@@ -131,7 +198,8 @@ class Store:
 
     def find(self, jobs: Iterable[Job]) -> None:
         """Look for the records of jobs, which are then in `done` or `damaged`."""
-        there = set((self.folder / RUNS).rglob("*.parquet"))
+        # Reading anything else could wait for ever, as a pipe does.
+        there = {path for path in (self.folder / RUNS).rglob("*.parquet") if path.is_file()}
         for job in jobs if there else ():
             path = self._path(job)
             if path in there:
@@ -147,7 +215,7 @@ class Store:
             raw = self._path(job).read_bytes()
         except OSError:
             return None
-        return Record.decoded(raw, as_json(job.describe()))
+        return decoded(raw, as_json(job.describe()))
 
     def add(self, job: Job, record: Record) -> None:
         """Keep the record of a job.
@@ -164,17 +232,21 @@ class Store:
                     "not be compared; install the same on every worker"
                 )
         path = self._path(job)
-        encoded = record.encoded(as_json(job.describe()))
+        raw = encoded(record, as_json(job.describe()))
         try:
             with self.on_disk(f"run {job.key}"):
-                atomic.write(self.folder, f"{RUNS}/{job.key}.parquet", encoded)
+                atomic.write(self.folder, f"{RUNS}/{job.key}.parquet", raw)
             self.done.add(job.key)
         except KeyboardInterrupt:
-            if path.is_file() and path.read_bytes() == encoded:  # interrupted after the renaming
+            if path.is_file() and path.read_bytes() == raw:  # interrupted after the renaming
                 self.done.add(job.key)
             raise
         with suppress(OSError):
             self.failure_path(job).unlink()
+
+    def forget(self, job: Job) -> None:
+        """Remove the record of a job, which is done again."""
+        self._path(job).unlink(missing_ok=True)
 
     def fail(self, job: Job, failure: Failure) -> Path:
         """Keep why a job failed; the next session does it again.

@@ -25,7 +25,7 @@ def contract(check: Callable[..., None]) -> Callable[..., None]:
             check(*part, **more)
         except BrokenContract:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise BrokenContract(f"it raised {type(error).__name__}: {error}") from error
 
     return checked

@@ -33,7 +33,7 @@ class _Subject:
         remaining = iter(frames)
         tracker = self.begun(next(remaining))
         for frame in remaining:
-            yield tracker.update(frame)
+            yield tracker.update(frame, np.zeros(4))
 
 
 @contract
@@ -101,10 +101,10 @@ def _check_odd_pictures(subject: _Subject) -> None:
         tracker = subject.begun(next(subject.film(1)))
         for k in range(1, 4):
             try:
-                tracker.update(Frame(np.full(size, level, np.uint8), k * 0.1, k))
+                tracker.update(Frame(np.full(size, level, np.uint8), k * 0.1, k), np.zeros(4))
             except BrokenContract:
                 raise
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise BrokenContract(
                     f"a {name} picture of {size[1]} x {size[0]} px made update raise "
                     f"{type(error).__name__}: {error}; return the last state as LOST instead"

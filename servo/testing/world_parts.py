@@ -14,7 +14,7 @@ from sim.geometry import log_se3
 from sim.kinematics.robot import Design, Robot
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
-from sim.types import Array, Effect, Pose
+from sim.types import Array, Pose
 
 PHYSICS_RATE = 480.0
 TIMES = (-0.1, 0.0, 0.4, 1.0, 2.5, 10.0)
@@ -45,10 +45,7 @@ def check_motion(motion: Any) -> None:
     once, again = (built("motion", config) for _ in range(2))
     for time in TIMES:
         pose = once.at(time)
-        R = pose.rotation
         t = pose.translation
-        turned = np.allclose(R @ R.T, np.eye(3), atol=1e-9) and np.linalg.det(R) > 0
-        require(turned, f"at({time:g}) is no pose: its rotation (3, 3) is none")
         same = np.array_equal(t, again.at(time).translation)
         require(same, "the same generator gave another motion; draw from build(rng) only")
         jump = float(np.linalg.norm(once.at(time + SOON).translation - t))
@@ -63,11 +60,6 @@ def check_disturbance(disturbance: Any) -> None:
         BrokenContract: It does not; the sentence says what to change.
     """
     found = built("disturbances", config_of("disturbances", disturbance))
-    require(
-        isinstance(getattr(found, "props", None), tuple),
-        "it has no tuple `props`; () if it needs nothing in the scene",
-    )
-    require(found.at(-1.0) == Effect(), "it does something before time 0; return Effect() there")
     for time in TIMES:
         found.at(time)
 

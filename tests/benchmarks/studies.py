@@ -15,8 +15,8 @@ import psutil
 from servo.study import store
 from servo.study.cluster.local import local
 from servo.study.cluster.tasks import carry_out
-from servo.study.files import StudyFile
 from servo.study.parse import load
+from servo.study.store import StudyFile
 
 MEGA = 2**20
 SHORT = ["run.duration=0.2", "tracker.kind=frozen"]

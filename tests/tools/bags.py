@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 from foxglove import messages
+from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -73,10 +74,11 @@ def _mcap(path, store, items):
     return write_mcap(path, "cdr", "ros2msg", rows)
 
 
-def write_mcap(path, encoding, schemas, topics, profile="ros2"):
+def write_mcap(path, encoding, schemas, topics, profile="ros2", *, compressed=True):
     """topics: name to (type, [(recorded [s], bytes)])."""
+    packed = CompressionType.ZSTD if compressed else CompressionType.NONE
     with path.open("wb") as file:
-        writer = McapWriter(file, chunk_size=20_000)
+        writer = McapWriter(file, chunk_size=20_000, compression=packed)
         writer.start(profile=profile, library="test")
         for name, (kind, rows) in topics.items():
             schema = writer.register_schema(name=kind, encoding=schemas, data=b"")

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -12,7 +14,7 @@ from sim.types import Array, Image
 from tracking.drawing.colours import PARTICLES, STATUS_ON_WHITE
 from tracking.drawing.contact_sheet import outline
 from tracking.drawing.figures import DOTS, literal
-from tracking.drawing.running_chart import Chart, RunningChart, pixels
+from tracking.drawing.running_chart import Chart, RunningChart
 from tracking.drawing.video_writer import VideoWriter
 
 MARGIN = 16
@@ -25,6 +27,10 @@ OTHERS = 410
 STATUS = 100
 """Widths of a letter of the title, of all that stands beside it, and of the status in there [px]; a
 longer title is cut."""
+LEFT = 70
+BELOW = 50
+ABOVE = 32
+"""Space around the axes of the chart [px]; above them is the legend."""
 GROUND = (228, 228, 228)
 LINE = 2
 DOT = 1
@@ -94,25 +100,30 @@ class FilmPage:
         Raises:
             OSError: The file cannot be written.
         """
-        count = len(captions)
-        width = MARGIN + count * (size[0] + MARGIN)
+        width = MARGIN + len(captions) * (size[0] + MARGIN)
         height = HEAD + CAPTION + size[1] + CHART
         longest = (width - OTHERS) // LETTER
         if len(title) > longest:
             title = f"{title[: longest - 3]}..."
+        figure = Figure((width / DOTS, height / DOTS), dpi=DOTS)
+
+        def written(x: float, y: float, text: str = "", **style: Any) -> Text:
+            return figure.text(x / width, 1 - y / height, text, va="center", **style)
+
+        written(MARGIN, HEAD / 2, literal(title), size=10, weight="bold")
+        for i, caption in enumerate(captions):
+            written(MARGIN + i * (size[0] + MARGIN), HEAD + CAPTION / 2, caption, size=8)
+        right = width - MARGIN
+        self._note = written(right - STATUS, HEAD / 2, size=10, ha="right", animated=True)
+        self._status = written(right, HEAD / 2, size=10, ha="right", weight="bold", animated=True)
+        axes = figure.add_axes(
+            (LEFT / width, BELOW / height, (right - LEFT) / width, (CHART - BELOW - ABOVE) / height)
+        )
+        self._chart = RunningChart(axes, chart)
         self._panel = size
-        self._page = np.full((height, width, 3), 255, np.uint8)
-        head, (name,) = _texts(width, HEAD, 1)
-        name.set(x=MARGIN / width, ha="left", text=literal(title), weight="bold")
-        self._page[:HEAD] = pixels(head)
-        self._beside, (self._note, self._status) = _texts(OTHERS, HEAD, 2)
-        self._note.set(x=1 - (MARGIN + STATUS) / OTHERS, ha="right")
-        self._status.set(x=1 - MARGIN / OTHERS, ha="right", weight="bold")
-        line, texts = _texts(width, CAPTION, count)
-        for i, (text, caption) in enumerate(zip(texts, captions, strict=True)):
-            text.set(x=(MARGIN + i * (size[0] + MARGIN)) / width, ha="left", text=caption, size=8)
-        self._page[HEAD : HEAD + CAPTION] = pixels(line)
-        self._chart = RunningChart(width, CHART, chart)
+        self._figure = figure
+        self._canvas = FigureCanvasAgg(figure)
+        self._ground: Any = None
         self._video = VideoWriter(path, rate, width, height)
 
     def add(
@@ -132,13 +143,18 @@ class FilmPage:
         """
         self._note.set_text(f"{note}    t = {time:.2f} s")
         self._status.set(text=status, color=STATUS_ON_WHITE[status])
-        self._page[:HEAD, -OTHERS:] = pixels(self._beside)
+        if self._chart.add(time, values, status) or self._ground is None:
+            self._canvas.draw()
+            self._ground = self._canvas.copy_from_bbox(self._figure.bbox)
+        self._canvas.restore_region(self._ground)
+        for artist in (self._note, self._status, *self._chart.artists):
+            self._figure.draw_artist(artist)
+        page = np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
         top = HEAD + CAPTION
         for i, picture in enumerate(panels):
             left = MARGIN + i * (self._panel[0] + MARGIN)
-            self._page[top : top + self._panel[1], left : left + self._panel[0]] = picture
-        self._page[-CHART:] = self._chart.add(time, values, status)
-        self._video.add(self._page, time)
+            page[top : top + self._panel[1], left : left + self._panel[0]] = picture
+        self._video.add(page, time)
 
     def close(self) -> None:
         """Finish the file."""
@@ -147,9 +163,3 @@ class FilmPage:
     def abandon(self) -> None:
         """Close the file as it is; it can be played up to here."""
         self._video.abandon()
-
-
-def _texts(width: int, height: int, count: int) -> tuple[Figure, list[Text]]:
-    """A figure of a size [px] that is one line of texts."""
-    figure = Figure((width / DOTS, height / DOTS), dpi=DOTS)
-    return figure, [figure.text(0, 0.5, "", va="center", size=10) for _ in range(count)]

@@ -166,6 +166,14 @@ def _relative(c: Comparison) -> Array:
     return np.hypot(*(c.offsets / np.maximum(c.sizes, 1e-12)).T)
 
 
+def _shown(c: Comparison) -> NDArray[np.bool_]:
+    """Return for each frame whether the tracker was asked: the first one is given, and a picture
+    that cannot be read is not shown.
+    """
+    spent = c.track.milliseconds
+    return (spent > 0) & (np.arange(len(spent)) > 0)
+
+
 H = Better.HIGHER
 L = Better.LOWER
 MEASURES = (
@@ -257,14 +265,14 @@ MEASURES = (
         "ms",
         L,
         "median time for a frame",
-        lambda c: float(np.median(c.track.milliseconds[1:])) if len(c.errors) > 1 else 0.0,
+        lambda c: float(np.median(c.track.milliseconds[_shown(c)])) if _shown(c).any() else 0.0,
     ),
     TrackMeasure(
         "evaluations",
         "",
         L,
         "mean number of histograms read for a frame",
-        lambda c: float(np.mean(c.track.evaluations[1:])) if len(c.errors) > 1 else 0.0,
+        lambda c: float(np.mean(c.track.evaluations[_shown(c)])) if _shown(c).any() else 0.0,
     ),
 )
 

@@ -1,9 +1,11 @@
 """Compilation of loops: once on each machine, with the result stored on disk if possible."""
 
-# pyright: reportAttributeAccessIssue=false
+# pyright: reportAttributeAccessIssue=false, reportPrivateUsage=false
 # numba's settings are made at run time.
+import functools
 import os
 import stat
+import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,28 +17,50 @@ from numba.core import config
 
 Loop = TypeVar("Loop", bound=Callable[..., object])
 NAME = "servobench-numba-{}"
+SLOW = (
+    "servobench: compiled loops cannot be stored ({}): compiling them takes 30 s in each run; "
+    "set NUMBA_CACHE_DIR to a folder that can be written"
+)
 
 
 def compiled(error_model: Literal["python", "numpy"] = "python") -> Callable[[Loop], Loop]:
     """Compile a loop at its first call, and store the result beside its source.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
-    result is stored in the temporary folder.
+    result is stored in the temporary folder. Where nothing can be stored the loops run all the
+    same, and one line on stderr says what that costs.
 
     Args:
         error_model: With "python" a division by zero raises an error, with "numpy" it gives inf or
             nan.
     """
+    njit: Any = functools.partial(numba.njit, nogil=True, error_model=error_model)
 
     def compile_(loop: Loop) -> Loop:
-        njit: Any = numba.njit(cache=True, nogil=True, error_model=error_model)
+        with suppress(RuntimeError):  # numba found no folder to write to
+            return _stored(njit(loop, cache=True))
         try:
-            return njit(loop)
-        except RuntimeError:  # numba found no folder to write to
             config.CACHE_DIR = str(_private_folder())
+            return _stored(njit(loop, cache=True))
+        except (OSError, RuntimeError) as error:
+            _complain(str(error))
             return njit(loop)
 
     return compile_
+
+
+def _stored(loop: Any) -> Any:
+    """Return a compiled loop that runs on where the disk is full."""
+    save = loop._cache.save_overload
+
+    def save_if_possible(*compilation: Any) -> None:
+        try:
+            save(*compilation)
+        except OSError as error:
+            _complain(f"{loop._cache.cache_path}: {error.strerror}")
+
+    loop._cache.save_overload = save_if_possible
+    return loop
 
 
 def _private_folder() -> Path:
@@ -45,8 +69,19 @@ def _private_folder() -> Path:
     folder = Path(tempfile.gettempdir()) / NAME.format(user)
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700)
+        _complain(f"only in {folder}, which may not last")
     found = folder.lstat()
     others = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     if stat.S_ISDIR(found.st_mode) and found.st_uid == user and not others:
         return folder
     return Path(tempfile.mkdtemp())
+
+
+_complained: set[str] = set()
+
+
+def _complain(reason: str) -> None:
+    """Say once in this process that each run will compile anew, and why."""
+    if not _complained:
+        _complained.add(reason)
+        sys.stderr.write(SLOW.format(reason) + "\n")

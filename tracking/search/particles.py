@@ -54,13 +54,13 @@ class ParticleFilter:
     def covariance(self) -> Array:
         """Return the covariance (4, 4) of the samples; nan in what does not vary between them."""
         found = particle_loops.covariance(self.samples, self.weights)
-        kept = np.array([False, False, *(not on for on in self._follows)])
+        kept = np.array([False, False, *(not on for on in self.follows)])
         found[kept] = np.nan
         found[:, kept] = np.nan
         return found
 
     @property
-    def _follows(self) -> tuple[bool, bool]:
+    def follows(self) -> tuple[bool, bool]:
         """True where the angle, and the size, vary between the samples."""
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
@@ -75,7 +75,7 @@ class ParticleFilter:
             covariance=self.covariance(),
             distance=distance,
             status=status,
-            follows=self._follows,
+            follows=self.follows,
             ess=particle_loops.effective_size(self.weights),
             evaluations=evaluations,
             particles=particle_loops.cloud(self.samples, self.weights),

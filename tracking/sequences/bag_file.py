@@ -1,10 +1,12 @@
 """The pictures of one topic of a bag: MCAP, ROS 1 (.bag), ROS 2 (a folder, or one .db3 file).
 
-`mcap` and `rosbags` read the files and decode the messages.
+`mcap` and `rosbags` read the files and decode the messages. What they decompress is limited here: a
+few bytes can become more than the memory holds.
 """
 
 from __future__ import annotations
 
+from bz2 import BZ2Decompressor
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -12,11 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from sim.files import reading
-from tracking.sequences.image_message import KINDS, NANO, decoder_of, picture_of, plain_kind
-from tracking.sequences.sources import RATE, End, Picture, Times
+from tracking.sequences.image_message import (
+    KINDS,
+    NANO,
+    decoder_of,
+    picture_of,
+    plain_kind,
+)
+from tracking.sequences.sources import RATE, SECOND, End, Picture, Times
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, Message, Schema
+    from mcap.records import Channel, McapRecord, Message, Schema
 
 MCAP = b"\x89MCAP0\r\n"
 ROS1 = b"#ROSBAG V"
@@ -27,8 +35,12 @@ INDEX_KEY = b"rosbag2_bagfile_information"
 """The file that makes a folder a ROS 2 bag, and its key near the beginning."""
 HEAD = 1000
 """Length of the beginning in which the key is searched for [bytes]."""
+LARGEST_INDEX = 1_000_000
+"""Largest metadata.yaml [bytes]: thousands of files; the parser takes seconds for it."""
 LARGEST_RECORD = 1_000_000_000
 """Largest record of an MCAP file that is read into memory [bytes]."""
+LARGEST_UNPACKED = 400_000_000
+"""Largest decompressed chunk or message [bytes]; chosen by hand: recorders write chunks of 4 MB."""
 MOST_NAMED = 8
 """Most topics in a message."""
 
@@ -62,8 +74,8 @@ class Contents:
     topics: list[Topic]
     span: float
     """Time from the first message to the last [s]."""
-    messages: Callable[[str], Iterator[tuple[float, bytes]]]
-    """Gives the messages of a topic: when each was recorded [s], and its bytes."""
+    messages: Callable[[str], Iterator[tuple[int, bytes]]]
+    """Gives the messages of a topic: when each was recorded [ns], and its bytes."""
 
 
 def is_bag(path: Path) -> bool:
@@ -107,9 +119,10 @@ class Bag:
                 for recorded, data in bag.messages(topic.name):
                     name = f"message {index}"
                     try:
-                        stamp, image = picture_of(decode, data)
-                        time = times.since_first(recorded if stamp is None else stamp)
-                        picture = Picture(name, time, image)
+                        stated, image = picture_of(decode, data)
+                        stamp = recorded if stated is None else stated
+                        time = times.since_first(stamp // SECOND + NANO * (stamp % SECOND))
+                        picture = Picture(name, time, image, stamp=stamp)
                     except ValueError as error:
                         picture = Picture(name, times.since_first(None), None, str(error))
                     yield picture
@@ -153,7 +166,9 @@ def _opened(path: Path) -> Generator[Contents]:
     """
     head = b""
     try:
-        if not path.is_dir():
+        if path.is_dir():
+            _check_folder(path)
+        else:
             with reading.opened(path, "bag") as file:
                 head = file.read(HEAD)
         with _mcap(path) if head.startswith(MCAP) else _ros(path, head) as found:
@@ -164,6 +179,8 @@ def _opened(path: Path) -> Generator[Contents]:
             f"{path}: bags are read by the package '{package}', which is not "
             "installed: install servobench[ros]"
         ) from None
+    except _Refused as error:
+        raise ValueError(f"{path}: {error}") from None
     except Exception as error:
         # The libraries raise all kinds of them for a damaged file, MemoryError for one length.
         mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
@@ -172,11 +189,50 @@ def _opened(path: Path) -> Generator[Contents]:
         raise ValueError(f"{path}: this bag is damaged or incomplete{reason}{mend}") from None
 
 
+class _Refused(Exception):
+    """What a bag has and should not have, in words that follow its path."""
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse a ROS 2 bag with links to other folders, or with an index that takes long to parse."""
+    for file in path.iterdir():
+        if file.resolve().parent != path.resolve():
+            raise _Refused(f"{file.name} is a link out of the folder of this bag")
+    if (path / INDEX).stat().st_size > LARGEST_INDEX:
+        raise _Refused(f"{INDEX} is too large; the limit is {LARGEST_INDEX:,} bytes")
+
+
+def _unpacked(data: bytes, compression: str) -> bytes:
+    """Decompress a chunk or message up to `LARGEST_UNPACKED`."""
+    from lz4.frame import LZ4FrameDecompressor
+    from rosbags.rosbag2.reader import zstd  # pyright: ignore[reportPrivateImportUsage]
+
+    if not compression:
+        return data
+    kinds = {"zstd": zstd.ZstdDecompressor, "lz4": LZ4FrameDecompressor, "bz2": BZ2Decompressor}
+    decompressor = kinds[compression]()
+    found = decompressor.decompress(data, LARGEST_UNPACKED)
+    if not decompressor.eof and len(found) >= LARGEST_UNPACKED:
+        raise _Refused(f"a part of this bag is compressed from over {LARGEST_UNPACKED:,} bytes")
+    return found
+
+
 @contextmanager
 def _ros(path: Path, head: bytes) -> Generator[Contents]:
     from rosbags import rosbag1, rosbag2
+    from rosbags.rosbag1 import reader as reader1
+    from rosbags.rosbag2 import storage_mcap
 
+    for name in ("lz4", "bz2"):
+        reader1.decompressors[name] = lambda data, name=name: _unpacked(data, name)
+    for name in ("lz4", "zstd"):
+        storage_mcap.DECOMPRESSORS[name] = lambda data, _, name=name: _unpacked(data, name)
     with rosbag1.Reader(path) if head.startswith(ROS1) else rosbag2.Reader(path) as reader:
+        packed = ""
+        if isinstance(reader, rosbag2.Reader) and reader.compression_mode == "message":
+            packed = reader.compression_format or ""
+            metadata = reader.storage.metadata
+            reader.storage.metadata = metadata._replace(compression_mode=None)
         topics: dict[str, Topic] = {}
         for c in reader.connections:
             written = getattr(c.ext, "serialization_format", "ros1")
@@ -184,10 +240,10 @@ def _ros(path: Path, head: bytes) -> Generator[Contents]:
             count = before + c.msgcount
             topics[c.topic] = Topic(c.topic, plain_kind(c.msgtype), written, count)
 
-        def messages(name: str) -> Iterator[tuple[float, bytes]]:
+        def messages(name: str) -> Iterator[tuple[int, bytes]]:
             of_topic = [c for c in reader.connections if c.topic == name]
             for _, recorded, data in reader.messages(of_topic):
-                yield NANO * recorded, bytes(data)
+                yield recorded, _unpacked(bytes(data), packed)
 
         yield Contents(list(topics.values()), NANO * reader.duration, messages)
 
@@ -196,23 +252,46 @@ def _ros(path: Path, head: bytes) -> Generator[Contents]:
 def _mcap(path: Path) -> Generator[Contents]:
     with reading.opened(path, "bag") as file:
 
-        def messages(name: str) -> Iterator[tuple[float, bytes]]:
-            for _, _, message in _records(file, name):
-                yield NANO * message.log_time, message.data
+        def messages(name: str) -> Iterator[tuple[int, bytes]]:
+            for _, channel, message in _records(file):
+                if channel.topic == name:
+                    yield message.log_time, message.data
 
         topics, span = _summary(file) or _scan(file)
         yield Contents(topics, NANO * span, messages)
 
 
-def _records(
-    file: BinaryIO, topic: str | None = None
-) -> Iterator[tuple[Schema | None, Channel, Message]]:
+def _records(file: BinaryIO) -> Iterator[tuple[Schema | None, Channel, Message]]:
     """Read a log from its beginning to its end, or to the place where it was cut off."""
-    from mcap.reader import NonSeekingReader
+    from mcap.records import Channel, Message, Schema
+
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    for record in _parts(file):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            yield schemas.get(channel.schema_id), channel, record
+
+
+def _parts(file: BinaryIO) -> Iterator[McapRecord]:
+    """Read all records of a log, also those in its chunks, and check their CRCs."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
 
     file.seek(0)
-    reader = NonSeekingReader(file, record_size_limit=LARGEST_RECORD)
-    return reader.iter_messages(topic, log_time_order=False)
+    reader = StreamReader(
+        file, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST_RECORD
+    )
+    for record in reader.records:
+        if isinstance(record, Chunk):
+            data = _unpacked(record.data, record.compression)
+            yield from breakup_chunk(replace(record, data=data, compression=""), validate_crc=True)
+        else:
+            yield record
 
 
 def _summary(file: BinaryIO) -> tuple[list[Topic], int] | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from sim.files.picture_file import check_size, decoded
 from sim.types import Image
+from tracking.sequences.sources import SECOND
 
 if TYPE_CHECKING:
     from mcap.records import Schema
@@ -73,8 +74,8 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
     return lambda data: store.deserialize_cdr(data, name)
 
 
-def picture_of(decode: Decoder, data: bytes) -> tuple[float | None, Image]:
-    """Return the stamp [s] of a message, None where it is not set, and its picture (H, W, 3), RGB.
+def picture_of(decode: Decoder, data: bytes) -> tuple[int | None, Image]:
+    """Return the stamp [ns] of a message, None where it is not set, and its picture (H, W, 3), RGB.
 
     Raises:
         ValueError: The message is cut off, of an unknown encoding, or cannot be decoded.
@@ -84,9 +85,9 @@ def picture_of(decode: Decoder, data: bytes) -> tuple[float | None, Image]:
     except Exception:  # the libraries raise all kinds of them for damaged bytes
         raise ValueError("this message is cut off or damaged") from None
     if hasattr(message, "header"):
-        stamp = message.header.stamp.sec + NANO * message.header.stamp.nanosec
+        stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     else:
-        stamp = message.timestamp.seconds + NANO * message.timestamp.nanos
+        stamp = message.timestamp.seconds * SECOND + message.timestamp.nanos
     if hasattr(message, "encoding"):
         return stamp or None, _raw(message)
     return stamp or None, decoded(bytes(message.data))

@@ -52,13 +52,8 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
 
 def crosses_itself(corners: Array) -> bool:
     """Return whether two opposite sides of a quadrilateral (4, 2) cross each other."""
-
-    def side(i: int, j: int, k: int) -> float:
-        (ax, ay) = corners[j] - corners[i]
-        (bx, by) = corners[k] - corners[i]
-        return float(ax * by - ay * bx)
-
-    def cross(a: int, b: int, c: int, d: int) -> bool:
-        return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
-
-    return cross(0, 1, 2, 3) or cross(1, 2, 3, 0)
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    # A convex outline turns four times to one side, a concave one three times, a crossed one twice.
+    return bool((turns > 0).sum() == 2 == (turns < 0).sum())

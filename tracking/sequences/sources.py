@@ -14,6 +14,8 @@ from sim.types import Image
 
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
+SECOND = 1_000_000_000
+"""Nanoseconds."""
 SET_BACK = 1.0
 SET_FORWARD = 86_400.0
 """A clock that goes back or forward so far was set [s]; chosen by hand."""
@@ -35,6 +37,9 @@ class Picture:
     """RGB (H, W, 3), read-only; None if it cannot be decoded."""
     reason: str = "it cannot be decoded"
     """The reason why there is no image, if there is none."""
+    stamp: int | None = None
+    """The source's own stamp [ns]: of a bag, as a rule since 1970; of a video, as its file states
+    it; None where there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from tracking.appearance.model import AppearanceSettings
 from tracking.loss import LossJudge, LossLimits
 from tracking.recognition import LIMITS, Recogniser
 from tracking.search.annealing import ONE_LAYER, Annealing, anneal
+from tracking.search.newton import shows_angle
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import ParticleSettings
@@ -81,7 +82,9 @@ class ParticleTracker(ABC):
         check_region(frame, region, state)
         c = self._settings
         self._model = c.model(frame.image, region, state)
-        noise = (c.noise, c.turn_noise, c.scale_noise)
+        image = self._model.label(frame.image).image
+        turns = c.turn_noise > 0 and shows_angle(image, region, state)
+        noise = (c.noise, c.turn_noise if turns else 0.0, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
         self._loss = LossJudge(LIMITS if c.views > 0 else self._limits)
@@ -89,7 +92,6 @@ class ParticleTracker(ABC):
         self._found = state
         self._recogniser = None
         if c.views > 0:
-            image = self._model.label(frame.image).image
             self._recogniser = Recogniser(c.views, image, region, state, self._model)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:

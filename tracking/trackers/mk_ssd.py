@@ -13,7 +13,7 @@ from sim.ranges import Share
 from sim.types import Array, Frame
 from tracking.appearance.bins import as_seen
 from tracking.loss import LossJudge, LossLimits
-from tracking.search.newton import KernelGrid, KernelModel
+from tracking.search.newton import KernelGrid, KernelModel, shows_angle
 from tracking.search.velocity import Velocity
 from tracking.settings import Inset, Levels
 from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
@@ -56,7 +56,9 @@ class MkSsd:
         check_region(frame, region, state)
         c = self._config
         grid = KernelGrid(span=c.span, levels=c.levels, inset=c.inset)
-        self._kernels = KernelModel(as_seen(frame.image, even=c.even), region, state, grid)
+        image = as_seen(frame.image, even=c.even)
+        self._turns = shows_angle(image, region, state)
+        self._kernels = KernelModel(image, region, state, grid, turns=self._turns)
         self._state = state
         self._loss = LossJudge(LossLimits())
         self._velocity = Velocity(state, c.velocity_memory)
@@ -76,5 +78,6 @@ class MkSsd:
             unknown_covariance(),
             descent.distance,
             status,
+            follows=(self._turns, True),
             evaluations=descent.evaluations,
         )

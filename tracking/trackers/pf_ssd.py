@@ -100,7 +100,9 @@ class PfSsd(ParticleTracker):
         c = self._config
         image = as_seen(frame.image, even=c.even)
         grid = KernelGrid(CELLS, levels=c.levels, inset=c.inset)
-        self._kernels = KernelModel(image, region, state, grid)
+        # Where the particles do not turn at all, as on recordings, the descent alone does.
+        turns = c.turn_noise == 0 or self._cloud.follows[0]
+        self._kernels = KernelModel(image, region, state, grid, turns=turns)
 
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
         cloud = self._cloud

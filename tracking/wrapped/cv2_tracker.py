@@ -19,8 +19,14 @@ MODELS = {
     "DaSiamRPN": ("model", "kernel_cls1", "kernel_r1"),
 }
 """The model files of the trackers that have some, in this order; these have a score, too."""
+LEAST_MIL = 5
+"""OpenCV's MIL draws features without end in a box with smaller sides [px]."""
 CONTRIB = ("CSRT", "KCF")
 """Trackers of OpenCV's additional modules."""
+REMEDY = (
+    " (uninstall every opencv package, then install opencv-contrib-python-headless: whichever is "
+    "installed last is used)"
+)
 
 
 class Cv2Tracker:
@@ -48,6 +54,11 @@ class Cv2Tracker:
             ValueError: OpenCV refuses it.
         """
         self._size = image.shape
+        if self._name == "MIL" and max(box[2:]) < LEAST_MIL:
+            raise ValueError(
+                f"the region is {box[2]} x {box[3]} px; {self._place()} needs a side of at least "
+                f"{LEAST_MIL} px"
+            )
         try:
             with silent_libraries():
                 return self._tracker.init(image, box)
@@ -121,10 +132,18 @@ def factory_of(name: str) -> Any:
         for n in dir(cv2)
         if hasattr(getattr(cv2, n), "create") and n.startswith("Tracker") and n != "Tracker"
     ]
-    more = " (it is in opencv-contrib-python-headless)" if name in CONTRIB else ""
     raise ValueError(
-        f"this OpenCV has no tracker '{name}'{more}; it has {', '.join(sorted(there))}"
+        f"OpenCV {running()} has no tracker '{name}'{REMEDY if name in CONTRIB else ''}; "
+        f"it has {', '.join(sorted(there))}"
     )
+
+
+def running() -> str:
+    """Return which OpenCV is imported, whatever else is installed: one without the additional
+    modules may have been written over one with them.
+    """
+    contrib = hasattr(cv2, "TrackerCSRT")
+    return f"{cv2.__version__} {'with' if contrib else 'without'} the additional modules"
 
 
 def seed_opencv(seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Destinations of a recording: a file, or a viewer."""
+"""Destinations of a recording: a file, or a notebook; `live` has the viewers."""
 
 import ctypes
 import shutil
@@ -15,6 +15,10 @@ PATIENCE = 10.0
 """Longest wait for the disk, which then counts as not writable [s]."""
 FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
+
+
+ROOM = 1 << 18
+"""Space that a recording needs to begin [bytes]."""
 
 
 class Recording(Protocol):
@@ -36,6 +40,10 @@ class Recording(Protocol):
         """Send the last data, and end; errors are those of `flush`."""
         ...
 
+    def abandon(self) -> None:
+        """Leave everything as it is, without waiting for anything."""
+        ...
+
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
     """A stream that goes nowhere yet, of a recording with a name, without Rerun's own times."""
@@ -55,10 +63,15 @@ def flushed(stream: rr.RecordingStream, refused: Callable[[], Refused]) -> None:
     try:
         stream.flush(timeout_sec=PATIENCE)
     except RuntimeError:
-        # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
-        rr.unregister_shutdown()
         raise refused() from None
+
+
+def leak(stream: rr.RecordingStream) -> None:
+    """Never end a stream: deleting it, and Rerun's shutdown, would wait for its last bytes for ever
+    where they cannot be written.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+    rr.unregister_shutdown()
 
 
 class RecordingFile:
@@ -68,7 +81,16 @@ class RecordingFile:
         self.path = path
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the file."""
+        """Open the file.
+
+        Raises:
+            OSError: There is no room for it; Rerun would wait for ever.
+        """
+        try:
+            self.path.write_bytes(bytes(ROOM))
+        except OSError:
+            self.path.unlink(missing_ok=True)
+            raise
         self._stream = new_stream(app, self.path.parent.name)
         self._stream.save(self.path, default_blueprint=blueprint)
         return self._stream
@@ -94,3 +116,29 @@ class RecordingFile:
         """
         self.flush()
         self._stream.disconnect()
+
+    def abandon(self) -> None:
+        """Leave the file as it is."""
+        leak(self._stream)
+
+
+class NotebookRecording:
+    """A recording in memory, which is shown in a notebook when it is complete."""
+
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """The stream to log to."""
+        self._stream = new_stream(app, None)
+        self._blueprint = blueprint
+        return self._stream
+
+    def flush(self) -> None:
+        """Nothing is written before the end."""
+
+    def close(self) -> None:
+        """Show it; do not wait for a browser to open."""
+        from rerun.notebook import Viewer  # of the extra "notebook"
+
+        Viewer(recording=self._stream, blueprint=self._blueprint).display()
+
+    def abandon(self) -> None:
+        """Show nothing."""

@@ -32,10 +32,10 @@ import rerun as rr
 from servo.loop.episode import Episode
 from servo.loop.events import Event, events
 from servo.loop.step import Step
-from servo.output.recording import archetypes
+from servo.output.recording import solids
 from servo.output.recording.destination import Recording
 from servo.output.recording.layout import IMAGE, blueprint_of_run
-from servo.output.shapes import shapes_of
+from servo.output.sinks import Every
 from servo.types import DOF
 from sim.kinematics.robot import Robot
 from sim.types import Array
@@ -51,7 +51,6 @@ WAY_RADIUS = 0.004
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
-MOTIONS = ("measured", "estimated", "true")
 LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
     (Event.OCCLUDED, Event.SATURATED, Event.LEAVING, Event.HOLDING, Event.SEARCHING), "WARN"
 )
@@ -70,15 +69,15 @@ class Lines:
 class RerunLog:
     """Writer of the recording of one run."""
 
-    def __init__(self, recording: Recording, episode: Episode, at_once: int) -> None:
-        """Begin a recording; the data of so many steps is sent at once."""
+    def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
+        """Begin a recording, to which data is sent every so many seconds of the wall clock."""
         self._episode = episode
         world = episode.world
         self._features = episode.loop.features.names
-        self._moving = archetypes.entities(world.moving)
+        self._moving = solids.entities(world.moving)
         self._plots = _plots(world.robot, self._features)
-        self._at_once = at_once
-        self._second = max(1, round(episode.scenario.camera.rate))
+        self._every = Every(every)
+        self._ways_due = Every()
         self._file = recording
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
@@ -86,7 +85,6 @@ class RerunLog:
         self._jpegs = list[bytes]()
         self._way = list[Array]()
         self._corners = list[Array]()
-        self._drawn = 0
         self._log_scene()
         self._name_series()
 
@@ -106,7 +104,7 @@ class RerunLog:
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
         self._steps.append(step)
-        if len(self._steps) >= self._at_once:
+        if self._every.due():
             self._send()
             self._file.flush()
 
@@ -122,13 +120,14 @@ class RerunLog:
 
     def abandon(self) -> None:
         """Leave the recording as it is; nothing more is logged."""
+        self._file.abandon()
 
     def _log_scene(self) -> None:
         model = self._episode.world.model
         camera = self._episode.world.camera
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = ["world/fixed", *self._moving]
-        for path, archetype in archetypes.solids(shapes_of(model), bodies):
+        for path, archetype in solids.solids(solids.shapes_of(model), bodies):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy],
@@ -140,7 +139,7 @@ class RerunLog:
         )
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", TRUTH), ("goal", GOAL), ("estimate", ESTIMATE)):
-            style = rr.LineStrips2D.from_fields(colors=colour, radii=archetypes.LINE_RADIUS)
+            style = rr.LineStrips2D.from_fields(colors=colour, radii=solids.LINE_RADIUS)
             self._rec.log(f"{IMAGE}/{name}", style, static=True)
         dots = rr.Points2D.from_fields(colors=PARTICLES, radii=1.0)
         self._rec.log(f"{IMAGE}/particles", dots, static=True)
@@ -160,7 +159,7 @@ class RerunLog:
         self._send_numbers(steps, index)
         self._way += [s.truth.T_world_camera.translation for s in steps]
         self._corners += [s.truth.corners for s in steps]
-        if len(self._way) % self._second < len(steps):
+        if self._ways_due.due():
             self._log_ways()
 
     def _send_pictures(
@@ -174,7 +173,7 @@ class RerunLog:
             "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
-            strips = [strip for c in corners for strip in archetypes.outline_strips(c)]
+            strips = [strip for c in corners for strip in solids.outline_strips(c)]
             columns = rr.LineStrips2D.columns(strips=strips)
             per_frame = [len(strips) // len(steps)] * len(steps)
             self._rec.send_columns(f"{IMAGE}/{name}", index, columns.partition(per_frame))
@@ -186,10 +185,6 @@ class RerunLog:
 
     def _send_numbers(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
         numbers = {p.path: np.array([p.values(s) for s in steps], float) for p in self._plots}
-        motions = np.array(
-            [[s.motion_measured, s.prediction.motion, s.target_motion_true] for s in steps]
-        )
-        numbers |= {f"motion/{f}": motions[:, :, i] for i, f in enumerate(self._features)}
         for path, table in numbers.items():
             columns = rr.Scalars.columns(scalars=table.ravel())
             per_frame = [table.shape[1]] * len(table)
@@ -204,13 +199,10 @@ class RerunLog:
 
     def _log_ways(self) -> None:
         """The ways so far, as lines without a time: of the camera, of the corners in the image."""
-        if self._drawn == len(self._way):
-            return
-        self._drawn = len(self._way)
         way = rr.LineStrips3D([np.array(self._way)], colors=PARTICLES, radii=WAY_RADIUS)
         self._rec.log("world/way", way, static=True)
         corners = np.stack(self._corners, axis=1)
-        ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=archetypes.LINE_RADIUS / 2)
+        ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
         self._rec.log(f"{IMAGE}/way", ways, static=True)
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
@@ -219,15 +211,14 @@ class RerunLog:
         self._rec.send_columns(path, index, columns)
 
     def _name_series(self) -> None:
-        named = [(p.path, p.names, p.colours) for p in self._plots]
-        named += [(f"motion/{f}", MOTIONS, (GREY, ESTIMATE, TRUTH)) for f in self._features]
-        for path, names, colours in named:
-            lines = rr.SeriesLines(names=list(names), colors=list(colours[: len(names)]))
-            self._rec.log(f"plots/{path}", lines, static=True)
+        for plot in self._plots:
+            colours = list(plot.colours[: len(plot.names)])
+            lines = rr.SeriesLines(names=list(plot.names), colors=colours)
+            self._rec.log(f"plots/{plot.path}", lines, static=True)
 
 
 def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
-    """All plots except those of the target's motion."""
+    """All plots."""
     limited = np.isfinite(robot.upper)
     low = robot.lower[limited]
     high = robot.upper[limited]
@@ -247,7 +238,16 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
             lambda s: np.concatenate([s.command.twist[part], s.twist_measured[part]]),
         )
 
+    def motion(i: int, name: str) -> Lines:
+        return Lines(
+            f"motion/{name}",
+            ("measured", "estimated", "true"),
+            (GREY, ESTIMATE, TRUTH),
+            lambda s: [s.motion_measured[i], s.prediction.motion[i], s.target_motion_true[i]],
+        )
+
     return [
+        *(motion(i, name) for i, name in enumerate(features)),
         Lines(
             "error",
             ("servo", "tracking"),

@@ -17,7 +17,7 @@ from distributed.system import MEMORY_LIMIT
 
 from servo.mistake import Mistake, Refused
 from servo.study.cluster.tasks import ONE_THREAD, TICK, Cluster, silence
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
@@ -157,10 +157,9 @@ def _deaf_children() -> Generator[None]:
     """Start processes and threads that ignore Ctrl-C; here, it takes effect after the block.
 
     A terminal sends it to all processes, and a child that is still importing would print a
-    traceback. The block has no effect on Windows and outside of the main thread.
+    traceback. The block has no effect outside of the main thread.
     """
-    main = threading.current_thread() is threading.main_thread()
-    if not main or not hasattr(signal, "pthread_sigmask"):
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
     _track_resources()  # starting it unblocks the signal

@@ -14,7 +14,7 @@ from distributed.utils import LoopRunner, sync
 from servo.mistake import Mistake
 from servo.study.cluster import tasks
 from servo.study.cluster.tasks import TICK, Cluster, silence
-from servo.study.failure import ClusterLost
+from servo.study.run import ClusterLost
 
 PLAIN = "tcp"
 ENCRYPTED = "tls"

@@ -15,7 +15,7 @@ import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
-from servo.study.failure import ClusterLost, Failure
+from servo.study.run import ClusterLost, Failure
 from sim.files.shipped import SameName
 
 DEATHS = 2

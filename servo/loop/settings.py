@@ -1,4 +1,4 @@
-"""The sections of a scenario that have no kinds: run, goal, start, region, measure."""
+"""What a run is made from: its random streams, its settings, and the kinds of its parts."""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -7,12 +7,19 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.mistake import Mistake
+from servo.parts import Controller, Estimator, FeaturesConfig
+from servo.sight.estimate_to_sight import SightConfig
+from sim.camera.camera import CameraConfig
+from sim.kinds import PartConfig
+from sim.kinematics.robot import Design
+from sim.miscalibration import BelievedConfig
+from sim.models.target import Target
 from sim.ranges import LONGEST, Degrees, Interval, Place, Time
+from sim.stage import Disturbance, Motion
 from sim.types import Array, Truth
+from sim.world import WorldConfig
+from tracking.types import Tracker
 
-MOST_FRAMES = 360_000
-"""An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
 MOST_LATENCY = 100
@@ -24,6 +31,11 @@ DOES_NOT_REPEAT = (
 )
 Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
 Depth = Annotated[float, Ge(0.01), Le(100)]
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """Return the random stream of one part: the draws of one part never shift another's."""
+    return np.random.default_rng([seed, *name.encode()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,20 +75,6 @@ class RunConfig:
     def repeats(self) -> bool:
         """Return whether the same seed gives the same numbers."""
         return self.tracker_ms != "measured"
-
-
-def check_frames(run: RunConfig, rate: float, place: str) -> None:
-    """Refuse a run whose steps would not fit into memory, which are kept until its end.
-
-    Raises:
-        Mistake: It has too many frames at this rate [Hz].
-    """
-    frames = run.duration * rate
-    if frames > MOST_FRAMES:
-        raise Mistake(
-            f"{place}: run.duration = {run.duration:g} s at camera.rate = {rate:g} Hz is "
-            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,3 +163,32 @@ class MeasureConfig:
     """Time from which errors count [s]."""
     above: Annotated[float, Ge(0), Le(10_000)] = 4.0
     """Servo error above which the camera counts as off the target [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Everything a run depends on."""
+
+    name: str
+    run: RunConfig
+    world: WorldConfig
+    camera: CameraConfig
+    goal: GoalConfig
+    start: StartConfig
+    region: RegionConfig
+    sight: SightConfig
+    believed: BelievedConfig
+    measure: MeasureConfig
+    robot: PartConfig[Design]
+    target: PartConfig[Target]
+    motion: PartConfig[Motion]
+    tracker: PartConfig[Tracker]
+    features: FeaturesConfig
+    estimator: PartConfig[Estimator]
+    controller: PartConfig[Controller]
+    disturbances: tuple[PartConfig[Disturbance], ...]
+
+    @property
+    def frames(self) -> int:
+        """Return the number of frames of a run."""
+        return max(1, round(self.run.duration * self.camera.rate))

@@ -1,0 +1,152 @@
+"""The jobs of a command: how long they will take, their progress, and how to go on with them."""
+
+import os
+import shlex
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+
+from servo.cli.terminal import COMPILING, complain, escape, plain, progress_bar, stop
+from servo.mistake import Mistake, Refused
+from servo.study.execute import Workers, complete, tried
+from servo.study.run import ClusterLost, Failure, Job
+from servo.study.store import Store
+
+EVERY = 30.0
+"""Time between two lines of progress where there is no terminal [s]."""
+MINUTE = 60
+HOUR = 3600
+
+
+@contextmanager
+def progress(
+    console: Console, title: str, total: int, done: int = 0
+) -> Generator[Callable[[str], None]]:
+    """Show progress within the block: a bar on a terminal, else a line on stderr now and then.
+
+    Args:
+        console: The output of the command; a quiet one shows nothing.
+        title: What is done.
+        total: How many pieces of work there are.
+        done: How many of them are done already.
+
+    Yields:
+        A function to call after each piece, with a note.
+    """
+    if console.is_terminal:
+        with progress_bar(console) as bar:
+            task = bar.add_task(escape(title), total=total, completed=done, note=COMPILING)
+            yield lambda note: bar.update(task, advance=1, note=escape(note))
+        return
+    errors = Console(stderr=True, quiet=console.quiet)
+    began = shown = time.monotonic()
+    count = 0
+
+    def ended(note: str) -> None:
+        nonlocal count, shown
+        count += 1
+        now = time.monotonic()
+        if now - shown >= EVERY:
+            shown = now
+            left = (now - began) / count * (total - done - count)
+            plain(errors, f"{title}: {done + count:,} of {total:,}, {note}, {duration(left)} left")
+
+    yield ended
+
+
+def duration(seconds: float) -> str:
+    """Return a time in words, such as "12 min"."""
+    if seconds < 2 * MINUTE:
+        return f"{seconds:.0f} s"
+    return f"{seconds / MINUTE:.0f} min" if seconds < 2 * HOUR else f"{seconds / HOUR:.1f} h"
+
+
+def print_estimate(
+    jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
+) -> int:
+    """Print how many runs there are, and how long they will take, by a few that are tried.
+
+    Args:
+        jobs: All of them.
+        workers: How many processes will do them.
+        console: For the line.
+        store: The folder in which some may be finished.
+
+    Returns:
+        The exit code: 1 if one of those that are tried fails.
+    """
+    if store is not None:
+        store.find(jobs)
+    missing = [job for job in jobs if store is None or job.key not in store.done]
+    plain(console, f"{len(jobs):,} runs, {len(jobs) - len(missing):,} of them finished")
+    if not missing:
+        return 0
+    spent, failed = tried(missing)
+    at_once = min(workers, os.cpu_count() or 1, len(missing))
+    whole = duration(spent * len(missing) / at_once)
+    plain(
+        console,
+        f"one takes {spent:.1f} s here, {len(missing):,} of them about {whole}, {at_once} at once",
+    )
+    for job, failure in failed:
+        complain(f"{failure.reason} (again: {job.command})")
+    return 1 if failed else 0
+
+
+def go_on(command: str, out: Path | None) -> str:
+    """How a stopped command goes on; `out` is its option."""
+    return f"go on with: {command}" + (f" --out {shlex.quote(str(out))}" if out else "")
+
+
+def complete_jobs(
+    jobs: Sequence[Job],
+    store: Store,
+    workers: Workers,
+    console: Console,
+    title: str,
+    again: str,
+) -> int:
+    """Do the jobs that have no record in a store, showing progress; how many failed.
+
+    Args:
+        jobs: All jobs of the study.
+        store: Its folder.
+        workers: Where they are done.
+        console: For the progress.
+        title: Beside it.
+        again: How to go on when the workers are gone or the user stops the command.
+
+    Raises:
+        Mistake: The user's cluster has stopped.
+        Refused: The disk is full, or the workers of this machine have stopped.
+    """
+    store.find(jobs)
+    if store.damaged:
+        complain(
+            f"{store.damaged[0]}: this is not the run's row as it was written (the first of "
+            f"{len(store.damaged)} such files); what is missing is run again"
+        )
+    plain(console, f"{title}: {len(jobs):,} runs, {len(store.done):,} of them finished")
+    failed: list[tuple[Job, Failure]] = []
+    began = time.monotonic()
+    try:
+        with progress(console, title, len(jobs), len(store.done)) as ended:
+            for count, (job, end) in enumerate(complete(jobs, store, workers), 1):
+                failed += [(job, end)] if isinstance(end, Failure) else []
+                rate = MINUTE * count / (time.monotonic() - began)
+                ended(f"{rate:.1f} a minute, {len(failed)} failed")
+    except KeyboardInterrupt as cause:
+        stop(cause, f"{len(store.done)} of {len(jobs)} runs are finished; {again}")
+    except ClusterLost as lost:
+        sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
+        raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
+    alike: dict[str, list[Path]] = {}
+    for job, failure in failed:
+        alike.setdefault(failure.reason, []).append(store.failure_path(job))
+    for reason, paths in alike.items():
+        more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
+        complain(f"{paths[0]}: {reason}{more}")
+    return len(failed)

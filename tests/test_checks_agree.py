@@ -1,0 +1,190 @@
+"""The loop and `servo.testing` refuse the same parts, with the same sentence."""
+
+import dataclasses
+import sys
+from decimal import Decimal
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from made import Centre, Good, config_for, features
+
+from servo import testing
+from servo.loop.episode import Episode
+from servo.mistake import Mistake
+from servo.scenario.load import load
+from servo.testing import BrokenContract
+from servo.types import Command, Prediction
+from sim.types import Effect, Pose
+from tracking.types import State
+
+SHORT = load("still", ["run.duration=0.2"])
+
+
+def in_the_loop(place, config):
+    """The sentence that the loop ends with; None if it does not."""
+    part = (config(),) if place == "disturbances" else config()
+    try:
+        with Episode(dataclasses.replace(SHORT, **{place: part})) as episode:
+            list(episode)
+    except Mistake as error:
+        return str(error)
+    return None
+
+
+def in_the_check(place, config):
+    """The sentence that the check raises; None if it does not."""
+    check = getattr(
+        testing, "check_features" if place == "features" else f"check_{place.removesuffix('s')}"
+    )
+    try:
+        check(config)
+    except BrokenContract as error:
+        return str(error)
+    return None
+
+
+def tracker(**changes):
+    class Changed(Good):
+        def update(self, frame, ego):
+            return dataclasses.replace(super().update(frame), **changes)
+
+    return config_for(Changed)
+
+
+class Ends(Good):
+    def update(self, frame, ego=None):
+        sys.exit(3)
+
+
+class Alone(Good):
+    def update(self, frame):
+        return super().update(frame)
+
+
+def estimator(**changes):
+    def make(rng):
+        def predicted(k):
+            return dataclasses.replace(Prediction.unmeasured(np.zeros(k), np.zeros(k)), **changes)
+
+        return SimpleNamespace(
+            start=lambda features: None,
+            update=lambda error, own, dt: predicted(len(error)),
+            skip=lambda own, dt: predicted(len(own.past)),
+        )
+
+    return config_for(make)
+
+
+def controller(*twist, **more):
+    still = {"start": lambda task: None, "aim": lambda goal: None}
+    return config_for(
+        lambda rng: SimpleNamespace(**still, command=lambda *_: Command(*twist, **more))
+    )
+
+
+def motion(rotation, translation):
+    return config_for(lambda rng: SimpleNamespace(at=lambda time: Pose(rotation, translation)))
+
+
+def disturbance(effect, **props):
+    def at(time):
+        return effect if time >= 0 else Effect()
+
+    return config_for(lambda rng: SimpleNamespace(at=at, **props))
+
+
+EYE = np.eye(3)
+NONE = np.zeros(3)
+UNFIT = [
+    ("tracker", tracker(state=None), "the state is NoneType; use tracking.types.State"),
+    ("tracker", tracker(state=(1.0, 2.0, 0.0, 1.0)), "the state is tuple; use"),
+    ("tracker", tracker(state=State("1", "2")), "its numbers must be finite"),
+    ("tracker", tracker(state=State(Decimal(5), 1.0)), "its numbers must be finite"),
+    ("tracker", tracker(state=State(1j, 1.0)), "its numbers must be finite"),
+    ("tracker", tracker(state=State(np.array([5.0]), 1.0)), "its numbers must be finite"),
+    ("tracker", tracker(state=State(10**400, 1.0)), "its numbers must be finite"),
+    ("tracker", tracker(state=State(1.0, 1.0, 0.0, 1e200)), "none over 1e+09"),
+    ("tracker", tracker(distance="0.1"), "the distance is 0.1; it goes from 0 to 1"),
+    ("tracker", tracker(follows=None), "follows is not two flags"),
+    ("tracker", tracker(follows=(flag for flag in (True, True))), "follows is not two flags"),
+    ("tracker", tracker(follows=("yes", "no")), "follows is not two flags"),
+    ("tracker", tracker(covariance=[[0.0] * 4] * 4), "the covariance is not (4, 4)"),
+    ("tracker", tracker(covariance=np.full((4, 4), None)), "the covariance is not (4, 4)"),
+    ("tracker", tracker(covariance=np.eye(4) * 1j), "the covariance is not (4, 4)"),
+    ("tracker", tracker(corners=[[0.0, 0.0]] * 4), "the corners are not four points"),
+    ("tracker", tracker(corners=np.full((4, 2), None)), "the corners are not four points"),
+    ("tracker", tracker(particles="many"), "the particles are not (N, 5)"),
+    ("tracker", tracker(particles=np.zeros(3)), "the particles are not (N, 5)"),
+    ("tracker", tracker(particles=np.full((2, 5), np.nan)), "the particles are not (N, 5)"),
+    ("tracker", config_for(Ends), "SystemExit: 3"),
+    ("tracker", config_for(Alone), "TypeError: Alone.update() takes 2 positional arguments"),
+    ("tracker", config_for(lambda rng: sys.exit(1)), "SystemExit: 1"),
+    ("features", features(names=("x", "x")), "names are ('x', 'x'); all must differ"),
+    ("features", features(names=(1, 2)), "names are (1, 2); all must differ"),
+    ("features", features(units=("1",)), "there are 2 names and 1 units"),
+    ("features", features(sole_dof={"x": "ux"}), "sole_dof maps names of features"),
+    ("features", features(noise=np.zeros(2)), "noise is not 2 numbers above 0"),
+    ("features", features(noise=[1e-3, 1e-3]), "noise is not 2 numbers above 0"),
+    ("features", features(values=lambda *_: [0.0, 0.0]), "values returned list; it should be (2,)"),
+    ("features", features(values=lambda *_: np.array(["a", "b"])), "all must be finite"),
+    ("features", features(values=lambda *_: np.array([1j, 0])), "all must be finite"),
+    ("features", features(matrix=lambda *_: None), "matrix returned NoneType; it should be (2, 6)"),
+    ("features", features(error=lambda *_: np.array([np.inf, 0.0])), "error returned [inf  0.]"),
+    ("features", features(known=lambda *_: [True, True]), "known returned list; it should be (2,)"),
+    ("features", features(known=lambda *_: np.ones(2)), "it should be 2 flags"),
+    ("features", features(scales=lambda *_: [1.0, 1.0]), "scales returned list"),
+    ("features", features(scales=lambda *_: np.array([np.inf, 1.0])), "all must be finite"),
+    ("estimator", estimator(error=np.zeros(3)), "error is [0. 0. 0.]; it should be 4 finite"),
+    ("estimator", estimator(motion=[0.0] * 4), "motion is [0.0, 0.0, 0.0, 0.0]; it should be"),
+    ("estimator", estimator(motion=np.full(4, np.nan)), "it should be 4 finite numbers"),
+    ("estimator", estimator(innovation=None), "innovation is None; it should be 4 numbers, nan"),
+    ("estimator", estimator(nis="none"), "nis is none; it should be 4 numbers, nan for none"),
+    ("controller", controller([0.0] * 6), "the twist is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; it should"),
+    ("controller", controller(np.zeros(6) * 1j), "it should be six finite numbers"),
+    ("controller", controller(np.full(6, None)), "it should be six finite numbers"),
+    ("controller", controller(np.zeros(6), trace="how"), "the trace is str; use a Trace or None"),
+    ("motion", motion(EYE.tolist(), [0.0] * 3), "these must be finite numbers (3,) and (3, 3)"),
+    ("motion", motion(2 * EYE, NONE), "is no pose: its rotation (3, 3) is none"),
+    ("motion", motion(np.diag([1.0, 1.0, -1.0]), NONE), "is no pose: its rotation (3, 3) is none"),
+    ("disturbances", disturbance(Effect()), "it has no tuple `props`"),
+    ("disturbances", disturbance(Effect(), props=[]), "it has no tuple `props`"),
+    ("disturbances", disturbance(Effect(gain="a"), props=()), "the gain is 'a'; it is a factor"),
+    ("disturbances", disturbance(Effect(gain=float("nan")), props=()), "the gain is nan; it is a"),
+    ("disturbances", disturbance(Effect(lamp=-1.0), props=()), "the lamp is -1.0; it is a factor"),
+]
+
+
+@pytest.mark.parametrize(("place", "config", "sentence"), UNFIT)
+def test_an_unfit_part_is_refused_by_both(place, config, sentence):
+    for found in (in_the_loop(place, config), in_the_check(place, config)):
+        assert sentence in (found or "")
+
+
+class Single(Good):
+    def update(self, frame, ego=None):
+        found = super().update(frame)
+        state = State(np.float32(found.state.x), np.float64(found.state.y), 0, True)
+        return dataclasses.replace(found, state=state, distance=np.float32(found.distance))
+
+
+FIT = [
+    ("tracker", config_for(Single)),
+    ("tracker", tracker(follows=[True, np.bool_(False)])),
+    ("tracker", tracker(covariance=np.eye(4, dtype=np.float32))),
+    ("tracker", tracker(corners=np.array([[40, 30], [70, 30], [70, 50], [40, 50]]))),
+    ("features", features(names=["x", "y"], feed_forward=["x"])),
+    (
+        "features",
+        features(matrix=lambda self, sight: Centre.matrix(self, sight).astype(np.float32)),
+    ),
+    ("estimator", estimator(motion=np.zeros(4, np.float32))),
+    ("controller", controller(np.zeros(6, int))),
+    ("motion", motion(np.eye(3, dtype=np.float32), np.zeros(3, int))),
+    ("disturbances", disturbance(Effect(gain=np.float32(0.5)), props=())),
+]
+
+
+@pytest.mark.parametrize(("place", "config"), FIT)
+def test_numbers_of_other_types_are_taken_by_both(place, config):
+    assert (in_the_loop(place, config), in_the_check(place, config)) == (None, None)

@@ -1,0 +1,94 @@
+"""A signal at any moment of a command's start: one sentence or nothing, and no empty files."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from commands import STOPPED, begin, ended, wait_for
+
+from servo.cli import guard, main, run_command
+from servo.cli.guard import ending_signals
+from servo.output import run_folder
+
+MODULE = """
+import os, signal, time
+begin = time.monotonic()
+os.kill(os.getpid(), signal.SIGTERM)
+while time.monotonic() - begin < 0.1:
+    pass
+DONE = True
+"""
+
+
+def test_a_signal_waits_until_an_import_is_over(tmp_path, monkeypatch):
+    (tmp_path / "slow_to_import.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(guard, "SOON", 0.01)
+    with ending_signals() as raised, pytest.raises(guard.StopSignal):
+        import slow_to_import
+
+        assert slow_to_import.DONE
+        time.sleep(5.0)
+    assert [cause.number for cause in raised] == [signal.SIGTERM]
+    assert "slow_to_import" in sys.modules
+
+
+def test_an_import_that_hangs_is_stopped(tmp_path, monkeypatch):
+    (tmp_path / "hanging_import.py").write_text(MODULE.replace("0.1", "60"))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(guard, "SOON", 0.01)
+    monkeypatch.setattr(guard, "LONGEST_IMPORT", 0.1)
+    with ending_signals(), pytest.raises(guard.StopSignal):
+        import hanging_import  # noqa: F401
+
+
+def test_a_library_that_makes_another_exception_of_it_is_stopped_too(monkeypatch, capfd):
+    def converted(*_, **__):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(5.0)
+        except KeyboardInterrupt:
+            raise ValueError("a fault of mine") from None
+
+    monkeypatch.setattr(run_command, "run_scenario", converted)
+    monkeypatch.setattr(sys, "argv", ["servobench", "run", "still"])
+    monkeypatch.setattr(sys, "stdout", sys.__stdout__)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(SystemExit) as end:
+            main.main()
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert (end.value.code, capfd.readouterr().err) == (130, f"{STOPPED}\n")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the stream's file
+@pytest.mark.parametrize("place", ["StepsTable", "Sinks"])
+def test_a_run_that_is_stopped_before_its_first_step_leaves_no_files(tmp_path, monkeypatch, place):
+    def interrupted(*given, **named):
+        real(*given, **named)
+        raise KeyboardInterrupt
+
+    real = getattr(run_folder, place)
+    monkeypatch.setattr(run_folder, place, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_command.run_scenario(
+            "still", ["run.duration=0.1"], 0, tmp_path / "out", quiet=True, rerun=False
+        )
+    assert list(Path(tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("module", ["click", "numpy", "cv2", "mujoco"])
+def test_a_command_ends_in_the_middle_of_its_imports(tmp_path, number, module):
+    command = begin("run still --out out", tmp_path)
+    maps = Path(f"/proc/{command.pid}/maps")
+    wait_for(lambda: module in (maps.read_text() + module * (module == "click")))
+    os.killpg(command.pid, number)
+    code, said = ended(command)
+    assert (code, said) in [(128 + number, f"{STOPPED}\n"), (-number, "")]
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]

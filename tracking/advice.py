@@ -1,0 +1,78 @@
+"""Advice on the choice of a tracker, from the first picture.
+
+A tracker is shown the picture that it has learned from again. One that cannot tell where in its
+region the target is, because both have the same colours, settles beside it; one whose signs the
+target lacks (hue, texture) does not recognise it. On the shipped targets what it settles by is
+close to its error in a run (tracking/RESULTS.md).
+"""
+
+from math import hypot, inf, sqrt
+
+import numpy as np
+
+from sim.kinds import PartConfig, kind_of
+from sim.types import Frame, Image
+from tracking.search.newton import changes
+from tracking.trackers import KINDS
+from tracking.types import Region, State, Status, Tracker
+
+REPEATS = 12
+"""Pictures that are shown: mean shift needs about six to settle."""
+LEAST_SHARE = 0.05
+LEAST_PX = 3.0
+"""A tracker is a poor choice if it settles farther away than both: this share of the target's size,
+and this [px]."""
+BETTER = "pf_ssd"
+"""Tracker that is tried where another one is a poor choice."""
+SILENT = ("opencv", "trax", "tag", "frozen")
+"""Kinds of ours that are not tried: they start programs, load models, or need no colours."""
+LEAST_CONTRAST = 0.15
+"""A target whose colours change its distance by less when the template is shifted (`changes`) is
+hardly told from its ground by them: `camouflage` has 0.09, all other targets at least 0.23."""
+TEXTURE = ("texture_pf", "texture_ms", "homography", "cv_mil")
+"""Kinds that look at more than colours."""
+NO_CONTRAST = "its colours are those around it; texture_pf looks at texture, too"
+NO_ANGLE = "the target looks the same when it is turned: its angle is not followed"
+
+
+def advice(config: PartConfig[Tracker], image: Image, region: Region, state: State) -> str:
+    """Return a sentence if a tracker of ours is a poor choice for a target, or sees no angle of it.
+
+    Args:
+        config: Settings of the tracker.
+        image: The first picture, RGB (H, W, 3).
+        region: The template.
+        state: State of the target there.
+
+    Returns:
+        The sentence; nothing where the tracker does well, and of other people's trackers.
+    """
+    kind = kind_of(config)
+    if kind in SILENT or type(config).__module__ != f"{KINDS.folder}.{kind}":
+        return ""
+    poor = f"{kind} is a poor choice for this target: "
+    if changes(image, region, state)[0] < LEAST_CONTRAST:
+        return "" if kind in TEXTURE else poor + NO_CONTRAST
+    off, follows = _settled(config, image, region, state)
+    if off <= max(LEAST_PX, LEAST_SHARE * sqrt(region.area(state))):
+        turns = kind == "mk_ssd" or getattr(config, "turn_noise", 0) > 0
+        return NO_ANGLE if turns and not follows else ""
+    how = "does not recognise it" if off == inf else f"settles {off:.1f} px beside it"
+    other, _ = _settled(KINDS.config(BETTER), image, region, state)
+    instead = f"; {BETTER}: {other:.1f} px" if other < off / 2 else ""
+    return f"{poor}shown the first picture again, it {how}{instead}"
+
+
+def _settled(
+    config: PartConfig[Tracker], image: Image, region: Region, state: State
+) -> tuple[float, bool]:
+    """Return the distance from the target at which a tracker settles on the first picture [px], inf
+    where it does not recognise it; and True if it follows the angle.
+    """
+    tracker = config.build(np.random.default_rng(0))
+    tracker.start(Frame(image, 0.0, 0), region, state)
+    found = [tracker.update(Frame(image, i / 30, i)) for i in range(1, REPEATS + 1)]
+    if found[-1].status is not Status.LOCKED:
+        return inf, found[-1].follows[0]
+    x, y = np.mean([(e.state.x, e.state.y) for e in found[REPEATS // 2 :]], axis=0)
+    return hypot(x - state.x, y - state.y), found[-1].follows[0]
