@@ -40,7 +40,7 @@ from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.sequences.sources import RATE, SECOND, End, Picture, Source
+from tracking.sequences.sources import SECOND, End, Picture, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
