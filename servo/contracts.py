@@ -32,14 +32,19 @@ class BrokenContract(AssertionError):
     """A part does not do what its kind must do; the sentence says what, and what would be right."""
 
 
-def require(holds: object, sentence: str) -> None:
-    """Raise the sentence where something does not hold.
+def require(holds: object, sentence: str, *values: object) -> None:
+    """Raise a sentence where something does not hold.
+
+    Args:
+        holds: What should be true.
+        sentence: What is wrong, and what would be right; {} where a value stands.
+        values: They are written only where it is raised: to write an array takes long.
 
     Raises:
         BrokenContract: It does not hold.
     """
     if not holds:
-        raise BrokenContract(sentence)
+        raise BrokenContract(sentence.format(*values) if values else sentence)
 
 
 def check_estimate(estimate: object, *_: object) -> None:
@@ -52,32 +57,36 @@ def check_estimate(estimate: object, *_: object) -> None:
     if not isinstance(e, Estimate):
         raise BrokenContract(f"update returned {type(e).__name__}; return an Estimate")
     s = e.state
-    require(type(s) is State, f"the state is {type(s).__name__}; use tracking.types.State")
+    require(type(s) is State, "the state is {}; use tracking.types.State", type(s).__name__)
     numbers = (s.x, s.y, s.theta, s.scale)
     right = all(isinstance(n, Real) and abs(n) <= LARGEST for n in numbers)  # nan is not
-    if not right or s.scale * LARGEST < 1:
-        raise BrokenContract(
-            f"the state is {s}; its numbers must be finite, scale above 0, none over {LARGEST:g}"
-        )
-    if not (isinstance(e.distance, Real) and 0 <= e.distance <= 1):
-        raise BrokenContract(f"the distance is {e.distance}; it goes from 0 to 1")
-    if type(e.status) is not Status:
-        raise BrokenContract(f"the status is {e.status!r}; use tracking.types.Status")
+    require(
+        right and s.scale * LARGEST >= 1,
+        "the state is {}; its numbers must be finite, scale above 0, none over {:g}",
+        s,
+        LARGEST,
+    )
+    right = isinstance(e.distance, Real) and 0 <= e.distance <= 1
+    require(right, "the distance is {}; it goes from 0 to 1", e.distance)
+    right = type(e.status) is Status
+    require(right, "the status is {!r}; use tracking.types.Status", e.status)
     flags = np.asarray(e.follows)
-    if flags.shape != (2,) or flags.dtype != np.bool_:
-        raise BrokenContract("follows is not two flags: whether angle, and size, are followed")
-    if not _is_array(e.covariance, (4, 4), finite=False):
-        raise BrokenContract(
-            "the covariance is not (4, 4); a tracker without one gives unknown_covariance()"
-        )
+    require(
+        flags.shape == (2,) and flags.dtype == np.bool_,
+        "follows is not two flags: whether angle, and size, are followed",
+    )
+    require(
+        _is_array(e.covariance, (4, 4), finite=False),
+        "the covariance is not (4, 4); a tracker without one gives unknown_covariance()",
+    )
     variances = np.diagonal(e.covariance)
-    if (variances < -ROUNDING).any():
-        raise BrokenContract(f"the variances are {variances}; none can be negative")
-    if e.corners is not None and not _is_array(e.corners, (4, 2)):
-        raise BrokenContract("the corners are not four points (4, 2) of finite numbers")
+    negative = (variances < -ROUNDING).any()
+    require(not negative, "the variances are {}; none can be negative", variances)
+    right = e.corners is None or _is_array(e.corners, (4, 2))
+    require(right, "the corners are not four points (4, 2) of finite numbers")
     count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
-    if e.particles is not None and not _is_array(e.particles, (count, 5)):
-        raise BrokenContract("the particles are not (N, 5): x, y, theta, scale, weight")
+    right = e.particles is None or _is_array(e.particles, (count, 5))
+    require(right, "the particles are not (N, 5): x, y, theta, scale, weight")
 
 
 def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
@@ -98,23 +107,18 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
-    if not isinstance(found, np.ndarray) or found.shape != shape:
-        raise BrokenContract(f"{method} returned {_described(found)}; it should be {shape}")
+    if not isinstance(found, np.ndarray):
+        raise BrokenContract(f"{method} returned {type(found).__name__}; it should be {shape}")
+    require(found.shape == shape, "{} returned {}; it should be {}", method, found.shape, shape)
     if method == "known":
-        right = found.dtype == np.bool_
-        require(right, f"known returned {found}; it should be {k} flags")
+        require(found.dtype == np.bool_, "known returned {}; it should be {} flags", found, k)
         return
+    right = _is_array(found, shape, finite=False)
     # An error may hold nan: that of a feature which was not measured.
-    numbers = np.nan_to_num(found, nan=0.0, posinf=np.inf, neginf=-np.inf)
-    finite = _is_array(numbers if method == "error" else found, shape)
-    require(finite, f"{method} returned {found}; all must be finite")
-    if method == "scales" and not (found > 0).all():
-        raise BrokenContract(f"scales returned {found}; all must be above 0")
-
-
-def _described(found: object) -> str:
-    """Return the shape of an array, or the type of something else."""
-    return str(found.shape) if isinstance(found, np.ndarray) else type(found).__name__
+    right = right and (np.isfinite(found) | (np.isnan(found) & (method == "error"))).all()
+    require(right, "{} returned {}; all must be finite", method, found)
+    right = method != "scales" or (found > 0).all()
+    require(right, "scales returned {}; all must be above 0", found)
 
 
 def check_names(features: FeatureSet) -> None:
@@ -125,15 +129,16 @@ def check_names(features: FeatureSet) -> None:
     """
     names = features.names
     k = len(names)
-    right = k > 0 and len(set(names)) == k and set(map(type, names)) == {str}
-    require(right, f"names are {names}; all must differ")
-    require(len(features.units) == k, f"there are {k} names and {len(features.units)} units")
+    right = len(set(names)) == k and set(map(type, names)) == {str}
+    require(right, "names are {}; all must differ", names)
+    right = len(features.units) == k
+    require(right, "there are {} names and {} units", k, len(features.units))
     require(set(features.feed_forward) <= {*names}, "feed_forward names features that are none")
     sole = features.sole_dof
     right = set(sole) <= {*names} and set(sole.values()) <= {*DOF}
-    require(right, f"sole_dof maps names of features to some of {', '.join(DOF)}")
+    require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
     right = _is_array(features.noise, (k,)) and (features.noise > 0).all()
-    require(right, f"noise is not {k} numbers above 0")
+    require(right, "noise is not {} numbers above 0", k)
 
 
 def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
@@ -151,12 +156,12 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
     if not isinstance(p, Prediction):
         raise BrokenContract(f"{method} returned {type(p).__name__}, not a Prediction")
     k = len(given.past if isinstance(given, OwnMotion) else given)
-    for name, values in (("error", p.error), ("motion", p.motion)):
-        right = _is_array(values, (k,))
-        require(right, f"{method}: {name} is {values}; it should be {k} finite numbers")
-    for name, values in (("innovation", p.innovation), ("nis", p.nis)):
-        right = _is_array(values, (k,), finite=False)
-        require(right, f"{method}: {name} is {values}; it should be {k} numbers, nan for none")
+    for name in ("error", "motion", "innovation", "nis"):
+        values = getattr(p, name)
+        finite = name in ("error", "motion")
+        kind = "finite numbers" if finite else "numbers, nan for none"
+        right = _is_array(values, (k,), finite=finite)
+        require(right, "{}: {} is {}; it should be {} {}", method, name, values, k, kind)
     require(
         method == "update" or np.isnan(p.innovation).all(),
         "skip: nothing was measured, so the innovation is nan; "
@@ -172,13 +177,14 @@ def check_command(command: object, *_: object) -> None:
     """
     if not isinstance(command, Command):
         raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
-    if not _is_array(command.twist, (6,)):
-        raise BrokenContract(
-            f"the twist is {command.twist}; it should be six finite numbers "
-            "(vx, vy, vz, wx, wy, wz)"
-        )
-    if type(command.trace) not in (Trace, type(None)):
-        raise BrokenContract(f"the trace is {type(command.trace).__name__}; use a Trace or None")
+    require(
+        _is_array(command.twist, (6,)),
+        "the twist is {}; it should be six finite numbers (vx, vy, vz, wx, wy, wz)",
+        command.twist,
+    )
+    kind = type(command.trace)
+    right = kind in (Trace, type(None))
+    require(right, "the trace is {}; use a Trace or None", kind.__name__)
 
 
 def check_pose(pose: object, time: float) -> None:
@@ -190,13 +196,15 @@ def check_pose(pose: object, time: float) -> None:
     if not isinstance(pose, Pose):
         raise BrokenContract(f"at returned {type(pose).__name__}, not a Pose")
     R = pose.rotation
-    if not (_is_array(R, (3, 3)) and _is_array(pose.translation, (3,))):
-        raise BrokenContract(
-            f"the target's position is {pose.translation}, its rotation {R}; these "
-            "must be finite numbers (3,) and (3, 3)"
-        )
+    require(
+        _is_array(R, (3, 3)) and _is_array(pose.translation, (3,)),
+        "the target's position is {}, its rotation {}; these must be finite numbers (3,) and "
+        "(3, 3)",
+        pose.translation,
+        R,
+    )
     turned = np.abs(R @ R.T - np.eye(3)).max() < ROUNDING and np.linalg.det(R) > 0
-    require(turned, f"at({time:g}) is no pose: its rotation (3, 3) is none")
+    require(turned, "at({:g}) is no pose: its rotation (3, 3) is none", time)
 
 
 def check_effect(effect: object, time: float) -> None:
@@ -209,7 +217,7 @@ def check_effect(effect: object, time: float) -> None:
         raise BrokenContract(f"at returned {type(effect).__name__}; return an Effect")
     for name, factor in (("gain", effect.gain), ("lamp", effect.lamp)):
         right = isinstance(factor, Real) and 0 <= factor <= LARGEST
-        require(right, f"the {name} is {factor!r}; it is a factor from 0 on")
+        require(right, "the {} is {!r}; it is a factor from 0 on", name, factor)
     early = time < 0 and effect != Effect()
     require(not early, "it does something before time 0; return Effect() there")
 

@@ -69,9 +69,14 @@ def refusal(error: OSError) -> str:
     return why if error.filename is None else f"{error.filename}: {why}"
 
 
+def printable(text: str, keep: str = "\n") -> str:
+    """Return a text that changes nothing on a terminal: control characters are written out."""
+    return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
+
+
 def one_line(sentence: str) -> str:
     """Return a sentence with its line breaks and control characters written out."""
-    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
+    line = printable(sentence, keep="")
     if len(line) > LONGEST:
         line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"
     return line

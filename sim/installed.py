@@ -10,7 +10,9 @@ import functools
 import importlib
 import importlib.util
 import sys
-from dataclasses import dataclass
+from collections import defaultdict
+from contextlib import suppress
+from dataclasses import astuple, dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -46,18 +48,24 @@ GROUPS = "servobench."
 
 
 @functools.cache  # looking through all packages takes 20 ms
-def entries() -> dict[str, frozenset[Installed]]:
-    """Return the kinds that packages bring, by group."""
-    entries = metadata.entry_points()
-    return {
-        group: frozenset(
-            Installed(e.name, e.dist.name, e.dist.version, e.value.replace(" ", ""))
-            for e in entries.select(group=group)
-            if e.dist is not None
-        )
-        for group in entries.groups
-        if group.startswith(GROUPS)
-    }
+def entries() -> dict[str, set[Installed]]:
+    """Return the kinds that packages bring, by group.
+
+    Packages whose entry points cannot be read bring none: it may be one that has nothing to do with
+    us. So do names with characters that a terminal acts upon.
+    """
+    found = defaultdict[str, set[Installed]](set)
+    packages: set[str] = set()
+    for package in metadata.distributions():
+        with suppress(Exception):  # another person's file: no UTF-8, no metadata, no name
+            each = package.entry_points if package.name not in packages else ()
+            packages.add(package.name)
+            for e in each:
+                path = e.value.partition("[")[0].replace(" ", "")
+                kind = Installed(e.name, package.name, package.version, path)
+                if e.group.startswith(GROUPS) and e.name and "".join(astuple(kind)).isprintable():
+                    found[e.group].add(kind)
+    return found
 
 
 def installed(group: str) -> tuple[Installed, ...]:
@@ -68,6 +76,11 @@ def installed(group: str) -> tuple[Installed, ...]:
 def packages() -> dict[str, str]:
     """Return the versions of all packages that bring kinds, by name."""
     return {k.package: k.version for kinds in entries().values() for k in kinds}
+
+
+def plain(text: str) -> str:
+    """Return a text on one line, without what a terminal acts upon."""
+    return "".join(filter(str.isprintable, " ".join(text.split())))
 
 
 def imported(path: str) -> Any:
@@ -88,6 +101,6 @@ def imported(path: str) -> Any:
         for part in name.split("."):
             found = getattr(found, part)
     except (Exception, SystemExit) as error:  # an import runs the user's code
-        reason = str(error) or type(error).__name__
+        reason = plain(str(error)) or type(error).__name__
         raise BrokenPart(f"'{path}' cannot be imported: {reason}") from error
     return found

@@ -23,7 +23,7 @@ from pathlib import Path
 from textwrap import dedent
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast
 
-from sim.installed import BrokenPart, Installed, Trusted, imported, installed
+from sim.installed import BrokenPart, Installed, Trusted, imported, installed, plain
 
 if TYPE_CHECKING:
     import numpy as np  # `servobench list` only looks at files
@@ -247,6 +247,9 @@ def _check_config(config: type[Any], name: str) -> None:
     ]
     if bare:
         raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
+    presets: Any = getattr(config, "PRESETS", {})
+    if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):
+        raise UnknownKind(f"'{name}': PRESETS should be a table of settings for each name")
 
 
 def _tree_of(module: str) -> ast.Module:
@@ -259,7 +262,7 @@ def _tree_of(module: str) -> ast.Module:
 
 
 def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
-    return " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
+    return plain((ast.get_docstring(node) or "").split("\n\n")[0])
 
 
 def field_docs(config: type[Any]) -> dict[str, str]:
@@ -274,7 +277,7 @@ def field_docs(config: type[Any]) -> dict[str, str]:
         for node, after in itertools.pairwise(body):
             match node, after:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(ast.Constant(str() as text)):
-                    docs[name] = " ".join(text.split())
+                    docs[name] = plain(text)
                 case _:
                     pass
     return {f.name: docs.get(f.name, "") for f in dataclasses.fields(config)}

@@ -47,6 +47,24 @@ def bench(monkeypatch, capfd, *more):
     return call(monkeypatch, capfd, *arguments)
 
 
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "cut in a row", "noise"])
+def test_a_track_that_is_lost_is_computed_again(monkeypatch, capfd, place, damage):
+    assert bench(monkeypatch, capfd)[0] == 0
+    path = place / "out" / "tracks" / "sok" / "clutter-a-0.csv"
+    whole = path.read_bytes()
+    left = {"empty": b"", "cut": b"\n".join(whole.split(b"\n")[:20]) + b"\n", "noise": b"\xff" * 99}
+    path.write_bytes(left.get(damage, whole[: len(whole) // 2]))
+    if damage == "missing":
+        path.unlink()
+    code, _, err = bench(monkeypatch, capfd)
+    assert code == 0
+    sentence = "this track is missing or damaged; it is computed again"
+    assert f"servobench: out/tracks/sok/clutter-a-0.csv: {sentence}\n" in err
+    assert "Traceback" not in err
+    assert len(path.read_bytes().splitlines()) == len(whole.splitlines())
+    assert sentence not in bench(monkeypatch, capfd)[2]
+
+
 def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, place):
     code, out, err = bench(monkeypatch, capfd)
     assert (code, err) == (0, "")

@@ -1,14 +1,16 @@
 import ctypes
 import os
+import re
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from sim.camera import gl
+from sim.camera import gl, renderer
 
 pytestmark = pytest.mark.processes
 
@@ -155,3 +157,71 @@ def test_libraries_write_nothing_before_the_sentence(tmp_path, case):
         [sys.executable, "-c", code, *arguments], env=environment, capture_output=True, cwd=tmp_path
     )
     assert (done.returncode, done.stdout, done.stderr.decode()) == (2, b"", sentence)
+
+
+FORKS = """
+import os, signal, sys
+import servo
+from servo.loop.episode import Episode
+
+scenario = servo.load("still", ["tracker.kind=frozen"])
+episode = Episode(scenario)
+episode.world.look()
+if os.fork() == 0:
+    signal.alarm(60)  # it would wait for ever
+    for world in (lambda: episode.world, lambda: Episode(scenario).world):
+        try:
+            print(world().look().image.shape, flush=True)
+        except RuntimeError as error:
+            print(error, flush=True)
+    os._exit(0)
+sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
+"""
+
+
+@pytest.mark.parametrize("threads", [None, "2"])
+def test_a_fork_of_a_process_that_has_rendered_renders_or_says_why_not(threads):
+    others = {k: v for k, v in os.environ.items() if k != gl.MESA_THREADS}
+    done = subprocess.run(
+        [sys.executable, "-c", FORKS],
+        env=others if threads is None else {**others, gl.MESA_THREADS: threads},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    now = [renderer.ELSEWHERE, "(240, 320, 3)"] if threads is None else [gl.FORKED] * 2
+    assert (done.returncode, done.stdout.splitlines()) == (0, now), done.stderr
+
+
+def test_a_world_in_another_thread_is_refused_and_not_shown_as_it_was():
+    from servo.loop.episode import Episode
+    from servo.scenario.load import load
+
+    def look():
+        with pytest.raises(gl.NoRenderer, match="made in another thread or process"):
+            episode.world.look()
+        episode.close()  # leaves the buffers of this thread alone
+        seen.append(True)
+
+    seen = []
+    with Episode(load("still")) as episode:
+        thread = threading.Thread(target=look)
+        thread.start()
+        thread.join()
+    assert seen
+
+
+def test_an_opengl_that_is_too_old_is_a_sentence():
+    done = subprocess.run(
+        [sys.executable, "-m", "servo", "doctor"],
+        env=os.environ | {"MESA_GL_VERSION_OVERRIDE": "1.4"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert re.fullmatch(
+        r"servobench: MuJoCo cannot render with the OpenGL of this machine \(.*, 1\.4 Mesa.*\): "
+        r"OpenGL version 1\.5 or higher required\.\n",
+        done.stderr,
+    )

@@ -99,3 +99,10 @@ def test_a_jump_is_what_the_velocity_did_not_expect():
     velocity.step(np.array([5.0, 0, 0, 0]))
     assert velocity.jump(State(127.0, 50.0, 0.0, 2.0), 40.0) == 2 / 80
     assert abs(velocity.jump(State(127.0, 50.0, 0.0, 2.2), 40.0) - np.log(1.1)) < 1e-12
+
+
+def test_a_distance_that_is_no_number_is_no_target():
+    judge = LossJudge(LossLimits(patience=0.5))
+    assert judge.judge(0.1, 0.0) is Status.LOCKED
+    assert judge.judge(float("nan"), 0.1) is Status.UNSURE
+    assert judge.judge(float("nan"), 0.6) is Status.LOST

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -228,3 +229,77 @@ def test_settings_of_a_type_that_cannot_be_used_end_nothing_else(package, capsys
     assert str(found.value).startswith(f"--set tracker.kind=odd: tracker.kind: {sentence}")
     list_command.show_all()
     assert "odd" in capsys.readouterr().out
+
+
+NAMED = b"Metadata-Version: 2.1\nName: %s\nVersion: %s\n"
+COLOURED = b"\x1b[31mred"
+ENTRY = b"[servobench.trackers]\nbad = pkg_a:Config\n"
+
+
+@pytest.mark.parametrize(
+    ("listed", "metadata"),
+    [
+        (b"[console_scripts]\nno equals sign\n", NAMED % (b"bad", b"1")),
+        (b"[servobench.trackers]\nbad pkg_a:Config\n", NAMED % (b"bad", b"1")),
+        (b"bad = pkg_a:Config\n", NAMED % (b"bad", b"1")),
+        (b"[servobench.trackers\nbad = pkg_a:Config\n", NAMED % (b"bad", b"1")),
+        (b"[servobench.trackers]\n= pkg_a:Config\n", NAMED % (b"bad", b"1")),
+        (b"[servobench.trackers]\nb\xff\xfe = pkg_a:Config\n", NAMED % (b"bad", b"1")),
+        (ENTRY.decode().encode("utf-16"), NAMED % (b"bad", b"1")),
+        (ENTRY.replace(b"bad", COLOURED), NAMED % (b"bad", b"1")),
+        (ENTRY.replace(b"pkg_a", COLOURED), NAMED % (b"bad", b"1")),
+        (ENTRY.replace(b"bad", "\u202edab".encode()), NAMED % (b"bad", b"1")),
+        (ENTRY, NAMED % (COLOURED, b"1")),
+        (ENTRY, NAMED % (b"bad", COLOURED)),
+        (ENTRY, b"Name: \xff\xfe\nVersion: 1\n"),
+        (ENTRY, b"Name: bad\n"),
+        (ENTRY, b""),
+    ],
+)
+def test_a_package_that_cannot_be_read_brings_nothing_and_ends_nothing(
+    package, tmp_path, capsys, listed, metadata
+):
+    package("pkg-a", calm="Config")
+    names = TRACKERS.names()
+    info = tmp_path / "bad-1.dist-info"
+    info.mkdir()
+    (info / "entry_points.txt").write_bytes(listed)
+    (info / "METADATA").write_bytes(metadata)
+    entries.cache_clear()
+    assert TRACKERS.names() == names
+    assert "calm" in names
+    list_command.show_all()
+    assert "calm" in capsys.readouterr().out
+
+
+def test_an_extra_of_an_entry_point_is_no_part_of_its_path(package, tmp_path):
+    package("pkg-a", calm="Config [fast]")
+    assert TRACKERS.config_of("calm")().least == 3
+
+
+def test_what_a_terminal_acts_upon_is_not_printed(package, tmp_path, capsys):
+    module = package("pkg-coloured", calm="Config")
+    source = (tmp_path / f"{module}.py").read_text()
+    source = source.replace("Stands still.", "Stands \\x1b[31mstill.").replace(
+        "A number", "A \x1b[0mnumber"
+    )
+    (tmp_path / f"{module}.py").write_text(source)
+    assert TRACKERS.summary("calm") == "Stands [31mstill."
+    list_command.show("calm")
+    assert "\x1b[0m" not in capsys.readouterr().out
+    (tmp_path / f"{module}.py").write_text("raise ValueError('no \\x1b[31mweights\\nat all')")
+    sys.modules.pop(module, None)
+    with pytest.raises(kinds.UnknownKind) as refused:
+        list_command.show("calm")
+    assert str(refused.value).endswith("cannot be imported: no [31mweights at all")
+
+
+@pytest.mark.parametrize("presets", ["'fast'", "{'fast': 3}", "[1]"])
+def test_presets_that_are_no_tables_are_a_sentence(package, tmp_path, presets):
+    module = package("pkg-a", calm="Config")
+    file = tmp_path / f"{module}.py"
+    file.write_text(file.read_text() + f"\n\nConfig.PRESETS = {presets}\n")
+    sys.modules.pop(module, None)
+    with pytest.raises(kinds.UnknownKind) as refused:
+        list_command.show("calm")
+    assert str(refused.value) == "'calm': PRESETS should be a table of settings for each name"

@@ -2,7 +2,10 @@
 
 import http.client
 import json
+import socket
+import struct
 import threading
+import time
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -56,6 +59,7 @@ def sent(address, body=None, path=None, host=None):
 def test_only_the_right_address_and_a_region_are_an_answer(monkeypatch, capfd, folder):
     def act(address):
         bad = ['"', "[1,2,3,4]", "[1,2,3,4,NaN]", "{}", "7", "[1,2,3,4,5,6]", "[" * 5000]
+        bad += ['"12345"', '["1","2","3","4","5"]', "[true,2,3,4,5]", "null", "[1,2,3,4,1e999]"]
         return [
             sent(address, path="/"),
             sent(address, path="/x", body="[40,30,30,20,0]"),
@@ -69,7 +73,7 @@ def test_only_the_right_address_and_a_region_are_an_answer(monkeypatch, capfd, f
     code, _, err = call(monkeypatch, capfd, "in", "--select", "--tracker", "frozen", "--out", "out")
     statuses, printed = finished()
     assert (code, err) == (0, "")
-    assert statuses == [404, 404, 404, *[400] * 7, 200, 200]
+    assert statuses == [404, 404, 404, *[400] * 12, 200, 200]
     assert printed[1] == "--region 40,30,30,20 repeats this choice"
     report = json.loads((folder / "out" / "report.json").read_text())
     assert "--region 40,30,30,20" in report["command"]
@@ -77,6 +81,22 @@ def test_only_the_right_address_and_a_region_are_an_answer(monkeypatch, capfd, f
     rows = rows_of(folder / "out" / "track.csv")
     assert len(rows) == FRAMES
     assert [float(rows[0][k]) for k in ("x", "y", "width", "height")] == [55, 40, 30, 20]
+
+
+def test_a_client_that_resets_its_connection_is_not_heard(monkeypatch, capfd, folder):
+    def act(address):
+        parts = urlsplit(address)
+        for request in (b"", f"GET {parts.path} HTTP/1.1\r\nHost: {parts.netloc}\r\n\r\n".encode()):
+            with socket.create_connection((parts.hostname, parts.port)) as client:
+                client.sendall(request)
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        time.sleep(0.3)
+        return sent(address, "[40, 30, 30, 20, 0]")
+
+    finished = during(monkeypatch, act)
+    code, _, err = call(monkeypatch, capfd, "in", "--select", "--tracker", "frozen", "--out", "out")
+    assert finished()[0] == 200
+    assert (code, err) == (0, "")
 
 
 CANCELLED = "servobench: --select was cancelled; give --region X,Y,W,H[,DEG]\n"

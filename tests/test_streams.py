@@ -110,6 +110,34 @@ def test_a_camera_gives_pictures_with_their_times_until_it_is_lost(monkeypatch):
         next(iter(source_of("camera:3", 30.0)))
 
 
+def test_the_scheme_of_an_address_may_be_in_capitals():
+    with served(film(5)) as address:
+        assert next(iter(source_of(address.replace("tcp", "TCP"), 30.0))).image is not None
+
+
+def test_a_tracker_is_warmed_up_before_a_stream_is_opened(monkeypatch, capfd, tmp_path):
+    """Compiling takes a second: after the first picture, the target would have moved."""
+    events = []
+
+    def opened():
+        events.append("opened")
+        return nullcontext(Feed(((k / 10, IMAGE) for k in range(3)), 10.0, waits=True))
+
+    for method in ("start", "update"):
+        usual = getattr(frozen.Frozen, method)
+
+        def noted(self, *given, usual=usual, method=method):
+            events.append(method)
+            return usual(self, *given)
+
+        monkeypatch.setattr(frozen.Frozen, method, noted)
+    monkeypatch.setattr(stream, "stream", lambda address: LiveSource(address, opened))
+    monkeypatch.chdir(tmp_path)
+    arguments = ["tcp://127.0.0.1:1", "--tracker", "frozen", "--region", "2,2,9,9", "-q"]
+    assert call(monkeypatch, capfd, *arguments)[0] == 0
+    assert events == ["start", "update", "opened", "start", "update", "update"]
+
+
 @pytest.fixture(scope="module")
 def parts():
     return film(60)

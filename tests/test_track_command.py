@@ -24,7 +24,7 @@ def test_a_track_has_the_agreed_header_and_a_row_for_every_picture(monkeypatch, 
     first = (folder / "out" / "track.csv").read_text().splitlines()[0]
     assert first == (
         "frame,time,x,y,theta,scale,width,height,x1,y1,x2,y2,x3,y3,x4,y4,confidence,status,"
-        "milliseconds"
+        "milliseconds,stamp"
     )
     found = rows_of(folder / "out" / "track.csv")
     assert [int(row["frame"]) for row in found] == list(range(FRAMES))
@@ -74,7 +74,7 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
     code, _, err = call(
         monkeypatch, capfd, "in", "--region", REGION, "--out", "out", "-q", "--video", "track.mp4"
     )
-    assert code == 0
+    assert code == 1
     assert err == (
         "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is "
         "searched for at the same pixels\n"
@@ -199,7 +199,7 @@ def test_a_mistake_is_one_sentence_and_leaves_nothing(monkeypatch, capfd, folder
 def test_what_is_no_track_is_refused(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,2\n")
     with pytest.raises(
-        ValueError, match="format 1, which this version reads: its columns are a, b"
+        ValueError, match="format 2, which this version reads: its columns are a, b"
     ):
         read(tmp_path / "t.csv")
-    assert len(HEADER) == 19
+    assert len(HEADER) == 20

@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -136,6 +137,11 @@ def test_a_box_without_an_area_is_a_sentence():
     )
 
 
+def test_a_box_whose_area_vanishes_has_none():
+    with pytest.raises(ValueError, match=r"a box without an area$"):
+        follow(config("vanishes"))
+
+
 def test_a_server_that_answers_twice_is_out_of_step():
     tracker = config("twice").build(np.random.default_rng(0))
     tracker.start(frame(0), REGION, START)
@@ -264,6 +270,35 @@ def test_a_client_that_fails_is_a_sentence(lines, message):
     with pytest.raises(ValueError) as refused:
         served(*lines)
     assert message in str(refused.value)
+
+
+def program(words, close="", **more):
+    """Our server as a program; exit code and stderr."""
+    line = f"exec {sys.executable} -m tracking.exported.trax_server {words} {close}"
+    done = subprocess.run(line, shell=True, capture_output=True, text=True, **more)
+    return done.returncode, done.stderr.splitlines()
+
+
+def test_the_program_ends_with_a_sentence():
+    lines = f'{REGION_LINE}\n@@TRAX:frame "file:///\x1b[31m.png"\n'
+    code, (said,) = program("frozen", input=lines)
+    assert (code, said) == (
+        1,
+        "trax_server: /[31m.png: cannot read this picture: No such file or directory",
+    )
+    code, (*_, said) = program("frozen", close=">&-", input="")
+    assert code == 2
+    assert said.endswith("standard input or output is closed; a client talks through them")
+
+
+def test_ctrl_c_ends_the_program_without_a_traceback():
+    command = [sys.executable, "-m", "tracking.exported.trax_server", "frozen"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe) as process:
+        assert process.stdout.readline().startswith(b"@@TRAX:hello")
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=PATIENCE)[1] == b""
+        assert process.returncode == 130
 
 
 KILLED = """

@@ -55,6 +55,16 @@ def test_a_file_that_is_no_truth_is_refused(tmp_path, text, message):
     assert message in str(refused.value)
 
 
+def test_a_truth_of_many_lines_too_many_is_not_parsed(tmp_path):
+    path = written(tmp_path, "0\n" * 1_500_000)  # no line of it is one of a truth
+    with pytest.raises(ValueError) as refused:
+        truth.read(path, count=10)
+    assert str(refused.value) == (
+        f"{path}: this truth has 1500000 lines for 10 pictures; it needs one for each, with nan "
+        "where the target is absent"
+    )
+
+
 def test_placement_is_the_upright_box_or_the_turned_rectangle():
     region, state = Region(40.0, 20.0), State(100.0, 50.0, 0.4)
     corners = region.corners(state)

@@ -1,6 +1,7 @@
 """Which files are accepted as videos, and what a damaged one gives."""
 
 import io
+import re
 import struct
 from fractions import Fraction
 from pathlib import Path
@@ -32,10 +33,10 @@ CODECS = {
 }
 
 
-def film(form="mp4", videos=1, rate=25):
+def film(form="mp4", videos=1, rate=25, **options):
     """A video of FRAMES frames, each brighter than the one before."""
     data = io.BytesIO()
-    with av.open(data, mode="w", format=form) as container:
+    with av.open(data, mode="w", format=form, options=options) as container:
         streams = [container.add_stream(CODECS[form], rate=Fraction(rate)) for _ in range(videos)]
         for stream in streams:
             stream.width, stream.height = WIDTH, HEIGHT
@@ -151,6 +152,66 @@ def test_the_missing_frames_of_a_cut_video_are_none(tmp_path):
     there = [image is not None for image in images]
     assert 0 < sum(there) < FRAMES
     assert there == sorted(there, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("form", "options", "part"),
+    [
+        ("mpegts", {}, 0.503),
+        ("mpegts", {}, 0.9),
+        ("mp4", {"movflags": "frag_keyframe+empty_moov", "frag_duration": "200000"}, 0.6),
+        ("matroska", {}, 0.8),
+        ("matroska", {"live": "1"}, 0.7),
+        ("webm", {"live": "1"}, 0.5),
+        ("flv", {}, 0.8),
+        ("gif", {}, 0.6),
+        ("yuv4mpegpipe", {}, 0.7),
+        ("avi", {}, 0.7),
+    ],
+)
+def test_a_cut_video_says_so_whatever_its_format(tmp_path, form, options, part):
+    path, whole = tmp_path / "film", film(form, **options)
+    path.write_bytes(whole)
+    video = Video.of(path)
+    assert [picture.image is None for picture in video] == FRAMES * [False]
+    assert video.end is None
+    path.write_bytes(whole[: round(len(whole) * part)])
+    video = Video.of(path)
+    there = sum(picture.image is not None for picture in video)
+    assert 0 < there < FRAMES
+    assert video.end.lost
+    ending = (
+        f" of {FRAMES} pictures can be decoded"
+        if form == "avi"
+        else "pictures, then this video breaks off"
+    )
+    assert video.end.sentence.endswith(ending)
+
+
+def test_videos_behind_each_other_in_one_file_are_whole(tmp_path):
+    path = tmp_path / "film.ts"
+    path.write_bytes(2 * film("mpegts"))
+    video = Video.of(path)
+    assert len(list(video)) == 2 * FRAMES
+    assert video.end is None
+
+
+def test_pictures_that_ffmpeg_has_mended_are_counted(tmp_path):
+    data = bytearray(film("flv"))
+    at = len(data) * 6 // 10
+    data[at : at + 25] = bytes(255 - byte for byte in data[at : at + 25])
+    path = tmp_path / "film.flv"
+    path.write_bytes(data)
+    video = Video.of(path)
+    assert len(list(video)) == FRAMES
+    assert video.end.lost
+    assert re.fullmatch(rf"{path}: \d of {FRAMES} pictures are damaged", video.end.sentence)
+
+
+def test_a_codec_that_ffmpeg_lacks_is_one_sentence(tmp_path):
+    path = tmp_path / "film.mkv"
+    path.write_bytes(film("matroska").replace(b"V_MPEG4/ISO/ASP", b"V_MPEG4/ISO/XXX"))
+    assert refusal(path) == "the pictures of this video are compressed in a way that is not known"
 
 
 @pytest.mark.parametrize("form", ["matroska", "webm"])

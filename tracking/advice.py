@@ -12,6 +12,7 @@ import numpy as np
 
 from sim.kinds import PartConfig, kind_of
 from sim.types import Frame, Image
+from tracking.search.newton import changes
 from tracking.trackers import KINDS
 from tracking.types import Region, State, Status, Tracker
 
@@ -25,6 +26,12 @@ BETTER = "pf_ssd"
 """Tracker that is tried where another one is a poor choice."""
 SILENT = ("opencv", "trax", "tag", "frozen")
 """Kinds of ours that are not tried: they start programs, load models, or need no colours."""
+LEAST_CONTRAST = 0.15
+"""A target whose colours change its distance by less when the template is shifted (`changes`) is
+hardly told from its ground by them: `camouflage` has 0.09, all other targets at least 0.23."""
+TEXTURE = ("texture_pf", "texture_ms", "homography", "cv_mil")
+"""Kinds that look at more than colours."""
+NO_CONTRAST = "its colours are those around it; texture_pf looks at texture, too"
 NO_ANGLE = "the target looks the same when it is turned: its angle is not followed"
 
 
@@ -43,6 +50,9 @@ def advice(config: PartConfig[Tracker], image: Image, region: Region, state: Sta
     kind = kind_of(config)
     if kind in SILENT or type(config).__module__ != f"{KINDS.folder}.{kind}":
         return ""
+    poor = f"{kind} is a poor choice for this target: "
+    if changes(image, region, state)[0] < LEAST_CONTRAST:
+        return "" if kind in TEXTURE else poor + NO_CONTRAST
     off, follows = _settled(config, image, region, state)
     if off <= max(LEAST_PX, LEAST_SHARE * sqrt(region.area(state))):
         turns = kind == "mk_ssd" or getattr(config, "turn_noise", 0) > 0
@@ -50,9 +60,7 @@ def advice(config: PartConfig[Tracker], image: Image, region: Region, state: Sta
     how = "does not recognise it" if off == inf else f"settles {off:.1f} px beside it"
     other, _ = _settled(KINDS.config(BETTER), image, region, state)
     instead = f"; {BETTER}: {other:.1f} px" if other < off / 2 else ""
-    return (
-        f"{kind} is a poor choice for this target: shown the first picture again, it {how}{instead}"
-    )
+    return f"{poor}shown the first picture again, it {how}{instead}"
 
 
 def _settled(

@@ -85,7 +85,7 @@ class LossJudge:
                 or ln scale, whichever is larger; by default that of a tracker without prediction.
         """
         limit = self.threshold * (1.0 if self.locked else self._limits.hysteresis)
-        if distance > limit:
+        if not distance <= limit:  # nan is not
             # What comes out of hiding is doubted anew.
             self._risen_since = None
         elif not self._begins_to_hide(distance, time, jump):

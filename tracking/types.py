@@ -149,13 +149,30 @@ FARTHEST = 1e6
 """Largest size of a region's numbers [px]: products of larger ones would overflow."""
 
 
+def check_picture(image: object) -> None:
+    """Refuse what is no picture: the compiled loops would read other memory than its own.
+
+    Raises:
+        ValueError: It is no array (H, W, 3) of uint8, or has no pixels.
+    """
+    if not isinstance(image, np.ndarray):
+        raise ValueError(f"a picture is an array (height, width, 3) of uint8, not {image!r:.40}")
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+        shape = " x ".join(map(str, image.shape))
+        raise ValueError(
+            f"a picture is RGB, an array (height, width, 3) of uint8; this one is {shape} of "
+            f"{image.dtype}"
+        )
+
+
 def check_region(frame: Frame, region: Region, state: State) -> None:
     """Refuse an impossible region.
 
     Raises:
         ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
-            image is absurdly large.
+            image is none, or absurdly large.
     """
+    check_picture(frame.image)
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:
         raise ValueError(

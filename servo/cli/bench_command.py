@@ -1,6 +1,7 @@
 """The command `servobench bench`: compare trackers on sequences or in the closed loop."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
-from servo.cli.terminal import plain, print_table
+from servo.cli.terminal import complain, plain, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
@@ -81,6 +82,7 @@ def run(request: BenchRequest) -> int:
     workers = Workers(request.workers)
     again = go_on(request.command, request.out)
     with opened(request.folder, _described(request, subjects)) as store, workers:
+        _forget_lost_tracks(jobs, store)
         failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
         records = store.records(jobs, series=True)
         if records:
@@ -91,6 +93,26 @@ def run(request: BenchRequest) -> int:
             for path in paths:
                 plain(console, f"  {path}")
     return 1 if failed else 0
+
+
+def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
+    """Let jobs be done again whose tracks are missing, cut or damaged."""
+    for job in jobs:
+        record = store.record(job)
+        if record is None or not isinstance(job.subject, TrackedSequence):
+            continue
+        path = job.subject.track_path(store.folder, job.seed)
+        if _length(path) != record.settings["frames"]:
+            complain(f"{path}: this track is missing or damaged; it is computed again")
+            store.forget(job)
+
+
+def _length(path: Path) -> int:
+    """Return the number of rows of a track; 0 if it cannot be read."""
+    try:
+        return len(read_track(path).states)
+    except ValueError:
+        return 0
 
 
 def _closed_loop(request: BenchRequest, console: Console) -> int:
@@ -177,7 +199,9 @@ def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Pat
     for subject in subjects:
         if subject.contender.label == best:
             sequence = subject.entry.build(0)
-            found = read_track(subject.track_path(folder, 0)).corners
+            found = None  # where the run of this seed has failed
+            with suppress(ValueError):
+                found = read_track(subject.track_path(folder, 0)).corners
             picture = sheet(sequence.source, sequence.truth, found)
             atomic.write(place, f"{sequence.name}.png", encoded(picture))
     return place

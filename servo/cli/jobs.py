@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from servo.cli.terminal import COMPILING, complain, plain, progress_bar, stop
+from servo.cli.terminal import COMPILING, complain, escape, plain, progress_bar, stop
 from servo.mistake import Mistake, Refused
 from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job

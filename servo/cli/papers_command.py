@@ -5,10 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
 from servo.cli.jobs import complete_jobs, print_estimate
-from servo.cli.terminal import complain, plain, print_table
+from servo.cli.terminal import complain, escape, plain, print_table
 from servo.mistake import Mistake, unknown
 from servo.output.formats import command_line
 from servo.output.versions import versions

@@ -6,8 +6,6 @@ page in the browser. The server ends with the first answer.
 
 import base64
 import itertools
-import json
-import math
 import secrets
 import threading
 import webbrowser
@@ -15,8 +13,9 @@ from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from queue import Empty, Queue
-from typing import Any
+from typing import Any, Literal
 
+import pydantic
 from jinja2 import Environment, StrictUndefined
 from rich.console import Console
 
@@ -27,7 +26,8 @@ from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
 
-Box = tuple[float, float, float, float, float]
+Number = pydantic.FiniteFloat
+Box = tuple[Number, Number, Number, Number, Number]
 """Left, top, width, height [px], and rotation about the centre [deg]."""
 HOST = "127.0.0.1"
 PATIENCE = 600.0
@@ -48,6 +48,7 @@ DIGITS = 6
 """Digits of a region's numbers."""
 CANCELLED = "cancelled"
 """The answer of a person who draws no region."""
+ANSWER = pydantic.TypeAdapter[Box | Literal["cancelled"]](Box | Literal["cancelled"])
 
 
 def select(
@@ -124,13 +125,6 @@ def _page(image: Image, name: str) -> bytes:
     )
 
 
-def _box(numbers: list[float]) -> Box:
-    x, y, width, height, turn = map(float, numbers)
-    if not all(map(math.isfinite, (x, y, width, height, turn))):
-        raise ValueError(numbers)
-    return x, y, width, height, turn
-
-
 class _Server(ThreadingHTTPServer):
     """Serves one page at an address that nobody can guess."""
 
@@ -140,6 +134,9 @@ class _Server(ThreadingHTTPServer):
         self.path = f"/{secrets.token_urlsafe(16)}"
         self.port = self.server_address[1]
         self.answers: Queue[Box | None] = Queue()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Go on: a client that resets its connection is no failure of the page."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -157,13 +154,12 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             length = min(int(self.headers.get("Content-Length", "0")), LONGEST)
-            found = json.loads(self.rfile.read(length))
-            box = None if found == CANCELLED else _box(found)
-        except (ValueError, TypeError, RecursionError):
+            found = ANSWER.validate_json(self.rfile.read(length), strict=True)
+        except ValueError:
             self._send(400, b"this is not a region")
             return
         self._send(200, b"")
-        self.server.answers.put(box)
+        self.server.answers.put(None if found == CANCELLED else found)
 
     def _is_ours(self) -> bool:
         """Return whether the address is right; otherwise, answer that nothing is there."""

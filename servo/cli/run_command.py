@@ -6,10 +6,9 @@ from pathlib import Path
 from statistics import median
 
 from rich.console import Console
-from rich.markup import escape
 
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
-from servo.cli.terminal import COMPILING, WAITING, plain, print_table, progress_bar
+from servo.cli.terminal import COMPILING, WAITING, escape, plain, print_table, progress_bar
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed

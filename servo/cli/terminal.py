@@ -2,12 +2,13 @@
 
 from typing import NoReturn
 
+from rich import markup
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from servo.cli.guard import exit_code
+from servo.mistake import one_line, printable
 from servo.report import words
 
 STOPPED = "servobench: stopped; what was written is complete up to here."
@@ -16,6 +17,11 @@ ROOMY = 6
 """Most columns with wide gaps."""
 WAITING = f"preparing {COMPILING}"
 COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "bold"}
+
+
+def escape(text: str) -> str:
+    """Return a text for rich as it stands: neither markup nor control characters have an effect."""
+    return markup.escape(printable(text))
 
 
 def progress_bar(console: Console) -> Progress:
@@ -47,13 +53,13 @@ def _marked(cell: words.Cell) -> str:
 
 
 def plain(console: Console, text: str) -> None:
-    """Print a path or a command unchanged: without colours, line breaks and markup."""
-    console.print(text, highlight=False, soft_wrap=True, markup=False)
+    """Print a path or a command as it stands: without colours, line breaks and markup."""
+    console.print(printable(text), highlight=False, soft_wrap=True, markup=False)
 
 
 def complain(sentence: object) -> None:
     """Print a sentence on stderr."""
-    plain(Console(stderr=True), f"servobench: {sentence}")
+    plain(Console(stderr=True), f"servobench: {one_line(str(sentence))}")
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:

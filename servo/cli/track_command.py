@@ -2,20 +2,23 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 
 from servo.cli.guard import REFUSED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
     STOPPED,
+    WAITING,
     complain,
+    escape,
     plain,
     print_table,
     progress_bar,
@@ -37,10 +40,13 @@ from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.sequences.sources import End, Picture, Source
+from tracking.sequences.sources import RATE, SECOND, End, Picture, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
+
+NOISE = (240, 320)
+"""Height and width of the pictures on which a tracker is warmed up [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +103,12 @@ def run(request: TrackRequest) -> int:
     """
     settings, config = tracker_of(request.tracker, request.changes)
     request.outputs.check()
+    console = Console(quiet=request.quiet)
     try:
         source = source_of(request.source, request.rate, request.topic)
+        request = replace(request, source=shown(request.source))
         truth = _truth(request, source)
+        _warm_up(request, source, config, console)
         request, pictures = _selected(request, source)
         region, start = _placement(request, truth)
     except ValueError as error:
@@ -109,10 +118,9 @@ def run(request: TrackRequest) -> int:
     shots = _shots(itertools.islice(follow(tracker, pictures, region, start), request.frames))
     kind = settings["kind"]
     name = request.name_with(kind)
+    viewer = request.outputs.viewer()  # before the first picture of a stream, which goes on
     first = _first(request, shots, name)
-    viewer = request.outputs.viewer()
     folder = prepare(request.out, name)
-    console = Console(quiet=request.quiet)
     comparison = None
     announce(viewer, console)
     image = first.picture.image
@@ -125,7 +133,7 @@ def run(request: TrackRequest) -> int:
         plain(console, line)
     more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
     try:
-        files = TrackFolder(folder, region, source.rate, recording=request.rerun, more=more)
+        files = TrackFolder(folder, region, recording=request.rerun, more=more)
         seen, code = _write(request, files, truth, itertools.chain([first], shots), source)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
@@ -139,7 +147,33 @@ def run(request: TrackRequest) -> int:
         linger(viewer, console)
     if files.refused is not None:
         raise files.refused
-    return code or (REFUSED if source.end is not None and source.end.lost else 0)
+    is_lost = source.end is not None and source.end.lost
+    return code or (REFUSED if is_lost or any(shot.blind for shot in seen) else 0)
+
+
+def _warm_up(request: TrackRequest, source: Source, config: Any, console: Console) -> None:
+    """Compile and load what tracker and recording of a live source need, on pictures of noise.
+
+    It does not wait: after its first picture, a second of it would be lost.
+    """
+    if source.count is not None:
+        return
+    rng = np.random.default_rng(0)
+    noise = rng.integers(0, 256, (2, *NOISE, 3), np.uint8)
+    # What fails here fails again on the pictures, with its sentence.
+    with console.status(WAITING), suppress(Exception):
+        shots = follow(
+            config.build(rng),
+            [Picture("noise", 0.0, image) for image in noise],
+            Region(NOISE[1] / 4, NOISE[0] / 4),
+            State(NOISE[1] / 2, NOISE[0] / 2),
+        )
+        with TemporaryDirectory() as place:
+            region = Region(1.0, 1.0)
+            files = TrackFolder(Path(place), region, RATE, recording=request.rerun)
+            for shot in shots:
+                files.add(shot, None)
+            files.close()
 
 
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
@@ -154,12 +188,11 @@ def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
 
 def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
     try:
-        first = next(shots, None)
+        return next(shots)
     except PartFailed as error:
         raise with_traceback(error, prepare(request.out, name)) from None
-    if first is None:
-        raise Mistake(f"{request.source}: there are no pictures in it")
-    return first
+    except StopIteration:
+        raise Mistake(f"{request.source}: there are no pictures in it") from None
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
@@ -178,8 +211,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
 
 
 def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
-    """The request without a password, with the region if a person draws it; and the pictures."""
-    request = replace(request, source=shown(request.source))
+    """The request with the region, if a person draws it; and the pictures."""
     pictures = iter(source)
     if not request.select:
         return request, pictures
@@ -199,7 +231,7 @@ def _truth(request: TrackRequest, source: Source) -> Array | None:
             f"{path}: the pictures of {request.source} cannot be counted, so there is no "
             "truth for them"
         )
-    truth = truths.read(path, form)
+    truth = truths.read(path, form, source.count)
     check_truth(truth, source, str(path), form)
     return truth
 
@@ -281,6 +313,7 @@ def _report(
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
         end="" if end is None else end.sentence,
+        start=next((s.picture.stamp / SECOND for s in seen if s.picture.stamp is not None), None),
         dropped=0 if end is None else end.dropped,
     )
     return report.write(folder)

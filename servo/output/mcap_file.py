@@ -8,7 +8,8 @@
 | /tf | foxglove.FrameTransforms (run): world to base and target, base to camera |
 | /step, /shot | JSON: the row of steps.parquet; confidence, status, state, milliseconds |
 
-Times are those of the frames. A log whose program was killed lacks its last chunk and its index;
+Times are those of the frames; of a track's pictures their own stamps, where its source has some. A
+log whose program was killed lacks its last chunk and its index;
 `mcap recover` writes it again.
 """
 
@@ -41,6 +42,8 @@ CHUNK = 1 << 18
 """Size after which a chunk is written [bytes]."""
 JPEG_QUALITY = 85
 NANO = 1_000_000_000
+LATEST = NANO << 32
+"""Stamps that Foxglove's messages cannot hold begin here [ns]: their seconds have 32 bits."""
 LENSES = {"plumb_bob": "plumb_bob", "rational": "rational_polynomial", "fisheye": "kannala_brandt"}
 """Foxglove's names of the distortions."""
 MIDDLE = 0.5
@@ -61,7 +64,7 @@ def check_installed() -> None:
 
 
 class McapFile:
-    """An MCAP file; a frame's messages have its time."""
+    """An MCAP file; a frame's messages have its time `at` [ns]."""
 
     def __init__(self, path: Path, numbers: str) -> None:
         """Open a new file; `numbers` is the topic of the rows.
@@ -86,11 +89,11 @@ class McapFile:
         self._rows = foxglove.Channel(numbers, schema={"type": "object"}, context=context)
 
     def picture(
-        self, time: float, image: Image | None, corners: Corners, particles: Array | None
+        self, at: int, image: Image | None, corners: Corners, particles: Array | None
     ) -> None:
         """Write a picture, the outlines in it and the particles."""
         fox = self._fox
-        (stamp, at) = self._times(time)
+        stamp = self._stamp(at)
         if image is not None:
             jpeg = encoded(image, JPEG_QUALITY)
             message = fox.CompressedImage(
@@ -107,10 +110,10 @@ class McapFile:
             points.append(self._points(stamp, kinds.Points, particles[:, :2], colours.PARTICLES))
         self._annotations.log(fox.ImageAnnotations(points=points), log_time=at)
 
-    def calibration(self, time: float, camera: Camera) -> None:
+    def calibration(self, at: int, camera: Camera) -> None:
         """Write the intrinsics of a camera."""
         lens = camera.distortion
-        (stamp, at) = self._times(time)
+        stamp = self._stamp(at)
         k = [camera.fx, 0, camera.cx - MIDDLE, 0, camera.fy, camera.cy - MIDDLE, 0, 0, 1]
         message = self._fox.CameraCalibration(
             timestamp=stamp,
@@ -125,10 +128,10 @@ class McapFile:
         )
         self._calibration.log(message, log_time=at)
 
-    def transforms(self, time: float, poses: Mapping[tuple[str, str], Pose]) -> None:
+    def transforms(self, at: int, poses: Mapping[tuple[str, str], Pose]) -> None:
         """Write poses by their frames, parent and child."""
         fox = self._fox
-        (stamp, at) = self._times(time)
+        stamp = self._stamp(at)
         found: list[fox.FrameTransform] = []
         for (parent, child), pose in poses.items():
             (x, y, z) = pose.translation.tolist()
@@ -144,13 +147,13 @@ class McapFile:
             )
         self._tf.log(fox.FrameTransforms(transforms=found), log_time=at)
 
-    def row(self, time: float, values: Mapping[str, Any]) -> None:
+    def row(self, at: int, values: Mapping[str, Any]) -> None:
         """Write numbers and texts by their names, the last of a frame's messages.
 
         Raises:
             OSError: The file cannot be written.
         """
-        self._rows.log(as_json(dict(values)), log_time=self._times(time)[1])
+        self._rows.log(as_json(dict(values)), log_time=at)
         self._file.check()
 
     def close(self) -> None:
@@ -166,12 +169,12 @@ class McapFile:
             self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is."""
+        """Close the file after an error: what the disk refuses is left out."""
+        self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
 
-    def _times(self, time: float) -> tuple[fox.Timestamp, int]:
-        at = round(time * NANO)
-        return self._fox.Timestamp(sec=at // NANO, nsec=at % NANO), at
+    def _stamp(self, at: int) -> fox.Timestamp:
+        return self._fox.Timestamp(sec=at // NANO, nsec=at % NANO)
 
     def _points(self, stamp: Any, kind: Any, points: Array, colour: tuple[int, int, int]) -> Any:
         r, g, b = (part / 255 for part in colour)
@@ -206,15 +209,13 @@ class _CheckedFile:
             raise self._error
 
 
-class RunMcap:
+class RunMcap(McapFile):
     """Writer of the log of one run."""
 
     def __init__(self, path: Path, episode: Episode) -> None:
+        super().__init__(path, "/step")
         robot = episode.world.robot
         self._quantities = quantities(episode.loop.features, robot.names, robot.units)
-        self._file = McapFile(path, "/step")
-        self.close = self._file.close
-        self.abandon = self._file.abandon
 
     def add(self, step: Step) -> None:
         """Write a step.
@@ -222,37 +223,35 @@ class RunMcap:
         Raises:
             OSError: The file cannot be written.
         """
-        file = self._file
-        time = step.frame.time
+        at = round(step.frame.time * NANO)
         truth = step.truth
         if step.frame.index == 0:
-            file.calibration(time, step.scene.camera)
+            self.calibration(at, step.scene.camera)
         outlines = {
             colours.TRUTH: truth.corners,
             colours.GOAL: step.goal_corners,
             colours.ESTIMATE: step.estimate.outline(step.region),
         }
         image = step.frame.image if step.frame.fresh else None
-        file.picture(time, image, outlines, step.estimate.particles)
-        file.transforms(
-            time,
+        self.picture(at, image, outlines, step.estimate.particles)
+        self.transforms(
+            at,
             {
                 ("world", "base"): Pose(np.eye(3), np.zeros(3)),
                 ("base", "camera"): step.posture.T_base_camera,
                 ("world", "target"): truth.T_world_target,
             },
         )
-        file.row(time, dict(cell for q in self._quantities for cell in q.cells(step)))
+        self.row(at, dict(cell for q in self._quantities for cell in q.cells(step)))
 
 
-class TrackMcap:
+class TrackMcap(McapFile):
     """Writer of the log of one track."""
 
     def __init__(self, path: Path, region: Region) -> None:
+        super().__init__(path, "/shot")
         self._region = region
-        self._file = McapFile(path, "/shot")
-        self.close = self._file.close
-        self.abandon = self._file.abandon
+        self._zero = 0
 
     def add(self, shot: Shot, truth: Array | None) -> None:
         """Write a shot.
@@ -261,12 +260,16 @@ class TrackMcap:
             OSError: The file cannot be written.
         """
         found = shot.estimate
-        time = shot.picture.time
+        picture = shot.picture
+        at = round(picture.time * NANO)
+        if picture.stamp is not None and 0 <= picture.stamp < LATEST:
+            self._zero = picture.stamp - at
+        at += self._zero
         outlines: dict[tuple[int, int, int], Array] = (
             {} if truth is None else {colours.TRUTH: truth}
         )
         outlines[colours.STATUS[found.status]] = found.outline(self._region)
-        self._file.picture(time, shot.picture.image, outlines, found.particles)
+        self.picture(at, picture.image, outlines, found.particles)
         numbers = {"confidence": shot.confidence, "milliseconds": 1e3 * shot.seconds}
         state = asdict(found.state)
-        self._file.row(time, {"frame": shot.index, "status": found.status.name} | state | numbers)
+        self.row(at, {"frame": shot.index, "status": found.status.name} | state | numbers)

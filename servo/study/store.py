@@ -245,6 +245,10 @@ class Store:
         with suppress(OSError):
             self.failure_path(job).unlink()
 
+    def forget(self, job: Job) -> None:
+        """Remove the record of a job, which is done again."""
+        self._path(job).unlink(missing_ok=True)
+
     def fail(self, job: Job, failure: Failure) -> Path:
         """Keep why a job failed; the next session does it again.
 

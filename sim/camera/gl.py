@@ -10,6 +10,7 @@ import importlib.util
 import os
 import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 from sim.stderr import silent_libraries
@@ -37,6 +38,17 @@ process; a context belongs to the thread that made it.
 """
 
 
+MESA_THREADS = "LP_NUM_THREADS"
+"""Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
+them for ever, so by default there are none; pictures of 320 x 240 px lose no time by it."""
+WITH_THREADS: set[int] = set()
+"""The processes that had such threads when they were forked, from the first ancestor on."""
+FORKED = (
+    "This process was forked from one that has rendered with threads of Mesa's, which a fork does "
+    f'not have: start processes with context="spawn", or unset {MESA_THREADS}.'
+)
+
+
 class NoRenderer(RuntimeError):
     """This machine cannot render off screen; the message says what to install."""
 
@@ -47,6 +59,7 @@ def backend() -> str:
     Raises:
         NoRenderer: A library is missing, or the user switched rendering off.
     """
+    os.environ.setdefault(MESA_THREADS, "0")  # Mesa reads it when libEGL is first asked
     asked = _asked()
     if asked in OFF:
         raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset it.")
@@ -82,21 +95,24 @@ def check_environment() -> None:
     os.environ.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to its back end
 
 
-def make_current() -> None:
-    """Make this thread's GL context current; the first call in a thread makes the context.
+def make_current() -> Any:
+    """Make this thread's GL context current, and return it; the first call in a thread makes it.
 
     The context is made directly, so that nothing depends on MUJOCO_GL at the time mujoco was
     imported.
 
     Raises:
-        NoRenderer: As for `backend`.
+        NoRenderer: As for `backend`, or the process was forked from one with threads of Mesa's.
     """
     process = os.getpid()  # a forked process cannot use its parent's context
     if getattr(KEPT, "process", None) != process:
+        if WITH_THREADS - {process}:
+            raise NoRenderer(FORKED)
         KEPT.context = _new_context(backend())
         KEPT.process = process
     context: Any = KEPT.context
     context.make_current()
+    return context
 
 
 def _new_context(name: str) -> Any:
@@ -117,6 +133,15 @@ def describe() -> str:
     opengl: Any = importlib.import_module("OpenGL.GL")
     names = (opengl.GL_RENDERER, opengl.GL_VERSION)
     return ", ".join(opengl.glGetString(name).decode() for name in names)
+
+
+def _note_threads() -> None:
+    names = (task.read_text() for task in Path("/proc/self/task").glob("*/comm"))
+    if any(name.startswith("llvmpipe") for name in names):
+        WITH_THREADS.add(os.getpid())
+
+
+os.register_at_fork(before=_note_threads)
 
 
 def _asked() -> str:

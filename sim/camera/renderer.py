@@ -30,6 +30,12 @@ def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
     )
 
 
+ELSEWHERE = (
+    "This world was made in another thread or process, which alone can render it: make a world "
+    'where it is used; worker processes may be started with context="spawn".'
+)
+
+
 class Renderer(Protocol):
     """Takes pinhole pictures of a scene; `World` takes any class that has these three methods."""
 
@@ -66,10 +72,15 @@ class OpenGLRenderer:
         offscreen = model.vis.global_
         offscreen.offwidth = view.width
         offscreen.offheight = view.height
-        gl.make_current()
+        self._gl = gl.make_current()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
-        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        try:
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        except mujoco.FatalError as error:
+            raise gl.NoRenderer(
+                f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}."
+            ) from None
         self._rect = mujoco.MjrRect(0, 0, view.width, view.height)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -78,8 +89,8 @@ class OpenGLRenderer:
         self._upside_down = np.empty((view.height, view.width, 3), np.uint8)
 
     def close(self) -> None:
-        gl.make_current()
-        self._context.free()
+        if gl.make_current() is self._gl:  # another context has other buffers of these numbers
+            self._context.free()
 
     def render(self, data: mujoco.MjData) -> Image:
         self._draw(data)
@@ -105,7 +116,8 @@ class OpenGLRenderer:
         return wanted[codes[::-1]]
 
     def _draw(self, data: mujoco.MjData) -> None:
-        gl.make_current()
+        if gl.make_current() is not self._gl:
+            raise gl.NoRenderer(ELSEWHERE)
         # Worlds that are open at the same time share the context, and draw into their own buffers.
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         every = mujoco.mjtCatBit.mjCAT_ALL.value

@@ -60,6 +60,7 @@ for line in sys.stdin:
         "nan": '@@TRAX:state "nan,1,2,3"',
         "hello": "@@TRAX:hello",
         "negative": '@@TRAX:state "1,2,-3,4"',
+        "vanishes": '@@TRAX:state "1,2,1e-300,1e-300"',
         "mask": '@@TRAX:state "m0,0,2,2,1,2"',
         "lost": '@@TRAX:state "0"',
         "long": f'@@TRAX:state "{",".join(["42,30,72,30,72,50,42,50"] * 60_000)}"',
@@ -80,4 +81,4 @@ for line in sys.stdin:
         answer(moved)
         time.sleep(0.2)
 if mode == "stays":
-    time.sleep(60)
+    time.sleep(3600)  # until it is killed

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.types import Array, Image
 from tracking.loops import colour_labels as loops
+from tracking.types import check_picture
 
 Labels = NDArray[np.integer[Any]]
 DARK = 8
@@ -132,5 +133,10 @@ class LabelledImage:
 
 
 def as_seen(image: Image, *, even: bool) -> Image:
-    """Return a picture (H, W, 3) as a tracker sees it: as it is, or evenly lit."""
+    """Return a picture (H, W, 3) as a tracker sees it: as it is, or evenly lit.
+
+    Raises:
+        ValueError: It is no picture.
+    """
+    check_picture(image)
     return loops.evened(image, DARK) if even else image

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from tracking.evaluation.track import Shot, Track
 from tracking.files import atomic
 from tracking.types import Region
 
-FORMAT = 1
+FORMAT = 2
 """Number of the track's format, which its header identifies; it increases with each change."""
 HEADER = (
     "frame",
@@ -33,6 +34,7 @@ HEADER = (
     "confidence",
     "status",
     "milliseconds",
+    "stamp",
 )
 CORNERS = slice(HEADER.index("x1"), HEADER.index("y4") + 1)
 DIGITS = 9
@@ -75,6 +77,7 @@ class TrackFile:
             f"{shot.confidence:.6f}",
             shot.estimate.status.name,
             f"{1e3 * shot.seconds:.3f}",
+            stamp_text(shot.picture.stamp),
         ]
         with atomic.naming(self._path):
             self._writer.writerow(row)
@@ -84,6 +87,15 @@ class TrackFile:
         """Finish the file."""
         with atomic.naming(self._path):
             self._file.close()
+
+
+def stamp_text(stamp: int | None) -> str:
+    """Return a stamp [ns] in seconds with all its digits; nothing where there is none.
+
+    >>> stamp_text(1_700_000_000_250_000_001)
+    '1700000000.250000001'
+    """
+    return "" if stamp is None else f"{Decimal(stamp).scaleb(-9):f}"
 
 
 def read(path: Path) -> Track:

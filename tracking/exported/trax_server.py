@@ -8,6 +8,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from sim.installed import plain
 from sim.types import Array
 from tracking.exported.toolkits import Follower
 from tracking.sequences.sources import RATE
@@ -116,11 +117,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--preset")
     given = parser.parse_args()
+    if None in (sys.stdin, sys.stdout):
+        parser.error("standard input or output is closed; a client talks through them")
     try:
         settings = tomllib.loads("\n".join(given.settings))
         run_trax(given.kind, given.seed, preset=given.preset, **settings)
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
     except (ValueError, TypeError, OSError) as error:
-        raise SystemExit(f"trax_server: {error}") from None
+        raise SystemExit(f"trax_server: {plain(str(error))}") from None
 
 
 if __name__ == "__main__":

@@ -147,11 +147,9 @@ class KernelModel:
         return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)
 
 
-def shows_angle(image: Image, region: Region, state: State) -> bool:
-    """Return whether the target in the first picture looks different when it is turned.
-
-    A disc, or a mug from above, does not: an angle that is followed all the same drifts, and the
-    camera turns with it. Where nothing is seen, not even a shift, nothing is said against it.
+def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
+    """Return the distances of the target in the first picture from itself where the template is
+    shifted, on average over directions, and where it is turned, at most.
     """
     model = KernelModel(image, region, state, INNER)
     shift = SHIFTED * np.sqrt(region.area(state))
@@ -165,4 +163,14 @@ def shows_angle(image: Image, region: Region, state: State) -> bool:
         return sqrt(cost / 2)
 
     turned = max(distance(np.array([0.0, 0.0, turn, 0.0])) for turn in TURNS)
-    return turned >= LEAST_TURN * float(np.mean([distance(change) for change in shifts]))
+    return float(np.mean([distance(change) for change in shifts])), turned
+
+
+def shows_angle(image: Image, region: Region, state: State) -> bool:
+    """Return whether the target in the first picture looks different when it is turned.
+
+    A disc, or a mug from above, does not: an angle that is followed all the same drifts, and the
+    camera turns with it. Where nothing is seen, not even a shift, nothing is said against it.
+    """
+    shifted, turned = changes(image, region, state)
+    return turned >= LEAST_TURN * shifted

@@ -17,12 +17,11 @@ from sim.files import reading
 from tracking.sequences.image_message import (
     KINDS,
     NANO,
-    SECOND,
     decoder_of,
     picture_of,
     plain_kind,
 )
-from tracking.sequences.sources import RATE, End, Picture, Times
+from tracking.sequences.sources import RATE, SECOND, End, Picture, Times
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord, Message, Schema

@@ -14,6 +14,7 @@ import numpy as np
 
 from sim.files.picture_file import check_size, decoded
 from sim.types import Image
+from tracking.sequences.sources import SECOND
 
 if TYPE_CHECKING:
     from mcap.records import Schema
@@ -36,8 +37,6 @@ CODES = {
 DEEP = "mono16"
 """Two bytes a pixel, of which the high one is read, as of 16-bit PNG files and videos."""
 NANO = 1e-9
-SECOND = 1_000_000_000
-"""Nanoseconds."""
 Decoder = Callable[[bytes], Any]
 """Turns the bytes of a message into an object with its fields."""
 

@@ -71,7 +71,7 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
     if not is_address and is_bag(path):
         return Bag(path, topic)
     if topic is not None:
-        raise ValueError(f"{text}: this is not a bag, so it has no topic '{topic}'")
+        raise ValueError(f"{stream.shown(text)}: this is not a bag, so it has no topic '{topic}'")
     if is_address:
         return stream.stream(text)
     if text.startswith(CAMERA):
@@ -135,10 +135,7 @@ def check_truth(truth: Array, source: Source, place: str, form: Format) -> None:
             boxes seem to be two corners.
     """
     if source.count is not None and len(truth) != source.count:
-        raise ValueError(
-            f"{place}: this truth has {len(truth)} lines for {source.count} pictures; it needs one "
-            "for each, with nan where the target is absent"
-        )
+        raise ValueError(truths.other_count(place, len(truth), source.count))
     first = next(iter(source), None) if form is Format.AUTO else None
     if first is not None and first.image is not None:
         height, width = first.image.shape[:2]
@@ -155,7 +152,7 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
     found = truths_in(folder)
     sequences: list[Sequence] = []
     for number, path in enumerate(found, 1):
-        corners = truths.read(path, form)
+        corners = truths.read(path, form, source.count)
         check_truth(corners, source, str(path), form)
         if not np.isfinite(corners[0]).all():
             raise ValueError(f"{path}: the target is not in the first picture")

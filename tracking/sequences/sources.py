@@ -14,6 +14,8 @@ from sim.types import Image
 
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
+SECOND = 1_000_000_000
+"""Nanoseconds."""
 SET_BACK = 1.0
 SET_FORWARD = 86_400.0
 """A clock that goes back or forward so far was set [s]; chosen by hand."""

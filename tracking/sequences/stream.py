@@ -26,13 +26,13 @@ from tracking.sequences.video_file import (
     FASTEST,
     FORMATS,
     SLOWEST,
-    Stamped,
     decoded,
     only_video,
 )
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
-PASSWORD = re.compile(r"(?<=//)([^/@:]*):[^/@]*@")
+PASSWORD = re.compile(r"^(\w+://[^/@:]*):.*@", re.DOTALL)
+"""A password may hold every character: the last @ ends it."""
 PROTOCOLS = {
     "rtsp": "rtp,udp,tcp",
     "rtsps": "rtp,udp,tcp,tls",
@@ -51,6 +51,7 @@ OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000"}
 all pictures up to the next one."""
 WAKE = 0.1
 """Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
+Stamped = tuple[float | None, Image | None]
 Item = tuple[int, float | None, Image]
 
 
@@ -157,6 +158,8 @@ def shown(address: str) -> str:
 
     >>> shown("rtsp://eye:secret@10.0.0.7/one")
     'rtsp://eye:***@10.0.0.7/one'
+    >>> shown("rtsp://eye:p@ss/word@10.0.0.7/one")
+    'rtsp://eye:***@10.0.0.7/one'
     """
     return PASSWORD.sub(r"\1:***@", address)
 
@@ -173,11 +176,12 @@ def camera(number: int) -> LiveSource:
 
 @contextmanager
 def _stream(address: str) -> Generator[Feed]:
-    scheme = address.partition(":")[0].lower()
+    scheme, _, place = address.partition(":")
+    scheme = scheme.lower()
     options = OPTIONS | {"format_whitelist": STREAMS, "protocol_whitelist": PROTOCOLS[scheme]}
     began = time.monotonic()
     try:
-        container = av.open(address, options=options, timeout=PATIENCE)
+        container = av.open(f"{scheme}:{place}", options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
         late = time.monotonic() > began + PATIENCE  # RTSP then says that the data are invalid
         raise SourceLost(
@@ -196,7 +200,7 @@ def _stream(address: str) -> Generator[Feed]:
 
 def _pictures(container: InputContainer, video: av.VideoStream) -> Iterator[Stamped]:
     try:
-        yield from decoded(container, video)
+        yield from ((frame.stamp, frame.image) for frame in decoded(container, video))
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
 

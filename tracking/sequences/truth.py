@@ -32,6 +32,8 @@ LONGEST = 80
 """Longest quotation of a line in a message [characters]."""
 LARGEST_FILE = 20_000_000
 """Largest truth file [bytes]: ten hours at 30 pictures a second."""
+MOST_LINES = 2
+"""Lines for each picture, above which a truth is refused before it is parsed: some may be empty."""
 DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
     "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
@@ -61,7 +63,15 @@ class Format(Enum):
         return found
 
 
-def read(path: Path, form: Format = Format.AUTO) -> Array:
+def other_count(place: str, lines: int, pictures: int) -> str:
+    """Return the sentence for a truth that is longer or shorter than its pictures."""
+    return (
+        f"{place}: this truth has {lines} lines for {pictures} pictures; it needs one for each, "
+        "with nan where the target is absent"
+    )
+
+
+def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
     """Corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
 
     The target is absent if all numbers of a line are nan or missing, or if its box has width and
@@ -72,15 +82,19 @@ def read(path: Path, form: Format = Format.AUTO) -> Array:
         form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt,
             VOT for groundtruth*.txt, TLD for gt.txt and init.txt; a file of another name is read as
             VOT, unless its lines of four numbers could also be TLD.
+        count: Number of pictures, if it is known: a truth of many more lines is not parsed.
 
     Raises:
-        ValueError: It cannot be read, a line is not of this format, or AUTO cannot decide.
+        ValueError: It cannot be read, is longer than its pictures, a line is not of this format, or
+            AUTO cannot decide.
     """
     lines = reading.text(path, "truth", LARGEST_FILE).splitlines()
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
         raise ValueError(f"{path}: this truth is empty")
+    if count is not None and len(lines) > MOST_LINES * (count + 1):
+        raise ValueError(other_count(str(path), len(lines), count))
     has_header = HEADER.match(lines[0]) and not lines[0].strip().lower().startswith("nan")
     if form is Format.CSV or (form is Format.AUTO and has_header):
         try:

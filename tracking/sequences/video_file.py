@@ -7,14 +7,16 @@ and no numbered series.
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
 import av
+import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
@@ -24,7 +26,7 @@ from av.video.stream import VideoStream
 from sim.files import reading
 from sim.files.picture_file import check_size
 from sim.types import Image
-from tracking.sequences.sources import End, Picture, Times
+from tracking.sequences.sources import SECOND, End, Picture, Times
 
 SLOWEST = 0.01
 FASTEST = 10_000.0
@@ -38,17 +40,35 @@ COVER = Disposition.attached_pic
 LENGTH = re.compile(r"(\d+):(\d+):(\d+\.?\d*)")
 LAST_SHOWN = 1.0
 """Longest time that the last frame of a whole video is shown [s]."""
-Stamped = tuple[float | None, Image | None]
-"""The time that a file states for a frame [s], if any; and the frame, if it can be decoded."""
+PACKETS = (188, 192, 204)
+"""Lengths of the packets of MPEG-TS, of which a whole file has a whole number [bytes]."""
+BOX_HEAD = 8
+"""Length of a box's own length and name in MP4 [bytes]."""
+PREMATURE = "File ended prematurely"
+"""What FFmpeg prints, and does not return, where a Matroska file is cut."""
 
 
 @dataclass(frozen=True, slots=True)
+class Decoded:
+    """One frame of a video, as it was decoded."""
+
+    stamp: float | None
+    """The time that the file states [s]."""
+    image: Image | None
+    """None if it cannot be decoded."""
+    damaged: bool = False
+    """True if FFmpeg has filled in parts of it."""
+
+
+@dataclass(slots=True)
 class Video:
     """A video file; its pictures have the times that it states."""
 
     path: Path
     rate: float
     count: int
+    is_cut: bool = False
+    """True if the end of the file is missing."""
     end: End | None = None
 
     @staticmethod
@@ -58,10 +78,12 @@ class Video:
         Raises:
             ValueError: It cannot be read, or is not one video.
         """
-        with reading.opened(path, "video") as file:
+        with reading.opened(path, "video") as file, _printed() as printed:
             try:
                 with _container(file) as container:
-                    return _described(path, container)
+                    video = _described(path, container, file)
+                is_cut = any(PREMATURE in text for _, _, text in printed)
+                return replace(video, is_cut=video.is_cut or is_cut)
             except FFmpegError:
                 reason = f"this is not a video that can be read; known formats are {KNOWN}"
             except OSError as error:
@@ -73,23 +95,34 @@ class Video:
     def __iter__(self) -> Iterator[Picture]:
         """Give all frames; those that are missing at the end of a truncated file have no image."""
         times = Times(self.rate)
-        index = failures = 0
+        index = failures = damaged = 0
         with (
             reading.opened(self.path, "video") as file,
             _container(file) as container,
             suppress(FFmpegError, OSError),
         ):
-            for stamp, image in decoded(container, only_video(container)):
-                failures = failures + 1 if image is None else 0
+            for frame in decoded(container, only_video(container)):
+                failures = failures + 1 if frame.image is None else 0
                 if failures > GIVEN_UP:
-                    return
-                yield Picture(f"frame {index}", times.since_first(stamp), image)
+                    break
+                damaged += frame.damaged
+                stated = None if frame.stamp is None else round(frame.stamp * SECOND)
+                time = times.since_first(frame.stamp)
+                yield Picture(f"frame {index}", time, frame.image, stamp=stated)
                 index += 1
+        if self.is_cut:
+            sentence = f"{self.path}: {index} pictures, then this video breaks off"
+            self.end = End(sentence, lost=True)
+        elif index < self.count:
+            sentence = f"{self.path}: {index} of {self.count} pictures can be decoded"
+            self.end = End(sentence, lost=True)
+        elif damaged:
+            self.end = End(f"{self.path}: {damaged} of {index} pictures are damaged", lost=True)
         for missing in range(index, min(self.count, index + GIVEN_UP - failures)):
             yield Picture(f"frame {missing}", times.since_first(None), None)
 
 
-def _described(path: Path, container: InputContainer) -> Video:
+def _described(path: Path, container: InputContainer, file: BinaryIO) -> Video:
     stream = only_video(container)
     rate = float(stream.average_rate or stream.guessed_rate or 0)
     if not SLOWEST <= rate <= FASTEST:
@@ -97,16 +130,39 @@ def _described(path: Path, container: InputContainer) -> Video:
             f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
             f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
         )
-    if stream.frames:
-        return Video(path, rate, stream.frames)
-    count, last = _counted(container, stream)
-    if last >= _stated(stream):
-        return Video(path, rate, count)
-    end = End(f"{path}: {count} pictures, then this video breaks off", lost=True)
-    return Video(path, rate, count, end)
+    count = stream.frames
+    end = 0
+    is_cut = False
+    if not count:
+        count, end, is_cut = _counted(container, stream)
+    size = file.seek(0, os.SEEK_END)
+    file.seek(-1, os.SEEK_END)
+    is_whole = {
+        "mpegts": not all(size % packet for packet in PACKETS),
+        "gif": file.read() == b";",
+        "yuv4mpegpipe": size == end,
+        "mov,mp4,m4a,3gp,3g2,mj2": size == _end_of_boxes(file, size),
+    }
+    is_cut = is_cut or not is_whole.get(container.format.name, True)
+    return Video(path, rate, count, is_cut)
 
 
-def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Stamped]:
+def _end_of_boxes(file: BinaryIO, size: int) -> int:
+    """Return where the last box of an MP4 file ends by its own length [bytes]."""
+    at = 0
+    while at < size:
+        file.seek(at)
+        head = file.read(16)
+        length = int.from_bytes(head[:4])
+        if length == 1:  # a length of 64 bits follows
+            length = int.from_bytes(head[8:])
+        if length < BOX_HEAD:  # 0: up to the end of the file
+            return size if len(head) >= BOX_HEAD else -1
+        at += length
+    return at
+
+
+def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]:
     """Decode the stamps and frames of an open file or stream.
 
     Raises:
@@ -116,9 +172,9 @@ def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Stamped]
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
-            yield None, None
+            yield Decoded(None, None)
             continue
-        yield from ((frame.time, _rgb(frame)) for frame in frames)
+        yield from (Decoded(frame.time, _rgb(frame), frame.is_corrupt) for frame in frames)
 
 
 def _rgb(frame: av.VideoFrame) -> Image | None:
@@ -131,6 +187,21 @@ def _rgb(frame: av.VideoFrame) -> Image | None:
     image = np.ascontiguousarray(image, np.uint8)
     image.setflags(write=False)
     return image
+
+
+@contextmanager
+def _printed() -> Generator[list[tuple[int, str, str]]]:
+    """Collect what FFmpeg prints: level, name, text."""
+    level = av.logging.get_level()
+    skips = av.logging.get_skip_repeated()
+    av.logging.set_level(av.logging.WARNING)
+    av.logging.set_skip_repeated(False)
+    try:
+        with av.logging.Capture(local=False) as printed:
+            yield printed
+    finally:
+        av.logging.set_level(level)
+        av.logging.set_skip_repeated(skips)
 
 
 class _Nameless:
@@ -158,22 +229,29 @@ def only_video(container: InputContainer) -> VideoStream:
         there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
+    if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
+        raise ValueError("the pictures of this video are compressed in a way that is not known")
     if not stream.width or not stream.height:
         raise ValueError("no frame of this video can be decoded")
     check_size(stream.width, stream.height, "first frame: the picture")
     return stream
 
 
-def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, float]:
-    """Return the number of frames and the last one's stamp [s] of a file that states no number."""
-    count = 0
+def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, int, bool]:
+    """Return the number of frames of a file that states none, where the last one ends, and whether
+    it is cut.
+    """
+    count = end = 0
     last = 0.0
+    is_cut = False
     with suppress(FFmpegError, OSError):
         for packet in container.demux(stream):
             if packet.size > 0:
                 count += 1
+                end = (packet.pos or 0) + packet.size
                 last = max(last, float((packet.pts or 0) * (stream.time_base or 0)))
-    return count, last
+                is_cut = packet.is_corrupt
+    return count, end, is_cut or last < _stated(stream)
 
 
 def _stated(stream: VideoStream) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
 from tracking.loss import LossJudge, LossLimits
-from tracking.types import Estimate, Region, State, check_region, unknown_covariance
+from tracking.types import Estimate, Region, State, check_picture, check_region, unknown_covariance
 from tracking.wrapped.boxes import box_of
 
 # As OpenCV's own sample program of CamShift has them, which most users start from.
@@ -87,6 +87,7 @@ class HueTracker:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, and judge."""
+        check_picture(frame.image)
         self._state = self._found(frame, ego)
         distance = self._model.distance(frame.image, self._state)
         status = self._loss.judge(distance, frame.time)

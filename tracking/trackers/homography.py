@@ -23,6 +23,7 @@ from tracking.types import (
     Region,
     State,
     Status,
+    check_picture,
     check_region,
     unknown_covariance,
 )
@@ -109,6 +110,7 @@ class Homography:
         """Predict and descend; a target that is not seen is waited for, and searched, where it was
         seen last.
         """
+        check_picture(frame.image)
         change = self._velocity.step(ego)
         followed = self._loss.locked
         expected = _moved(self._corners, self._state, change if followed else ego)

@@ -19,6 +19,7 @@ from tracking.types import (
     Region,
     State,
     Status,
+    check_picture,
     check_region,
     unknown_covariance,
 )
@@ -139,6 +140,7 @@ class Tag:
 
 
 def _grey(image: Image) -> Grey:
+    check_picture(image)
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
 
 

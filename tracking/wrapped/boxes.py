@@ -13,6 +13,8 @@ Box = tuple[int, int, int, int]
 """x, y, width, height of a box without rotation [px]."""
 SLACK = 1e-3
 """A score may leave 0..1 by this much: single precision adds up to that."""
+LEAST_SIDE = 1e-6
+"""A box with a shorter side [px] has no area: products of smaller ones would vanish."""
 EXPECTED = "(ok, box) or a box of x, y, width, height"
 
 
@@ -50,7 +52,7 @@ def box_in(answer: Any, name: str) -> Array | None:
         return None
     if box.shape != (4,) or not (np.abs(box) <= FARTHEST).all():  # nan is not
         raise ValueError(f"{name}: update returned {shown(answer)}; {EXPECTED} is expected")
-    if not (box[2:] > 0).all():
+    if box[2:].min() < LEAST_SIDE:
         raise ValueError(f"{name}: update returned {shown(answer)}, a box without an area")
     return box
 

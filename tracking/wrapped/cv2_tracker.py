@@ -19,6 +19,8 @@ MODELS = {
     "DaSiamRPN": ("model", "kernel_cls1", "kernel_r1"),
 }
 """The model files of the trackers that have some, in this order; these have a score, too."""
+LEAST_MIL = 5
+"""OpenCV's MIL draws features without end in a box with smaller sides [px]."""
 CONTRIB = ("CSRT", "KCF")
 """Trackers of OpenCV's additional modules."""
 REMEDY = (
@@ -52,6 +54,11 @@ class Cv2Tracker:
             ValueError: OpenCV refuses it.
         """
         self._size = image.shape
+        if self._name == "MIL" and max(box[2:]) < LEAST_MIL:
+            raise ValueError(
+                f"the region is {box[2]} x {box[3]} px; {self._place()} needs a side of at least "
+                f"{LEAST_MIL} px"
+            )
         try:
             with silent_libraries():
                 return self._tracker.init(image, box)
