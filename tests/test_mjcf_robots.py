@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from robot_files import built, mjcf_arm, urdf_arm
+from robot_files import built, mjcf_arm, urdf_arm, write_stl
 
 from servo.loop.episode import measured_run
 from servo.scenario.load import load
@@ -245,3 +245,14 @@ def endless(folder, lower: str, upper: str) -> Path:
     limit = f'<limit lower="{lower}" upper="{upper}" effort="{upper}" velocity="{upper}"/>'
     arm.write_text(re.sub("<limit[^>]*/>", limit, urdf_arm()))
     return arm
+
+
+def test_a_mesh_of_a_package_without_a_package_xml_is_found_in_a_folder_above(tmp_path):
+    for name in ("arms/meshes", "arms/models/one"):
+        (tmp_path / name).mkdir(parents=True)
+    write_stl(tmp_path / "arms/meshes/link.stl")
+    mesh = '<mesh filename="package://arms/meshes/link.stl"/>'
+    urdf = urdf_arm().replace('<cylinder radius="0.03" length="0.06"/>', mesh)
+    (tmp_path / "arms/models/one/arm.urdf").write_text(urdf)
+    robot, _, _ = built(model=str(tmp_path / "arms/models/one/arm.urdf"))
+    assert robot.model.nmesh > 0

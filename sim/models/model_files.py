@@ -95,7 +95,7 @@ def files_of(path: Path) -> set[Path]:
     names, or that an included model names.
     """
     found = {path}
-    folders = {path.parent, package_folder(path)}
+    folders = {path.parent, *path.resolve().parents}
     waiting = [path]
     while waiting:
         try:
@@ -168,15 +168,11 @@ def joint_speeds(path: Path) -> dict[str, float]:
     return found
 
 
-def package_folder(model: Path) -> Path:
-    """Return the ROS package around a URDF: the nearest folder with a package.xml, or its own."""
-    own = model.resolve().parent
-    return next((f for f in (own, *own.parents) if (f / "package.xml").is_file()), own)
-
-
 def _mesh_file(name: str, model: Path, folder: Path) -> Path:
-    """Find a mesh: in the package, beside the model, or in the folder for meshes."""
-    places = (package_folder(model), model.parent, folder)
+    """Find a mesh: beside the model, in a folder around it such as its ROS package, or in the
+    folder for meshes.
+    """
+    places = (*model.resolve().parents, folder)
     files = [(place / PLACE.sub("", name)).resolve() for place in places]
     return next((file for file in files if file.is_file()), files[-1])
 
