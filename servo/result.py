@@ -192,7 +192,7 @@ class Run(Sequence[Step]):
         from servo.output.recording.destination import NotebookRecording
         from servo.output.recording.log import RerunLog
 
-        log = RerunLog(NotebookRecording(), self._episode, len(self))
+        log = RerunLog(NotebookRecording(), self._episode)
         for step in self:
             log.add(step)
         log.close()

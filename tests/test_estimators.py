@@ -6,8 +6,8 @@ import pytest
 from servoing import METRIC, begun, own
 
 from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
-from servo.estimators._error_filter import ErrorFilters
-from servo.estimators._kalman import between
+from servo.estimators._difference_filters import between
+from servo.estimators._error_filters import ErrorFilters
 from servo.estimators.difference import Difference
 from servo.estimators.jump import Cusum
 from servo.features.moments import NOISE

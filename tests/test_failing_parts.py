@@ -199,3 +199,21 @@ def test_a_setting_called_kind_does_not_rename_the_part():
     with pytest.raises(PartFailed) as failed:
         list(run(dataclasses.replace(load("still", SHORT), tracker=Backend())))
     assert str(failed.value) == (f"tracker '{__name__}:Backend': RuntimeError: no weights")
+
+
+def test_a_run_that_failed_leaves_nothing_behind():
+    def numbers():
+        found = []
+        for step in run(load("noise", ["run.duration=0.3", "estimator.kind=jump"], 5)):
+            pixels = int(step.frame.image.sum(dtype=np.int64))
+            found.append([pixels, *step.estimate.state.vector, *step.command.twist])
+        return np.array(found)
+
+    before = numbers()
+    ends = {str(end): tracker(update=raises(end)) for end in (KeyboardInterrupt(), MemoryError())}
+    for parts in (FAILURES | ends).values():
+        with pytest.raises((Mistake, KeyboardInterrupt, MemoryError)):
+            list(run(dataclasses.replace(load("noise", SHORT), **parts)))
+    abandoned = run(load("noise", SHORT))
+    next(abandoned)
+    np.testing.assert_array_equal(numbers(), before)

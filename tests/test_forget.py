@@ -6,7 +6,7 @@ from servoing import begun, own
 
 import servo
 from servo.estimators import error_kalman, imm, jump, kalman_ca, kalman_cv
-from servo.estimators._error_filter import ErrorFilters
+from servo.estimators._error_filters import ErrorFilters
 
 KINDS = [error_kalman, imm, jump, kalman_ca, kalman_cv]
 DT = 1 / 30

@@ -118,7 +118,7 @@ def test_the_stream_of_a_run_has_the_format_number_too(tmp_path):
     from servo.scenario.load import load
 
     with Episode(load("still", ["run.duration=0.1", "tracker.kind=frozen"])) as episode:
-        table = StepsTable(tmp_path, episode, 1)
+        table = StepsTable(tmp_path, episode)
     with pa.ipc.open_stream(str(tmp_path / STREAM)) as stream:
         assert stream.schema.metadata == {b"format": b"1"}
     table.close()

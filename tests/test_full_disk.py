@@ -109,6 +109,13 @@ def test_papers_stop_likewise(here):
     assert err.count("\n") == 1
 
 
+def test_a_recording_for_which_there_is_no_room_does_not_begin(pictures):
+    code, err = limited(8, "track seen --tracker frozen --out out -q --rerun", pictures)
+    assert (code, err) == (1, "servobench: out/track.rrd: it ends too early: File too large\n")
+    assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
+    assert not (pictures / "out" / "track.rrd").exists()
+
+
 @pytest.mark.parametrize("extra", ["--video out.mp4", "--mcap out.mcap", "--rerun"])
 def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
     file = extra.partition(" ")[2] or "out/track.rrd"

@@ -242,3 +242,23 @@ def test_the_tutorials_policy_beats_the_law_without_an_estimator(tmp_path):
     )
     assert none > 12
     assert learned < 0.5 * none
+
+
+def test_settings_and_draws_reach_a_law_of_ones_own():
+    def law(seen, task, *, gain=1.0):
+        return np.full(6, gain * 1e-3)
+
+    env = gymnasium.make(
+        "servobench/Servo-v0",
+        scenario="still",
+        overrides=["run.duration=0.1", "tracker.kind=frozen"],
+        controller=law,
+        gain=2,
+        vary={"controller.gain": {"choice": [7.0]}},
+    ).unwrapped
+    gains = []
+    for seed, options in ((0, None), (1, None), (0, None), (1, {"gain": 5.0, "vary": {}})):
+        env.reset(seed=seed, options=options)
+        gains.append(env._episode.scenario.controller.gain)
+    env.close()
+    assert gains == [2, 7.0, 2, 5.0]

@@ -30,7 +30,6 @@ from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
 from servo.study.run import Job, Record
 from servo.study.scenario_run import LoadedScenario
-from sim import robots
 from tracking.drawing import contact_sheet
 from tracking.evaluation.track import Shot, Track
 from tracking.evaluation.track_measures import Comparison
@@ -128,7 +127,7 @@ def test_a_track_is_printed_so(console, monkeypatch, approved):
 def test_the_list_is_laid_out_so(console, monkeypatch, approved):
     monkeypatch.setattr(list_command, "shipped", lambda: ["still"])
     monkeypatch.setattr(list_command, "studies", lambda: ["noise"])
-    monkeypatch.setattr(list_command, "FOLDERS", {"robot": robots.KINDS})
+    monkeypatch.setattr(list_command, "PARTS", ("scenario", "study", "robot"))
     list_command.show_all()
     approved("prints/list", lines(console))
 

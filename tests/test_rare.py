@@ -11,10 +11,11 @@ from rich.console import Console
 
 from servo.cli import sweep_command
 from servo.cli.options import Commands
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
-from servo.study.run import Job
+from servo.study.run import Failure, Job
+from servo.study.store import Store
 from sim.camera import gl
 from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
@@ -101,7 +102,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     assert sweep_command.run(*broken) == 1
     lines = capfd.readouterr().err.splitlines()
     found = [Path("out/failures") / f"{n:06}.json" for n in range(2)]
-    assert lines == [f"servobench: {path}: ValueError: no" for path in found]
+    assert lines == [f"servobench: {found[0]}: ValueError: no (the first of 2 such runs)"]
     kept = json.loads(found[1].read_text())
     assert kept["error"].endswith("ValueError: no\n")
     assert "servobench run still" in kept["command"]
@@ -177,3 +178,11 @@ def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_pat
     assert str(refused.value).startswith(
         "mine.toml: scenario: gone.toml: cannot read this scenario"
     )
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("can't start new thread")])
+def test_too_little_memory_ends_a_study_instead_of_failing_every_run(tmp_path, error):
+    with pytest.raises(Refused) as told:
+        Store(tmp_path).fail(Job(0, SimpleNamespace(name="mine"), 0), Failure.of(error))
+    assert str(told.value).startswith("there is too little memory, or too few processes are ")
+    assert str(told.value).endswith("the same command goes on from there")

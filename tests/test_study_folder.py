@@ -231,3 +231,14 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(small, study_place):
     assert refused(small, study_place / "file" / "out") == (
         f"{study_place}/file/out: cannot write to this folder: Not a directory"
     )
+
+
+def test_a_pipe_in_place_of_a_record_is_not_waited_for(small, folder):
+    """Reading a pipe that nobody writes to would never end."""
+    path = folder / store.RUNS / "000000.parquet"
+    path.unlink()
+    os.mkfifo(path)
+    found = store.Store(folder)
+    found.find(small.jobs())
+    assert found.done == {job.key for job in small.jobs()} - {"000000"}
+    assert found.damaged == []

@@ -1,5 +1,7 @@
 """A track's files beside its rows: where the disk refuses one, the others go on."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -36,10 +38,10 @@ def shot(k):
     return Shot(Picture(f"{k}.png", k / 30, None), k, estimate, 0.002, (64, 48))
 
 
-def tracked(folder, extras, count=3, rate=30.0):
+def tracked(folder, extras, count=3):
     """The folder after some shots."""
     more = {folder / name: extra for name, extra in extras.items()}
-    files = TrackFolder(folder, Region(10.0, 6.0), rate, recording=False, more=more)
+    files = TrackFolder(folder, Region(10.0, 6.0), recording=False, more=more)
     for k in range(count):
         files.add(shot(k), None)
     files.close()
@@ -77,16 +79,27 @@ def test_the_first_of_two_refusals_is_named(tmp_path):
     assert str(files.refused) == f"{tmp_path}/b: it ends too early: first"
 
 
-@pytest.mark.parametrize(("rate", "looked"), [(2.4, 3), (0.1, 5), (2.6, 2)])
-def test_once_a_second_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
-    tmp_path, monkeypatch, rate, looked
+def test_after_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
+    tmp_path, monkeypatch
 ):
-    found = []
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: found.append(1))
-    assert tracked(tmp_path, {"a": Extra()}, 5, rate).refused is None
-    assert len(found) == looked
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: True)
+    full = [False, True]
+    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: full.pop(0))
     extra = Extra()
-    files = tracked(tmp_path, {"a": extra}, 2)
+    files = tracked(tmp_path, {"a": extra}, 3)
     assert str(files.refused) == f"{tmp_path}/a: it ends too early: the disk is full"
-    assert extra.done == ["abandon"]
+    assert extra.done == ["begin", "abandon"]
+
+
+def test_a_recording_without_room_does_not_begin(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(Path, "write_bytes", refuse)
+        files = TrackFolder(tmp_path, Region(10.0, 6.0), recording=True)
+    files.add(shot(0), None)
+    files.close()
+    assert str(files.refused) == (
+        f"{tmp_path}/track.rrd: it ends too early: No space left on device"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["track.csv"]

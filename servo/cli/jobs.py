@@ -15,7 +15,7 @@ from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job
 from servo.study.store import Store
 
-EVERY = 10.0
+EVERY = 30.0
 """Time between two lines of progress where there is no terminal [s]."""
 MINUTE = 60
 HOUR = 3600
@@ -143,6 +143,10 @@ def complete_jobs(
     except ClusterLost as lost:
         sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
         raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
+    alike: dict[str, list[Path]] = {}
     for job, failure in failed:
-        complain(f"{store.failure_path(job)}: {failure.reason}")
+        alike.setdefault(failure.reason, []).append(store.failure_path(job))
+    for reason, paths in alike.items():
+        more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
+        complain(f"{paths[0]}: {reason}{more}")
     return len(failed)

@@ -25,7 +25,8 @@ FOLDERS = {
     **LISTS,
     "sequences": painted.KINDS,
 }
-PARTS = ("scenario", "study", *FOLDERS)
+FILES = {"scenario": resources.files("scenes"), "study": resources.files("scenes") / "studies"}
+PARTS = (*FILES, *FOLDERS)
 
 
 def show_all() -> None:
@@ -39,24 +40,24 @@ def show(name: str) -> None:
     Raises:
         Mistake: There is nothing of that name.
     """
-    if name in PARTS:
-        _show_names((name, each) for each in _names(name))
-        return
-    found = [part for part in PARTS if name in _names(part)]
-    with_settings = [part for part in found if part in FOLDERS]
+    found = [(part, each) for part in PARTS for each in _names(part) if name in (part, each)]
+    with_settings = [part for part, each in found if each == name and part in FOLDERS]
     for part in with_settings:
         _show_kind(part, name)
     if not found:
         _show_section(name)
     elif not with_settings:
-        _show_names((part, name) for part in found)
+        _show_names(found)
 
 
 def _show_names(found: Iterable[tuple[str, str]]) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     for part, name in found:
-        package = FOLDERS[part].package_of(name) if part in FOLDERS else ""
-        about = f"({package}) " * bool(package) + _sentence(part, name)
+        if part in FOLDERS:
+            package = FOLDERS[part].package_of(name)
+            about = f"({package}) " * bool(package) + FOLDERS[part].summary(name)
+        else:
+            about = sentence((FILES[part] / f"{name}.toml").read_text(encoding="utf-8"))
         table.add_row(part, f"[bold]{escape(name)}[/]", escape(about))
     Console().print(table)
 
@@ -65,14 +66,6 @@ def _names(part: str) -> list[str]:
     if part in FOLDERS:
         return FOLDERS[part].names()
     return studies() if part == "study" else shipped()
-
-
-def _sentence(part: str, name: str) -> str:
-    """The sentence that describes a scenario, a study or a kind."""
-    if part in FOLDERS:
-        return FOLDERS[part].summary(name)
-    file = f"studies/{name}.toml" if part == "study" else f"{name}.toml"
-    return sentence((resources.files("scenes") / file).read_text(encoding="utf-8"))
 
 
 def _show_kind(part: str, kind: str) -> None:

@@ -90,9 +90,10 @@ class Outputs:
 
             found[self.mcap] = RunMcap(self.mcap, episode)
         if viewer is not None:
+            from servo.output.recording.live import EVERY
             from servo.output.recording.log import RerunLog
 
-            log = RerunLog(viewer, episode, self._at_once(scenario.camera.rate))
+            log = RerunLog(viewer, episode, EVERY)
             found[VIEWER] = PacedSink(log, self.speed or 1.0, lambda step: step.frame.time)
         return found
 
@@ -111,9 +112,10 @@ class Outputs:
 
             found[self.mcap] = TrackMcap(self.mcap, region)
         if viewer is not None:
+            from servo.output.recording.live import EVERY
             from servo.output.recording.track_log import TrackLog
 
-            log = TrackLog(viewer, region, self._at_once(source.rate))
+            log = TrackLog(viewer, region, EVERY)
             is_camera = source.count is None  # it has a pace of its own
             found[VIEWER] = (
                 log
@@ -121,11 +123,6 @@ class Outputs:
                 else PacedSink(log, self.speed or 1.0, lambda shot: shot.picture.time)
             )
         return found
-
-    def _at_once(self, rate: float) -> int:
-        from servo.output.recording.live import SHOWN
-
-        return max(1, round(rate * (self.speed or 1.0) / SHOWN))
 
 
 NOTHING_MORE = Outputs()

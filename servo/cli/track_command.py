@@ -133,7 +133,7 @@ def run(request: TrackRequest) -> int:
         plain(console, line)
     more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
     try:
-        files = TrackFolder(folder, region, source.rate, recording=request.rerun, more=more)
+        files = TrackFolder(folder, region, recording=request.rerun, more=more)
         seen, code = _write(request, files, truth, itertools.chain([first], shots), source)
     except PartFailed as error:
         raise with_traceback(error, folder) from None

@@ -69,7 +69,6 @@ class Ibvs:
         """Build it; a guard may change each twist that follows what is seen."""
         self._config = config
         self._guard = guard
-        self._tilt_seen = False
         self._weights = np.array(config.weights)
 
     def start(self, task: Task) -> None:
@@ -87,6 +86,7 @@ class Ibvs:
         self.aim(task.goal)
         self._scales = self._features.scales(self._goal)
         self._known = self._features.known(task.goal)
+        self._tilt_seen = False
         self._seen = self._goal
         self._matrix_seen = self._goal_matrix
         self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.estimators._error_filter import ErrorFilters, TargetModel
-from servo.estimators._kalman import between
+from servo.estimators._difference_filters import between
+from servo.estimators._error_filters import ErrorFilters, TargetModel
 
 # Var(w2) T^4 / R, tuned on the scenarios at both rates: a slow camera sees a velocity that changes
 # faster from picture to picture.

@@ -15,8 +15,8 @@ from typing import final
 
 import numpy as np
 
-from servo.estimators._error_filter import TargetModel, look_ahead, models
-from servo.estimators._filters import Filters, Flags, Level
+from servo.estimators._error_filters import TargetModel, look_ahead, models
+from servo.estimators._kalman_filters import KalmanFilters, Level, where
 from servo.estimators.error_kalman import motion
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
@@ -56,13 +56,13 @@ class Imm:
         self._features = features
         self._level = Level(np.square(features.noise))
         self._begun = np.zeros(k, dtype=bool)
-        self._filters: tuple[Filters, ...] = ()
+        self._filters: tuple[KalmanFilters, ...] = ()
         self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Mix, predict and correct; the first error starts the filters of a feature."""
         if not self._filters:
-            self._filters = tuple(Filters(at(dt), len(error)) for at in self._model_at)
+            self._filters = tuple(KalmanFilters(at(dt), len(error)) for at in self._model_at)
         seen = np.isfinite(error)
         self._corrected = measured = seen & self._begun
         self._mix_and_predict(own, dt)
@@ -110,15 +110,8 @@ class Imm:
             mean = (share * x).sum(axis=0)
             off = x - mean
             apart = off[..., :, None] * off[..., None, :] / self._level.value[:, None, None]
-            f.x = mean
-            f.covariance = (share[..., None] * (P + apart)).sum(axis=0)
+            f.x = where(self._begun, mean, x[j])
+            f.covariance = where(self._begun, (share[..., None] * (P + apart)).sum(axis=0), P[j])
             f.use(self._model_at[j](dt))
-            f.predict(own.past)
-            f.x = _where(self._begun, f.x, x[j])
-            f.covariance = _where(self._begun, f.covariance, P[j])
+            f.predict(own.past, self._begun)
         self._mu = np.where(self._begun, coming, self._mu)
-
-
-def _where(flags: Flags, a: Array, b: Array) -> Array:
-    """Return the rows of a where the flags (k,) are set, else those of b."""
-    return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)

@@ -8,13 +8,14 @@ Where one passes the threshold the velocity has jumped: the filter takes its vel
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import final
 
 import numpy as np
 
-from servo.estimators._error_filter import ErrorFilters, TargetModel
-from servo.estimators._filters import Flags
-from servo.estimators._kalman import between
+from servo.estimators._difference_filters import between
+from servo.estimators._error_filters import ErrorFilters, TargetModel
+from servo.estimators._kalman_filters import Flags
 from servo.estimators.kalman_cv import RATIO_AT_5_HZ, RHO, motion
 from sim.types import Array
 
@@ -34,7 +35,7 @@ class Config:
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
         """Return the estimator; it draws nothing."""
-        return ErrorFilters(_model, test=Cusum(DRIFT, THRESHOLD))
+        return ErrorFilters(_model, test=partial(Cusum, DRIFT, THRESHOLD))
 
 
 def _model(dt: float) -> TargetModel:

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.estimators._error_filter import ErrorFilters, TargetModel
-from servo.estimators._filters import Model
-from servo.estimators._kalman import (
+from servo.estimators._difference_filters import (
     DifferenceFilters,
     Memory,
     Noise,
@@ -22,6 +20,8 @@ from servo.estimators._kalman import (
     between,
     difference_variance,
 )
+from servo.estimators._error_filters import ErrorFilters, TargetModel
+from servo.estimators._kalman_filters import Model
 from servo.parts import Estimator
 from sim.types import Array
 

@@ -18,6 +18,7 @@ import numpy as np
 from servo.contracts import check_followed
 from servo.estimators.difference import Difference
 from servo.loop.goal import Goal
+from servo.loop.inputs import check_frame, check_picture, check_posture, check_setup, check_start
 from servo.loop.part_failures import Part, PartFailed
 from servo.loop.posture_record import elapsed
 from servo.loop.settings import Setup, stream
@@ -90,7 +91,9 @@ class Loop:
 
         Raises:
             PartFailed: A part cannot be built.
+            ValueError: An argument is none.
         """
+        check_setup(scenario, camera, outline)
         self.scenario = scenario
         self.camera = camera
         self.outline = outline
@@ -100,14 +103,13 @@ class Loop:
         estimator = Part("estimator", scenario.estimator)
         controller = Part("controller", scenario.controller)
         built = features.build(outline)
-        estimates = estimator.build(stream(seed, "estimator"))
-        self.tracker: Tracker = tracker.guarded(tracker.build(stream(seed, "tracker")))
+        draws = {name: stream(seed, name) for name in ("tracker", "estimator", "controller")}
+        estimates = estimator.build(draws["estimator"])
+        self.tracker: Tracker = tracker.guarded(tracker.build(draws["tracker"]))
         self.features: FeatureSet = features.guarded(built)
         self.features_of_truth: FeatureSet = features.guarded(built, checked=False)
         """The same for records: values of what the camera cannot see need not be finite."""
-        self.controller: Controller = controller.guarded(
-            controller.build(stream(seed, "controller"))
-        )
+        self.controller: Controller = controller.guarded(controller.build(draws["controller"]))
         guarded = estimator.guarded(estimates)
         self.estimator: Estimator = guarded
         self.needs_truth: NeedsTruth | None = guarded if isinstance(estimates, NeedsTruth) else None
@@ -116,6 +118,9 @@ class Loop:
         """The estimator, if it can take back a measurement."""
         self.uses_pictures = bool(getattr(built, "uses_pictures", False))
         """Whether the features are made of pixels: `start` then needs a picture of the goal."""
+        self._draws = [(each, each.bit_generator.state) for each in draws.values()]
+        self.running: Running | None = None
+        """The run that was started last: it alone has the parts."""
         believed = scenario.believed
         true = true or camera
         pictured = camera if believed.goal == "computed" else true
@@ -149,7 +154,12 @@ class Loop:
             PartFailed: A part raised an exception.
             ValueError: The region is none, or a setting does not fit the features.
         """
-        return Running(self, frame, (region, state), goal, true_motion)
+        check_start(frame, self.camera, region, state)
+        for draws, state_at_first in self._draws:
+            draws.bit_generator.state = state_at_first  # each start gives the same numbers
+        self.running = None
+        self.running = Running(self, frame, (region, state), goal, true_motion)
+        return self.running
 
 
 @final
@@ -170,7 +180,10 @@ class Running:
         region, state = target
         self._true_motion = true_motion
         self._check_settings()
-        self._goal_picture = None if goal is None else CameraImage(goal, loop.camera)
+        self._goal_picture = None
+        if goal is not None:
+            check_picture("goal", goal, loop.camera)
+            self._goal_picture = CameraImage(goal, loop.camera)
         try:
             loop.tracker.start(frame, region, state)
         except PartFailed:
@@ -238,7 +251,8 @@ class Running:
 
         Raises:
             PartFailed: A part raised an exception, or gave something that has no meaning.
-            ValueError: The frame is not later than the last one.
+            ValueError: The frame is not later than the last one, frame or posture has numbers
+                without a meaning, or the loop was started again.
         """
         return self.decide(self.track(frame, posture), posture).command
 
@@ -253,6 +267,10 @@ class Running:
             What `decide` takes.
         """
         began = perf_counter()
+        if self._loop.running is not self:
+            raise ValueError("this run is over: its loop was started again")
+        check_frame(frame, self._loop.camera)
+        check_posture(posture)
         interval = self._period
         if self._shown is not None:
             interval = elapsed(self._shown, frame.time, self._period)

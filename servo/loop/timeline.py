@@ -91,13 +91,19 @@ class Timeline:
         self._rng = rng
         run = schedule.run
         on_time = run.tracker_ms == 0 and run.jitter_ms == 0 and schedule.clock_offset == 0
+        # Then each posture of the robot already belongs to its picture and to one command.
         self._plain = on_time and run.latency_ms is None and not schedule.steered
         self._record = PostureRecord(schedule.period, schedule.clock_offset)
-        self._coming: list[_Arrival] = []
         self._now = 0.0
+        """Time of the last picture [s]."""
         self._arrival = 0.0
-        self._free = 0.0
+        """When it arrives [s]; no later one arrives before."""
+        self._coming: list[_Arrival] = []
+        """Pictures that the tracker has not taken."""
         self._work: _Work | None = None
+        """The one that it is busy with."""
+        self._free = 0.0
+        """When it finished the one before [s]."""
         self._skipped = 0
         self.decided = 0
         """Number of decisions since the last picture."""
@@ -107,7 +113,9 @@ class Timeline:
         self.seconds = (0.0, 0.0)
         """Wall-clock time of tracker and law in the last frame interval [s]."""
         self._asked = np.zeros(6)
+        """Mean twist (6,) asked for since the last picture."""
         self._commands: list[tuple[float, Array]] = [(0.0, np.zeros(6))]
+        """When each command begins to act [s], and its twist (6,), in order."""
 
     def advance(self, frame: Frame, posture: Posture) -> None:
         """Decide all that is decided from a picture to the next one.
@@ -124,8 +132,10 @@ class Timeline:
             self._record.add(frame.index, replace(posture, asked=self._asked))
         self._arrival = max(self._arrival, self._now + self._transport())
         self._coming.append(_Arrival(self._arrival, frame, posture))
-        while self._goes_on(end):
-            pass
+        while (estimated := self._estimated_before(end)) is not None:
+            self._decide(estimated)
+            self._work = None
+            self._free = estimated.done
 
     def steer(self, twist: Array) -> None:
         """Let another twist (6,) act in place of what was decided since the last picture."""
@@ -146,19 +156,15 @@ class Timeline:
         longest = self._schedule.run.jitter_ms
         return 1e-3 * float(self._rng.uniform(0.0, longest)) if longest else 0.0
 
-    def _goes_on(self, end: float) -> bool:
-        """Let the tracker finish a picture, or take one; return whether either was before `end`."""
-        work = self._work
-        if work is not None:
-            if work.done < end:
-                self._decide(work)
-                self._work = None
-                self._free = work.done
-            return self._work is None
-        begin = max(self._free, self._coming[0].time) if self._coming else end
-        if begin < end:
-            self._work = self._begin(begin)
-        return self._work is not None
+    def _estimated_before(self, end: float) -> _Work | None:
+        """Return the picture whose estimate is there before a time [s], if any; a tracker that is
+        free takes the next one.
+        """
+        if self._work is None and self._coming:
+            begin = max(self._free, self._coming[0].time)
+            if begin < end:
+                self._work = self._begin(begin)
+        return self._work if self._work is not None and self._work.done < end else None
 
     def _begin(self, begin: float) -> _Work:
         """Take the newest picture that has arrived by a time, or the last dropped frame."""

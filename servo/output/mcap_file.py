@@ -169,7 +169,8 @@ class McapFile:
             self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is."""
+        """Close the file after an error: what the disk refuses is left out."""
+        self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
 
     def _stamp(self, at: int) -> fox.Timestamp:

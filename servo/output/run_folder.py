@@ -105,24 +105,22 @@ class RunFolder:
         """
         self.folder = folder
         self._scenario = episode.scenario
-        at_once = max(1, round(episode.scenario.camera.rate))
         try:
-            self._table = StepsTable(folder, episode, at_once)
+            self._table = StepsTable(folder, episode)
         except FileExistsError:
             raise Mistake(f"{folder}: another run is writing into this folder") from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
             sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
             raise Refused(sentence) from None
-        sinks: dict[Path | str, Sink] = {}
+        self._sinks = Sinks(more or {})
         if rerun:
             # rerun takes half a second to import
             from servo.output.recording.destination import RecordingFile
             from servo.output.recording.log import RerunLog
 
             path = folder / RECORDING
-            sinks[path] = RerunLog(RecordingFile(path), episode, at_once)
-        self._sinks = Sinks({**sinks, **(more or {})})
+            self._sinks.begin(path, lambda: RerunLog(RecordingFile(path), episode))
 
     @property
     def refused(self) -> Refused | None:

@@ -38,6 +38,15 @@ class Sinks:
         self._sinks = dict(sinks)
         self.paths = [name for name in sinks if isinstance(name, Path)]
 
+    def begin(self, path: Path, make: Callable[[], Sink]) -> None:
+        """Make a sink that writes a file, and give it the frames to come if it can be made."""
+        try:
+            self._sinks[path] = make()
+        except OSError as error:
+            self._refuse(path, error.strerror or str(error))
+        else:
+            self.paths.append(path)
+
     def __bool__(self) -> bool:
         return bool(self._sinks)
 
@@ -66,7 +75,26 @@ class Sinks:
 
     def _end(self, name: Path | str, reason: str) -> None:
         self._sinks.pop(name).abandon()
+        self._refuse(name, reason)
+
+    def _refuse(self, name: Path | str, reason: str) -> None:
         self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
+
+
+class Every:
+    """Says once in a while that it is time again, by the wall clock: what a kill may cost."""
+
+    def __init__(self, seconds: float = 1.0) -> None:
+        self._seconds = seconds
+        self._due = time.monotonic() + seconds
+
+    def due(self) -> bool:
+        """Return whether so many seconds have passed since this was last true."""
+        now = time.monotonic()
+        if now < self._due:
+            return False
+        self._due = now + self._seconds
+        return True
 
 
 class PacedSink:

@@ -1,7 +1,7 @@
 """The steps of a run as a Parquet table: a row for each frame, and units in the columns' names.
 
-During the run, rows are written to an Arrow stream once a second, so that a killed run keeps them:
-`pyarrow.ipc.open_stream("steps.arrows")` reads them.
+During the run, rows are written to an Arrow stream once a second of the wall clock, so that a
+killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads them.
 """
 
 import os
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
+from servo.output.sinks import Every
 from servo.parts import FeatureSet
 from servo.types import DOF
 from sim.models.quaternion import quaternion_of
@@ -36,9 +37,11 @@ TEXT = pa.string()
 TIMED = "seconds_"
 """Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
 CELL = 16
-COLUMN_OF_BATCH = 320
-"""Largest size of a value in stream and table, and of a column's part of a batch [bytes]."""
-SPARE = 1 << 20
+COLUMN_OF_BATCH = 96
+"""Largest size of a value in stream and table, and of a column's frame in a batch [bytes]."""
+BATCHES = 10
+"""Batches a simulated second for which space is reserved: a run at a tenth of real time."""
+SPARE = 1 << 19
 """Space for report and plots, which are written after the rows [bytes]."""
 
 
@@ -268,7 +271,7 @@ def _vector(
 class StepsTable:
     """Writer of the table of one run."""
 
-    def __init__(self, folder: Path, episode: Episode, rows_at_once: int) -> None:
+    def __init__(self, folder: Path, episode: Episode) -> None:
         """Open the stream, and reserve space for all rows on the disk.
 
         Raises:
@@ -276,7 +279,7 @@ class StepsTable:
             OSError: The disk has no space for the rows.
         """
         self._folder = folder
-        self._at_once = rows_at_once
+        self._every = Every()
         self._quantities = quantities_of(episode)
         rows = episode.frames
         self._rows: list[dict[str, Any]] = []
@@ -286,7 +289,7 @@ class StepsTable:
         # An empty batch writes the schema: a stream that is killed at once can be read, too.
         self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
         self._file.flush()
-        batches = 1 + rows / rows_at_once
+        batches = 1 + BATCHES * rows / episode.scenario.camera.rate
         size = round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE
         if hasattr(os, "posix_fallocate"):  # readers interpret the zeros as the stream's end
             os.posix_fallocate(self._file.fileno(), 0, size)
@@ -299,7 +302,7 @@ class StepsTable:
             OSError: The row cannot be written.
         """
         self._rows.append(_row(step, self._quantities))
-        if len(self._rows) >= self._at_once:
+        if self._every.due():
             self._flush()
 
     def close(self) -> None:

@@ -27,7 +27,6 @@ class TrackFolder:
         self,
         folder: Path,
         region: Region,
-        rate: float,
         *,
         recording: bool,
         more: Mapping[Path | str, Sink] | None = None,
@@ -37,7 +36,6 @@ class TrackFolder:
         Args:
             folder: Where to write.
             region: What is tracked.
-            rate: Of the pictures [1/s].
             recording: Whether a recording is written.
             more: What else takes the shots.
 
@@ -45,17 +43,15 @@ class TrackFolder:
             OSError: A file cannot be written.
         """
         self._folder = folder
-        self._at_once = max(1, round(rate))
         self._rows = TrackFile(folder / TRACK, region)
-        sinks = dict(more or {})
+        self._sinks = Sinks(more or {})
         if recording:
             # rerun takes half a second to import
             from servo.output.recording.destination import RecordingFile
             from servo.output.recording.track_log import TrackLog
 
             path = folder / RECORDING
-            sinks[path] = TrackLog(RecordingFile(path), region, self._at_once)
-        self._sinks = Sinks(sinks)
+            self._sinks.begin(path, lambda: TrackLog(RecordingFile(path), region))
         self.paths = [folder / TRACK, *self._sinks.paths]
 
     @property
@@ -70,7 +66,7 @@ class TrackFolder:
             OSError: The row cannot be written.
         """
         self._rows.add(shot)
-        if self._sinks and shot.index % self._at_once == 0 and self._nearly_full():
+        if self._sinks and self._nearly_full():
             self._sinks.end("the disk is full")
         self._sinks.add(shot, truth)
 

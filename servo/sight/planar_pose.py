@@ -46,7 +46,7 @@ def planar_pose(
     found = _candidates(corners, size)
     if not found:
         return None
-    best = min(found, key=lambda each: each[1] + _surprise(each[0], expected))[0]
+    best = min(found, key=lambda each: each[1] + _prior_cost(each[0], expected))[0]
     return _refined(best, corners, size)
 
 
@@ -77,7 +77,7 @@ class CornersToPose:
         T_camera_base = T_base_camera.inverse()
         before = [(T_camera_base @ pose, cost) for pose, cost in self._paths] or [(None, 0.0)]
         costs = [
-            error + min(cost + _surprise(pose, expected) for expected, cost in before)
+            error + min(cost + _prior_cost(pose, expected) for expected, cost in before)
             for pose, error in found
         ]
         least = min(costs)
@@ -123,7 +123,7 @@ def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
     return []
 
 
-def _surprise(pose: Pose, expected: Pose | None) -> float:
+def _prior_cost(pose: Pose, expected: Pose | None) -> float:
     """Return how unlikely a pose is before the corners are compared, as a squared error over that
     of the noise.
     """

@@ -198,7 +198,8 @@ class Store:
 
     def find(self, jobs: Iterable[Job]) -> None:
         """Look for the records of jobs, which are then in `done` or `damaged`."""
-        there = set((self.folder / RUNS).rglob("*.parquet"))
+        # Reading anything else could wait for ever, as a pipe does.
+        there = {path for path in (self.folder / RUNS).rglob("*.parquet") if path.is_file()}
         for job in jobs if there else ():
             path = self._path(job)
             if path in there:

@@ -81,4 +81,4 @@ for line in sys.stdin:
         answer(moved)
         time.sleep(0.2)
 if mode == "stays":
-    time.sleep(60)
+    time.sleep(3600)  # until it is killed

@@ -17,6 +17,10 @@ FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
 
 
+ROOM = 1 << 18
+"""Space that a recording needs to begin [bytes]."""
+
+
 class Recording(Protocol):
     """The destination of a recording."""
 
@@ -34,6 +38,10 @@ class Recording(Protocol):
 
     def close(self) -> None:
         """Send the last data, and end; errors are those of `flush`."""
+        ...
+
+    def abandon(self) -> None:
+        """Leave everything as it is, without waiting for anything."""
         ...
 
 
@@ -55,10 +63,15 @@ def flushed(stream: rr.RecordingStream, refused: Callable[[], Refused]) -> None:
     try:
         stream.flush(timeout_sec=PATIENCE)
     except RuntimeError:
-        # Deleting the stream, and Rerun's shutdown, would wait for the last bytes for ever.
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
-        rr.unregister_shutdown()
         raise refused() from None
+
+
+def leak(stream: rr.RecordingStream) -> None:
+    """Never end a stream: deleting it, and Rerun's shutdown, would wait for its last bytes for ever
+    where they cannot be written.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+    rr.unregister_shutdown()
 
 
 class RecordingFile:
@@ -68,7 +81,16 @@ class RecordingFile:
         self.path = path
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the file."""
+        """Open the file.
+
+        Raises:
+            OSError: There is no room for it; Rerun would wait for ever.
+        """
+        try:
+            self.path.write_bytes(bytes(ROOM))
+        except OSError:
+            self.path.unlink(missing_ok=True)
+            raise
         self._stream = new_stream(app, self.path.parent.name)
         self._stream.save(self.path, default_blueprint=blueprint)
         return self._stream
@@ -95,6 +117,10 @@ class RecordingFile:
         self.flush()
         self._stream.disconnect()
 
+    def abandon(self) -> None:
+        """Leave the file as it is."""
+        leak(self._stream)
+
 
 class NotebookRecording:
     """A recording in memory, which is shown in a notebook when it is complete."""
@@ -113,3 +139,6 @@ class NotebookRecording:
         from rerun.notebook import Viewer  # of the extra "notebook"
 
         Viewer(recording=self._stream, blueprint=self._blueprint).display()
+
+    def abandon(self) -> None:
+        """Show nothing."""

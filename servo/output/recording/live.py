@@ -18,11 +18,11 @@ import rerun_cli
 
 from servo.mistake import Mistake, Refused
 from servo.output.display import has_display
-from servo.output.recording.destination import flushed, new_stream
+from servo.output.recording.destination import flushed, leak, new_stream
 
 HOST = "127.0.0.1"
-SHOWN = 30.0
-"""Most pictures a second that are sent one by one."""
+EVERY = 0.02
+"""Time between two batches of data: pictures that come more slowly are sent one by one [s]."""
 STARTS_WITHIN = 20.0
 POLL = 0.05
 """Longest time that the server may take to start, and between two looks at it [s]."""
@@ -101,6 +101,10 @@ class LiveViewer:
         """Send the last data; errors are those of `flush`."""
         self.flush()
         self._stream.disconnect()
+
+    def abandon(self) -> None:
+        """Send nothing more."""
+        leak(self._stream)
 
     def wait(self) -> None:
         """Serve until the window is closed; for a browser, until Ctrl-C."""

@@ -35,6 +35,7 @@ from servo.loop.step import Step
 from servo.output.recording import solids
 from servo.output.recording.destination import Recording
 from servo.output.recording.layout import IMAGE, blueprint_of_run
+from servo.output.sinks import Every
 from servo.types import DOF
 from sim.kinematics.robot import Robot
 from sim.types import Array
@@ -68,15 +69,15 @@ class Lines:
 class RerunLog:
     """Writer of the recording of one run."""
 
-    def __init__(self, recording: Recording, episode: Episode, at_once: int) -> None:
-        """Begin a recording; the data of so many steps is sent at once."""
+    def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
+        """Begin a recording, to which data is sent every so many seconds of the wall clock."""
         self._episode = episode
         world = episode.world
         self._features = episode.loop.features.names
         self._moving = solids.entities(world.moving)
         self._plots = _plots(world.robot, self._features)
-        self._at_once = at_once
-        self._second = max(1, round(episode.scenario.camera.rate))
+        self._every = Every(every)
+        self._ways_due = Every()
         self._file = recording
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
@@ -84,7 +85,6 @@ class RerunLog:
         self._jpegs = list[bytes]()
         self._way = list[Array]()
         self._corners = list[Array]()
-        self._drawn = 0
         self._log_scene()
         self._name_series()
 
@@ -104,7 +104,7 @@ class RerunLog:
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
         self._steps.append(step)
-        if len(self._steps) >= self._at_once:
+        if self._every.due():
             self._send()
             self._file.flush()
 
@@ -120,6 +120,7 @@ class RerunLog:
 
     def abandon(self) -> None:
         """Leave the recording as it is; nothing more is logged."""
+        self._file.abandon()
 
     def _log_scene(self) -> None:
         model = self._episode.world.model
@@ -158,7 +159,7 @@ class RerunLog:
         self._send_numbers(steps, index)
         self._way += [s.truth.T_world_camera.translation for s in steps]
         self._corners += [s.truth.corners for s in steps]
-        if len(self._way) % self._second < len(steps):
+        if self._ways_due.due():
             self._log_ways()
 
     def _send_pictures(
@@ -198,9 +199,6 @@ class RerunLog:
 
     def _log_ways(self) -> None:
         """The ways so far, as lines without a time: of the camera, of the corners in the image."""
-        if self._drawn == len(self._way):
-            return
-        self._drawn = len(self._way)
         way = rr.LineStrips3D([np.array(self._way)], colors=PARTICLES, radii=WAY_RADIUS)
         self._rec.log("world/way", way, static=True)
         corners = np.stack(self._corners, axis=1)

@@ -6,6 +6,7 @@ from servo.output.recording.destination import Recording
 from servo.output.recording.layout import PICTURE, blueprint_of_track
 from servo.output.recording.log import JPEG_QUALITY
 from servo.output.recording.solids import outline
+from servo.output.sinks import Every
 from sim.types import Array
 from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
@@ -16,10 +17,10 @@ from tracking.types import Region
 class TrackLog:
     """Writer of the recording of one track."""
 
-    def __init__(self, recording: Recording, region: Region, at_once: int) -> None:
-        """Begin a recording; the data of so many pictures is sent at once."""
+    def __init__(self, recording: Recording, region: Region, every: float = 1.0) -> None:
+        """Begin a recording, to which data is sent every so many seconds of the wall clock."""
         self._region = region
-        self._at_once = at_once
+        self._every = Every(every)
         self._file = recording
         self._rec = recording.begin("servobench_track", blueprint_of_track())
 
@@ -42,7 +43,7 @@ class TrackLog:
         rec.log("plots/confidence", rr.Scalars(shot.confidence))
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
-        if (shot.index + 1) % self._at_once == 0:
+        if self._every.due():
             self._file.flush()
 
     def close(self) -> None:
@@ -50,3 +51,4 @@ class TrackLog:
 
     def abandon(self) -> None:
         """Leave the recording as it is; nothing more is logged."""
+        self._file.abandon()

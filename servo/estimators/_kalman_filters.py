@@ -48,7 +48,7 @@ class Model:
 
 
 @final
-class Filters:
+class KalmanFilters:
     """States x (k, n) and covariances (k, n, n) of k features, as the blocks of one filter."""
 
     def __init__(self, model: Model, count: int) -> None:
@@ -76,13 +76,16 @@ class Filters:
         f.Q = blocks(each, model.Q)
         f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
 
-    def predict(self, u: Array) -> None:
-        """Go on by a frame, with a known input (k,)."""
+    def predict(self, u: Array, begun: Flags) -> None:
+        """Go on by a frame, with a known input (k,), where a feature has been measured before."""
         f = self._filter
+        x = self.x
+        P = self.covariance
         self._before = None
-        f.x = self.x.reshape(-1, 1)
+        f.x = x.reshape(-1, 1)
         f.predict(u[:, None])
-        self.x = f.x.reshape(self.x.shape)
+        self.x = where(begun, f.x.reshape(x.shape), x)
+        self.covariance = where(begun, self.covariance, P)
 
     @property
     def covariance(self) -> Array:
@@ -119,14 +122,19 @@ class Filters:
             return False
         (x, P) = self._before
         self._before = None
-        self.x = np.where(which[:, None], x, self.x)
-        self.covariance = np.where(which[:, None, None], P, self.covariance)
+        self.x = where(which, x, self.x)
+        self.covariance = where(which, P, self.covariance)
         return True
 
     def _blocks(self) -> Array:
         """Return the filter's covariance (k, n, k, n); writing to it changes the filter's."""
         shape = self.x.shape
         return self._filter.P.reshape(*shape, *shape)
+
+
+def where(flags: Flags, a: Array, b: Array) -> Array:
+    """Return the rows of a where the flags (k,) are set, else those of b."""
+    return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
 
 def blocks(each: Array, of_one: Array) -> Array:

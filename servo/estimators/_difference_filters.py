@@ -7,7 +7,7 @@ from typing import Annotated, Literal, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.estimators._filters import Filters, Model
+from servo.estimators._kalman_filters import KalmanFilters, Model
 from servo.estimators.difference import Difference
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
@@ -57,21 +57,21 @@ class DifferenceFilters:
         self._difference = Difference(features)
         self._model = cache(lambda dt: self._model_at(dt, self._first))
         self._begun = np.zeros(len(variance), dtype=bool)
-        self._filters: Filters | None = None
+        self._filters: KalmanFilters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Predict and correct; the first measurement starts the filter of a feature and is its own
         estimate.
         """
         if self._filters is None:
-            self._filters = Filters(self._model(dt), len(error))
+            self._filters = KalmanFilters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
         f = self._filters
         shown = np.where(np.isfinite(error), error, 0.0)
         z, fresh = self._difference.measure(error, own.past, dt)
         first = fresh & ~self._begun
         measured = fresh & self._begun
-        self._predict(f)
+        f.predict(np.zeros(len(error)), self._begun)
         y = z - f.expected
         nis = y**2 / (f.S * self._relative)
         f.update(y, measured)
@@ -87,11 +87,5 @@ class DifferenceFilters:
         if self._filters is None:
             return Prediction.unmeasured(zero, zero)
         self._filters.use(self._model(dt))
-        self._predict(self._filters)
+        self._filters.predict(zero, self._begun)
         return Prediction.unmeasured(zero, self._filters.x[:, 0].copy())
-
-    def _predict(self, f: Filters) -> None:
-        """Predict the features that have begun."""
-        P = f.covariance
-        f.predict(np.zeros(len(self._begun)))
-        f.covariance = np.where(self._begun[:, None, None], f.covariance, P)

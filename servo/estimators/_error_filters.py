@@ -18,7 +18,7 @@ from typing import Protocol, final
 
 import numpy as np
 
-from servo.estimators._filters import Filters, Flags, Level, Model
+from servo.estimators._kalman_filters import Flags, KalmanFilters, Level, Model
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
@@ -86,17 +86,17 @@ class ErrorFilters:
         motion_at: Callable[[float], TargetModel],
         *,
         predicts: bool = False,
-        test: JumpTest | None = None,
+        test: Callable[[], JumpTest] | None = None,
     ) -> None:
         """Build filters that begin with the first measurement.
 
         Args:
             motion_at: The target's motion at an interval between pictures [s].
             predicts: Return the error as it will be when the command acts, not as it was seen.
-            test: Finds features whose motion is to be taken anew.
+            test: Makes what finds features whose motion is to be taken anew.
         """
         self._predicts = predicts
-        self._test = test
+        self._new_test = test
         self._model = models(motion_at)
 
     def start(self, features: FeatureSet) -> None:
@@ -104,28 +104,32 @@ class ErrorFilters:
         self._features = features
         self._level = Level(np.square(features.noise))
         self._begun = np.zeros(len(features.names), dtype=bool)
-        self._filters: Filters | None = None
+        self._filters: KalmanFilters | None = None
+        self._test = None if self._new_test is None else self._new_test()
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Predict and correct; the first error starts the filter of a feature."""
         if self._filters is None:
-            self._filters = Filters(self._model(dt), len(error))
+            self._filters = KalmanFilters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
         f = self._filters
         seen = np.isfinite(error)
         self._corrected = measured = seen & self._begun
-        old = f.x, f.covariance
-        self._advance(f, own)
-        y = self._gap(f, error, seen)
+        before = f.x, f.covariance
+        f.predict(own.past, self._begun)
+        expected = f.expected
+        y = self._features.error(np.where(seen, error, expected), expected)
         ratio = y**2 / f.S
         jumped = np.zeros_like(measured)
         if self._test is not None:
             normalised = np.where(measured, y / np.sqrt(f.S * self._level.value), 0.0)
             jumped = measured & self._test.jumped(normalised)
-            f.x, P = old
+            # Where the velocity has jumped it is unknown before this interval: predict once more.
+            f.x, P = before
             P[jumped, 1, 1] += (DIFFUSE / dt) ** 2
             f.covariance = P
-            self._advance(f, own)
+            f.predict(own.past, self._begun)
+        # A jump is the target's doing: it must not count as noise of the tracker.
         nis = self._level.learn(ratio, measured, but=jumped)
         f.update(y, seen)
         self._begun |= seen
@@ -143,23 +147,10 @@ class ErrorFilters:
         if self._filters is None:
             return Prediction.unmeasured(none, none)
         self._filters.use(self._model(dt))
-        self._advance(self._filters, own)
+        self._filters.predict(own.past, self._begun)
         return Prediction.unmeasured(*self._result(self._filters, none, own))
 
-    def _advance(self, f: Filters, own: OwnMotion) -> None:
-        """Predict the features that have begun."""
-        x = f.x
-        P = f.covariance
-        f.predict(own.past)
-        f.x = np.where(self._begun[:, None], f.x, x)
-        f.covariance = np.where(self._begun[:, None, None], f.covariance, P)
-
-    def _gap(self, f: Filters, error: Array, seen: Flags) -> Array:
-        """Return measured minus expected (k,), angles wrapped; zero where nothing was measured."""
-        expected = f.expected
-        return self._features.error(np.where(seen, error, expected), expected)
-
-    def _result(self, f: Filters, error: Array, own: OwnMotion) -> tuple[Array, Array]:
+    def _result(self, f: KalmanFilters, error: Array, own: OwnMotion) -> tuple[Array, Array]:
         if not self._predicts:
             return error, f.x[:, 1].copy()
         return look_ahead(f.x, own, f.model, self._model)

@@ -1,0 +1,114 @@
+"""Checks of what a caller gives to a loop, before a part of it sees a wrong value.
+
+A camera or a robot that reports a number without a meaning must not become a motion.
+"""
+
+from math import isfinite
+
+import numpy as np
+
+from servo.loop.settings import Setup
+from sim.types import Array, Camera, Frame, Image, Pose, Posture
+from tracking.types import Region, State
+
+ROUNDING = 1e-6
+"""A rotation of single precision is a rotation still."""
+
+
+def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
+    """Check what a loop is built from.
+
+    Raises:
+        ValueError: One of them is of another type, or has numbers without a meaning.
+    """
+    _check_type("scenario", setup, Setup)
+    _check_type("camera", camera, Camera)
+    numbers = camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height
+    _check_numbers("camera", numbers, (6,))
+    if min(camera.fx, camera.fy, camera.width, camera.height) <= 0:
+        raise ValueError(f"camera: focal lengths and sides should be above 0, got {camera}")
+    _check_numbers("outline", outline, (4, 3))
+    first = outline[1, :2] - outline[0, :2]
+    last = outline[3, :2] - outline[0, :2]
+    if first[0] * last[1] >= first[1] * last[0]:
+        raise ValueError(
+            "outline: expected the four corners of a rectangle, clockwise as seen from above, "
+            f"got {np.asarray(outline)[:, :2].tolist()}"
+        )
+
+
+def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
+    """Check what a loop is started with; whether the region is one, the tracker decides.
+
+    Raises:
+        ValueError: One of them is of another type, or the picture is not the camera's.
+    """
+    check_frame(frame, camera)
+    _check_type("region", region, Region)
+    _check_type("state", state, State)
+
+
+def check_frame(frame: Frame, camera: Camera) -> None:
+    """Check a picture and its stamp.
+
+    Raises:
+        ValueError: It is none of this camera, or its stamp is not finite.
+    """
+    _check_type("frame", frame, Frame)
+    check_picture("frame", frame.image, camera)
+    if not isfinite(frame.time):
+        raise ValueError(f"frame: expected a finite time, got {frame.time}")
+
+
+def check_picture(name: str, image: Image, camera: Camera) -> None:
+    """Check that an array is a picture of a camera.
+
+    Raises:
+        ValueError: It has another shape or type.
+    """
+    shape = camera.height, camera.width, 3
+    if not isinstance(image, np.ndarray) or image.shape != shape or image.dtype != np.uint8:  # pyright: ignore[reportUnnecessaryIsInstance]
+        found = f"{np.shape(image)} of {getattr(image, 'dtype', type(image).__name__)}"
+        raise ValueError(f"{name}: expected a picture {shape} of uint8, got {found}")
+
+
+def check_posture(posture: Posture) -> None:
+    """Check what the robot reports. Its Jacobian need not be finite: laws then leave it alone.
+
+    Raises:
+        ValueError: A number is not finite, an array has another shape, or a rotation is none.
+    """
+    _check_type("posture", posture, Posture)
+    p = posture
+    _check_type("posture.T_base_camera", p.T_base_camera, Pose)
+    R = p.T_base_camera.rotation
+    _check_numbers("posture.T_base_camera.rotation", R, (3, 3))
+    _check_numbers("posture.T_base_camera.translation", p.T_base_camera.translation, (3,))
+    if np.abs(R @ R.T - np.eye(3)).max() > ROUNDING or np.linalg.det(R) < 0:
+        raise ValueError(f"posture.T_base_camera: expected a rotation, got {R.tolist()}")
+    n = np.size(p.joints)
+    _check_numbers("posture.joints", p.joints, (n,))
+    if np.shape(p.jacobian) != (6, n):
+        raise ValueError(f"posture.jacobian: expected shape {(6, n)}, got {np.shape(p.jacobian)}")
+    if not (np.shape(p.lower) == np.shape(p.upper) == (n,) and np.all(p.lower <= p.upper)):
+        raise ValueError(
+            f"posture: expected {n} limits with lower <= upper, got {p.lower} and {p.upper}"
+        )
+    _check_numbers("posture.twist", p.twist, (6,))
+    for name in ("accepted", "asked"):
+        twist = getattr(p, name)
+        if twist is not None:
+            _check_numbers(f"posture.{name}", twist, (6,))
+
+
+def _check_type(name: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}: expected a {kind.__name__}, got a {type(value).__name__}")
+
+
+def _check_numbers(name: str, values: object, shape: tuple[int, ...]) -> None:
+    found = np.asarray(values)
+    if found.shape != shape:
+        raise ValueError(f"{name}: expected numbers of shape {shape}, got {found.shape}")
+    if found.dtype.kind not in "fiu" or not np.isfinite(found).all():
+        raise ValueError(f"{name}: expected finite numbers, got {found.tolist()}")
