@@ -269,3 +269,56 @@ def test_a_page_that_cannot_be_written_is_a_mistake(make_papers, tmp_path):
         write([folder], folder / "figures" / ".." / "papers.json")
     assert (folder / "papers.json").read_bytes() == before
     assert write([folder], folder / "mine.html") == write([folder], folder / "mine.html")
+
+
+def altered(table, name, values):
+    """The table with other values in a column; without the column where there are none."""
+    at = table.column_names.index(name)
+    return table.remove_column(at) if values is None else table.set_column(at, name, [values])
+
+
+@pytest.mark.parametrize("name", ["time_s", "status", "error_theta_rad", "motion_true_xn_m_s"])
+@pytest.mark.parametrize("values", [None, "texts", "lists"])
+def test_steps_without_a_column_of_a_run_are_a_mistake(ran, tmp_path, name, values):
+    folder = shutil.copytree(ran, tmp_path / "run")
+    table = pq.read_table(folder / "steps.parquet")
+    odd = {"texts": ["text"] * len(table), "lists": [[1.0]] * len(table), None: None}[values]
+    pq.write_table(altered(table, name, odd), folder / "steps.parquet")
+    if (name, values) == ("status", "texts"):
+        assert "Over time" in text_of(folder, tmp_path)  # nothing was LOCKED then
+        return
+    with pytest.raises(Mistake) as told:
+        text_of(folder, tmp_path)
+    assert str(told.value) == (
+        f"{folder}/steps.parquet: there is no such column '{name}' as a run writes"
+    )
+
+
+@pytest.mark.parametrize("lost", ["run", "table", "versions"])
+def test_a_report_without_its_settings_is_a_page_or_a_mistake(ran, tmp_path, lost):
+    folder = shutil.copytree(ran, tmp_path / "run")
+    report = json.loads((folder / "report.json").read_text())
+    if lost == "run":
+        del report["settings"]["run"]
+    else:
+        report[lost] = {"measure": None}
+    (folder / "report.json").write_text(json.dumps(report))
+    if lost == "run":
+        assert "Measures and bounds" in text_of(folder, tmp_path)
+        return
+    with pytest.raises(Mistake) as told:
+        text_of(folder, tmp_path)
+    assert str(told.value).startswith(f"{folder}/report.json: {lost}")
+
+
+@pytest.mark.parametrize("values", [["text"], [[1.0]], None])
+def test_a_record_with_texts_for_numbers_is_none(tmp_path, values):
+    folder = make_bench(tmp_path / "bench")
+    path = folder / "runs" / "000000.parquet"
+    table = altered(pq.read_table(path), "auc", values)
+    metadata = table.schema.metadata
+    digest = record_file._digest(metadata[record_file.ABOUT], table.column_names)
+    table = table.replace_schema_metadata(metadata | {record_file.DIGEST: digest})
+    pq.write_table(table, path)
+    assert record_file.decoded(path.read_bytes()) is None
+    assert "kams" in text_of(folder, tmp_path)

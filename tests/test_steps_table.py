@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -12,7 +13,9 @@ from servo.controllers.ibvs import Ibvs
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
+from servo.output import sinks
 from servo.output.run_folder import RunFolder, prepare
+from servo.output.steps_table import STREAM, StepsTable
 from servo.scenario.load import load
 
 
@@ -118,3 +121,20 @@ def test_runs_that_begin_at_once_get_folders_of_their_own(monkeypatch, tmp_path)
         "runs/still-0-2",
         "runs/still-0-3",
     ]
+
+
+def test_a_slow_run_is_written_once_a_second_of_the_wall_clock(monkeypatch, tmp_path):
+    """Five steps of 0.4 s each: a kill costs what was not in the stream yet."""
+    clock = [0.0]
+    monkeypatch.setattr(sinks.time, "monotonic", lambda: clock[0])
+    rows = []
+    with Episode(load("still", ["run.duration=0.2", "tracker.kind=frozen"])) as episode:
+        table = StepsTable(tmp_path, episode)
+        for _, step in zip(range(5), episode, strict=False):
+            clock[0] += 0.4
+            table.add(step)
+            with pa.ipc.open_stream(str(tmp_path / STREAM)) as stream:
+                rows.append(stream.read_all().num_rows)
+        table.close()
+    assert rows == [0, 0, 3, 3, 3]
+    assert pq.read_table(tmp_path / "steps.parquet").num_rows == 5

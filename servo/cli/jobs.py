@@ -60,7 +60,7 @@ def progress(
 def duration(seconds: float) -> str:
     """Return a time in words, such as "12 min"."""
     if seconds < 2 * MINUTE:
-        return f"{seconds:.0f} s"
+        return f"{max(1, seconds):.0f} s"
     return f"{seconds / MINUTE:.0f} min" if seconds < 2 * HOUR else f"{seconds / HOUR:.1f} h"
 
 

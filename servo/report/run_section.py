@@ -63,7 +63,7 @@ def section(folder: Path) -> Section:
             _bounds(run),
             Block("Over time", figures=_figures(folder, run)),
             _pictures(folder),
-            _scenario(run),
+            _scenario(folder, run),
             again(run),
         ],
         str(folder),
@@ -88,7 +88,7 @@ def _bounds(run: RunReport) -> Block:
     text = ["Every bound is kept."] if run.expect and not run.missed else []
     if not run.expect:
         text = [run.unjudged or "This scenario has no bounds."]
-    if run.settings["run"].get("tracker_ms") == "measured":
+    if not run.repeats:
         text.append(f"{DOES_NOT_REPEAT}.")
     table = Table(head, rows, words=(0, 2, 4, 5))
     return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
@@ -97,11 +97,17 @@ def _bounds(run: RunReport) -> Block:
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
     table = _steps(folder / TABLE)
 
-    def column(*words: str) -> Array:
-        return np.asarray(table["_".join(filter(None, words))].to_numpy())
+    def column(*words: str, kind: type = float) -> Array:
+        name = "_".join(filter(None, words))
+        try:
+            return table[name].to_numpy().astype(kind)
+        except (KeyError, TypeError, ValueError):
+            raise Mistake(
+                f"{folder / TABLE}: there is no such column '{name}' as a run writes"
+            ) from None
 
     time = column("time_s")
-    unsure = ~(column("fresh").astype(bool) & (column("status") == "LOCKED"))
+    unsure = ~((column("fresh") > 0) & (column("status", kind=str) == "LOCKED"))
     shaded = (time, unsure)
     distances = [
         Curve("true centre to goal", time, column("servo_error_px"), colour=colour(0)),
@@ -184,6 +190,9 @@ def _pictures(folder: Path) -> Block:
     return Block(title, ["Truth white, estimate green."], pictures=[sheet])
 
 
-def _scenario(run: RunReport) -> Block:
-    text = tomli_w.dumps(run.table).strip()
+def _scenario(folder: Path, run: RunReport) -> Block:
+    try:
+        text = tomli_w.dumps(run.table).strip()
+    except TypeError:  # TOML has no null
+        raise Mistake(f"{folder / run.FILE}: table: this is not the table of a scenario") from None
     return Block("Scenario", ["As it ran, with all changes."], code=[text], folded=True)

@@ -88,7 +88,11 @@ def load(folder: Path) -> StudyResults:
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
     records = load_records(folder)
-    series = {record.number: record.series for record in records if TIME in record.series}
+    series = {
+        r.number: {n: v for n, v in r.series.items() if len(v) == len(r.series[TIME])}
+        for r in records
+        if TIME in r.series
+    }
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
     broken = sum(1 for _ in (folder / RUNS).glob("*.parquet")) - len(records)
     return StudyResults(folder, plan, [r.row for r in records], series, failed, broken)

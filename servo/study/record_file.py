@@ -71,15 +71,17 @@ def decoded(raw: bytes, job: Mapping[str, Any] | None = None) -> Record | None:
             command=about["command"],
             outcome=row["outcome"],
             success=row["success"],
-            measures={k: np.nan if row[k] is None else row[k] for k in about["measures"]},
+            measures={k: np.nan if row[k] is None else float(row[k]) for k in about["measures"]},
             missed=tuple(MissedBound(**m) for m in row["missed"]),
             repeats=row["repeats"],
             versions=about["versions"],
             series={n: table[n][0].values.to_numpy(zero_copy_only=False) for n in long},
             sheet=row[SHEET],
         )
-    # A file of zeros after a crash, or flipped bits.
+    # A file of zeros after a crash, flipped bits, or columns that are not those of a record.
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
+        return None
+    except (AttributeError, KeyError, TypeError):
         return None
 
 

@@ -42,6 +42,8 @@ class RunReport(Made):
     """All settings of the run, including defaults and the target's rectangle."""
     table: dict[str, Any]
     """The scenario's TOML table, including changes."""
+    repeats: bool = True
+    """Whether the same command gives the same numbers."""
     rates: dict[str, Number] = field(default_factory=dict)
     """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
     unjudged: str = ""
@@ -68,6 +70,7 @@ class RunReport(Made):
             feed_forward=list(features.feed_forward),
             settings=as_json(settings),
             table=as_json(scenario.table),
+            repeats=record.repeats,
             rates=scenario.rates_changed,
             unjudged=scenario.unjudged,
         )

@@ -132,7 +132,8 @@ def opened(folder: Path, described: StudyFile) -> Generator[Store]:
         with store.on_disk(described.FILE):
             if before is None:
                 described.write(folder)
-            for part in (RUNS, FAILURES):
+        for part in (RUNS, FAILURES):
+            with store.on_disk(part):
                 atomic.folder(folder, part)
         yield store
     finally:

@@ -17,7 +17,7 @@ from tracking.files import atomic
 
 MAGIC = (b"RRF2", b"RRIO")
 """First bytes of Rerun's files."""
-VULKAN = "on a machine without a GPU run 'apt-get install libvulkan1 mesa-vulkan-drivers'"
+VULKAN = "without a GPU it needs libvulkan1 and mesa-vulkan-drivers; on a busy machine, try again"
 LOADED_WITHIN = 30.0
 """Longest time that the viewer may take to show a recording [s]."""
 POLL = 0.25
