@@ -160,18 +160,19 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
         return
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (2, *NOISE, 3), np.uint8)
-    # What fails here fails again on the pictures, with its sentence.
-    with console.status(WAITING), suppress(Exception):
-        shots = follow(
-            config.build(rng),
-            [Picture("noise", 0.0, image) for image in noise],
-            Region(NOISE[1] / 4, NOISE[0] / 4),
-            State(NOISE[1] / 2, NOISE[0] / 2),
-        )
+    seen: list[Shot] = []
+    with console.status(WAITING):
+        # A tracker that fails here fails again on the pictures, with its sentence.
+        with suppress(Exception):
+            seen += follow(
+                config.build(rng),
+                [Picture("noise", 0.0, image) for image in noise],
+                Region(NOISE[1] / 4, NOISE[0] / 4),
+                State(NOISE[1] / 2, NOISE[0] / 2),
+            )
         with TemporaryDirectory() as place:
-            region = Region(1.0, 1.0)
-            files = TrackFolder(Path(place), region, recording=request.rerun)
-            for shot in shots:
+            files = TrackFolder(Path(place), Region(1.0, 1.0), recording=request.rerun)
+            for shot in seen:
                 files.add(shot, None)
             files.close()
 
