@@ -128,9 +128,9 @@ class Step:
         ([Step(servo_error=10.01)], Outcome.TIMED_OUT),
         ([Step(0.0, 99.0), Step(1.0)], Outcome.CONVERGED),  # the last second has begun after it
         ([Step(0.01, 99.0), Step(1.0)], Outcome.TIMED_OUT),
-        ([Step(turned_deg=-15.0)], Outcome.CONVERGED),
-        ([Step(turned_deg=15.01)], Outcome.TIMED_OUT),
-        ([Step(turned_deg=166.0)], Outcome.CONVERGED),  # moments take front for back
+        ([Step(turned_deg=-19.99)], Outcome.CONVERGED),
+        ([Step(turned_deg=20.01)], Outcome.TIMED_OUT),
+        ([Step(turned_deg=161.0)], Outcome.CONVERGED),  # moments take front for back
         ([Step(turned_deg=89.0, servoed=(False, True))], Outcome.CONVERGED),
         ([Step(size=1.25)], Outcome.CONVERGED),
         ([Step(size=0.7499)], Outcome.TIMED_OUT),

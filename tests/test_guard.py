@@ -167,3 +167,19 @@ def test_settings_of_dask_that_are_broken_are_named(tmp_path):
     assert ended.returncode == 2
     assert ended.stderr.startswith(begin)
     assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("gigabytes", [1.3, 1.8])
+@pytest.mark.processes
+def test_a_limit_of_memory_is_named_whatever_fails_of_it(tmp_path, gigabytes):
+    limit = (
+        f"ulimit -v {round(gigabytes * 1e6)}; exec {sys.executable} -m servo run still --out run"
+    )
+    done = subprocess.run(
+        ["bash", "-c", limit], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    last = done.stderr.splitlines()[-1]
+    assert done.returncode in (1, 2)
+    if not last.startswith("OpenBLAS"):  # it ends the process itself
+        assert f"(this process may have {gigabytes} GB of memory, by ulimit -v; a run " in last
+        assert "Traceback" not in done.stderr

@@ -1,6 +1,7 @@
 """Robots of others: they follow the target as they are, or are refused with what is wrong."""
 
 import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -9,8 +10,9 @@ from robot_files import built, mjcf_arm, urdf_arm
 
 from servo.loop.episode import measured_run
 from servo.scenario.load import load
+from sim.kinematics import drives
 from sim.kinematics.inverse_kinematics import reach
-from sim.kinematics.model import mount_pose
+from sim.kinematics.model import FARTHEST, mount_pose
 from sim.kinematics.robot import Inversion
 from sim.robots import mjcf
 from sim.types import Pose
@@ -218,3 +220,28 @@ def test_the_angle_that_is_left_is_right_up_to_half_a_turn(seven):
     assert not reached
     assert reached.distance == pytest.approx(float(np.linalg.norm(error.translation)))
     assert reached.angle == pytest.approx(np.arccos((np.trace(error.rotation) - 1) / 2), abs=1e-6)
+
+
+@pytest.mark.parametrize("far", ["inf", "1e308", "1e20", "nan"])
+def test_limits_that_are_none_in_a_urdf_are_none(tmp_path, far):
+    robot, _, _ = built(model=str(endless(tmp_path, f"-{far}", far)))
+    assert np.isinf(robot.lower).all()
+    assert np.isinf(robot.upper).all()
+    assert (robot.fastest == drives.SPEEDS["hinge"]).all()
+    assert np.isfinite(
+        drives.random_joints(robot.model, robot.ids, np.random.default_rng(0), 3)
+    ).all()
+
+
+def test_of_a_single_limit_in_a_urdf_the_other_side_is_far(tmp_path):
+    robot, _, _ = built(model=str(endless(tmp_path, "-2", "inf")))
+    assert (robot.lower == -2).all()
+    assert (robot.upper == FARTHEST).all()
+
+
+def endless(folder, lower: str, upper: str) -> Path:
+    """Write a URDF of which all joints have these limits."""
+    arm = folder / "endless.urdf"
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="{upper}" velocity="{upper}"/>'
+    arm.write_text(re.sub("<limit[^>]*/>", limit, urdf_arm()))
+    return arm

@@ -156,3 +156,16 @@ def test_the_command_reports_a_camera_behind_the_robot(tmp_path, seven):
 def test_a_model_that_no_file_can_be_is_a_sentence(model):
     with pytest.raises(ValueError, match=r"cannot read this robot model: |this is not shipped"):
         mjcf.Config(model=model).build(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the place or the inertia of a body is not finite"),
+        ("<link", "<a>" * 20_000 + "</a>" * 20_000 + "<link", "maximum recursion depth exceeded"),
+    ],
+)
+def test_a_urdf_of_no_numbers_or_too_deep_is_a_sentence(tmp_path, old, new, why):
+    (tmp_path / "arm.urdf").write_text(urdf_arm().replace(old, new))
+    with pytest.raises(ValueError, match=f"cannot read this robot model: .*{why}"):
+        mjcf.Config(model=str(tmp_path / "arm.urdf")).build(np.random.default_rng(0))

@@ -27,6 +27,9 @@ from sim.kinds import UnknownKind
 MISTAKEN = 2
 REFUSED = 1
 """Exit codes of a mistake that the user can correct, and of a failure of the machine."""
+NEEDED = 2_500_000_000
+"""Address space that a run needs [bytes], mostly for its libraries: with 1.9 GB Rerun's was
+refused on the machine that it was tried on, with 2.5 GB a run was whole."""
 ENVIRONMENT = {
     "RUST_LOG": "off",  # Rerun
     "OPENCV_LOG_LEVEL": "SILENT",
@@ -53,7 +56,7 @@ def guarded(command: Callable[[], Any]) -> None:
         if platform.system() == "Windows":
             raise Mistake(WINDOWS)
         check_environment()
-        command()
+        _with_memory(command)
     except SystemExit as end:  # of every command that click has run
         printer.flush()
         if printer.refused is not None and not end.code:
@@ -82,8 +85,33 @@ def _say_warnings_in_a_line() -> None:
 
 
 def _end(sentence: str, code: int) -> None:
-    print(f"servobench: {sentence}", file=sys.stderr)
+    print(f"servobench: {sentence}{_memory_limit()}", file=sys.stderr)
     sys.exit(code)
+
+
+def _with_memory(command: Callable[[], Any]) -> None:
+    """Run a command; a library that cannot be loaded within a limit of memory needs more of it."""
+    try:
+        command()
+    except ImportError as error:
+        if _memory_limit():
+            raise MemoryError from error
+        raise
+
+
+def _memory_limit() -> str:
+    """Return the limit of this process's memory, for any failure where it is below a run's need:
+    libraries that get no memory name other causes, such as a driver or a file.
+    """
+    import resource  # Windows has none
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if not 0 <= limit < NEEDED:
+        return ""
+    return (
+        f" (this process may have {limit / 1e9:.1f} GB of memory, by ulimit -v; "
+        f"a run needs {NEEDED / 1e9:.1f} GB)"
+    )
 
 
 class Printer:

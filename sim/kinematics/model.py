@@ -22,6 +22,8 @@ from sim.models.model_files import SIMULATION, compiled, leave_out
 from sim.models.quaternion import quaternion_of
 from sim.types import Array, Pose
 
+FARTHEST = 10_000.0
+"""A limit is nearer than this [m, rad or deg]: exporters write infinity or 1e20 for none."""
 CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 """Constraints that close a loop of bodies."""
 
@@ -33,6 +35,8 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
         ValueError: There is no such thing, or it is not carried by hinges and slides.
     """
     name_all(spec)
+    for joint in spec.joints:
+        _end_limits(joint)
     model = compiled(spec.copy())
     _check_free(model)
     if not camera:
@@ -112,6 +116,16 @@ def mount_pose(mount: Sequence[float]) -> Pose:
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     return Pose(about_z @ about_y @ about_x, np.array(mount[:3]))
+
+
+def _end_limits(joint: mujoco.MjsJoint) -> None:
+    """Take limits that are infinite or not given for none; of one alone the other side is far."""
+    near = np.abs(joint.range) < FARTHEST
+    if not near.any():
+        joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        joint.range = [0, 0]
+    elif not near.all():
+        joint.range = np.where(near, joint.range, [-FARTHEST, FARTHEST])
 
 
 def _check_free(model: mujoco.MjModel) -> None:

@@ -2,7 +2,6 @@
 package:// nor Collada: URDF files are made ready for it.
 """
 
-import math
 import re
 import warnings
 from collections.abc import Iterable
@@ -11,6 +10,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import mujoco
+import numpy as np
 
 from sim.files import reading
 
@@ -29,6 +29,9 @@ READABLE = (".stl", ".obj", ".msh")
 """Suffixes of meshes that MuJoCo reads."""
 PLACE = re.compile("^(file://|(package|model)://[^/]*/+)")
 """How URDF begins the name of a mesh, other than with its path."""
+SLOWEST = 0.001
+FASTEST = 1000.0
+"""Rates that a URDF gives in earnest [rad/s or m/s]: exporters write 0, 1e10 or infinity too."""
 COMPILER = {
     "discardvisual": "false",
     "fusestatic": "false",
@@ -56,8 +59,10 @@ def read_spec(path: Path, what: str) -> mujoco.MjSpec:
     try:
         urdf = path.suffix.lower() == ".urdf"
         spec = spec_of_urdf(path) if urdf else mujoco.MjSpec.from_file(str(path.resolve()))
-        compiled(spec.copy())
-    except (ValueError, ElementTree.ParseError, mujoco.FatalError) as error:
+        model = compiled(spec.copy())
+        if not np.isfinite(np.hstack([model.body_pos, model.body_ipos, model.body_inertia])).all():
+            raise ValueError("the place or the inertia of a body is not finite")
+    except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
     return spec
 
@@ -158,7 +163,7 @@ def joint_speeds(path: Path) -> dict[str, float]:
     for joint in ElementTree.parse(path).iter("joint"):
         limit = joint.find("limit")
         speed = 0.0 if limit is None else float(limit.get("velocity", "0"))
-        if 0 < speed < math.inf:
+        if SLOWEST <= speed <= FASTEST:
             found[joint.get("name", "")] = speed
     return found
 
