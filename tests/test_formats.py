@@ -66,7 +66,7 @@ def test_a_file_is_read_as_it_was_written(file, tmp_path):
 def test_another_format_number_is_one_sentence(file, number, tmp_path):
     path = file.write(tmp_path, "file.json")
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format": number}))
-    has = "has no format number" if number is None else f"has format {number}"
+    has = "has no format number" if number is None else f"has format {number!r}"
     with pytest.raises(Mistake) as told:
         type(file).read(path)
     assert str(told.value) == (

@@ -322,3 +322,10 @@ def test_a_record_with_texts_for_numbers_is_none(tmp_path, values):
     pq.write_table(table, path)
     assert record_file.decoded(path.read_bytes()) is None
     assert "kams" in text_of(folder, tmp_path)
+
+
+def test_a_table_without_a_report_is_named(ran, tmp_path):
+    shutil.copy(ran / "steps.parquet", tmp_path)
+    with pytest.raises(Mistake) as told:
+        text_of(tmp_path, tmp_path)
+    assert str(told.value).endswith("not finished: there is steps.parquet, but no report.json")

@@ -25,7 +25,7 @@ class OtherFormat(Mistake):
     """A file whose format number differs from the one that this version reads."""
 
     def __init__(self, path: Path, found: Any, number: int) -> None:
-        has = "has no format number" if found is None else f"has format {found}"
+        has = "has no format number" if found is None else f"has format {found!r}"
         self.fact = f"{path}: this file {has}, and this version of servobench reads format {number}"
         super().__init__(
             f"{self.fact}: run its command again into a new folder, or read it with the version "

@@ -39,7 +39,8 @@ def section(folder: Path) -> Section:
     """
     path = folder / RunReport.FILE
     if not path.exists():
-        raise Mistake(f"{folder}: this run was not finished: there is {STREAM}, but no {path.name}")
+        there = TABLE if (folder / TABLE).exists() else STREAM
+        raise Mistake(f"{folder}: this run was not finished: there is {there}, but no {path.name}")
     run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)
     kept = f"{len(run.expect) - len(run.missed)} of {len(run.expect)}"
