@@ -236,5 +236,5 @@ def test_cells_of_a_printed_table(capsys):
         settings={"a": 1}, runs=1, means={}, finite=Counter(), success=success, unit="seed"
     )
     for count, more in ((60, False), (61, True)):
-        sweep_command._print_cells(Console(width=100), [cell] * count)
+        sweep_command._print_cells(Console(width=100), [cell] * count, [])
         assert ("... and 1 cells more, in cells.csv" in capsys.readouterr().out) is more

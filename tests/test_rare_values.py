@@ -126,15 +126,18 @@ class Packets:
         self.sizes, self.error = sizes, error
 
     def demux(self, *_):
-        yield from (SimpleNamespace(size=n, pts=k) for k, n in enumerate(self.sizes))
+        yield from (
+            SimpleNamespace(size=n, pts=k, pos=10 * k, is_corrupt=False)
+            for k, n in enumerate(self.sizes)
+        )
         if self.error:
             raise self.error
 
 
 def test_the_frames_of_a_broken_video_are_counted_up_to_the_break():
-    stream = SimpleNamespace(time_base=0.5)
-    assert video_file._counted(Packets([9, 9, 0]), stream) == (2, 0.5)
-    assert video_file._counted(Packets([9], OSError("cut off")), stream) == (1, 0.0)
+    stream = SimpleNamespace(time_base=0.5, metadata={})
+    assert video_file._counted(Packets([9, 9, 0]), stream) == (2, 19, False)
+    assert video_file._counted(Packets([9], OSError("cut off")), stream) == (1, 9, False)
 
 
 def test_a_toolkit_that_has_no_picture_is_asked_for_no_more():

@@ -121,6 +121,7 @@ def test_defaults_are_those_of_the_kinds():
         "duration": 6.0,
         "seed": 0,
         "latency": 1,
+        "latency_ms": None,
         "tracker_ms": 0.0,
         "jitter_ms": 0.0,
         "ego": False,

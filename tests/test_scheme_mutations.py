@@ -111,6 +111,6 @@ def test_a_sign_in_the_choice_between_the_two_poses(monkeypatch):
         return found
 
     assert flipped() == 0
-    surprise = planar_pose._surprise
-    monkeypatch.setattr(planar_pose, "_surprise", lambda *given: -1e9 * surprise(*given))
+    cost = planar_pose._prior_cost
+    monkeypatch.setattr(planar_pose, "_prior_cost", lambda *given: -1e9 * cost(*given))
     assert flipped() > 0

@@ -117,7 +117,8 @@ def check_scenarios(
     gl.backend()
     if dry_run:
         return print_estimate(jobs, workers, console)
-    plain(console, f"check: {len(jobs):,} runs")
+    if len(jobs) > 1:
+        plain(console, f"check: {len(jobs):,} runs")
     ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
     _write([CheckedRun.of(*one) for one in ends], junit, json, again)

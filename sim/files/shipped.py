@@ -6,6 +6,8 @@ import warnings
 from importlib import resources
 from pathlib import Path
 
+FOLDER_NAMES = (".", "..")
+"""Paths without a slash."""
 FOLDERS = ("robots", "targets")
 """Folders of shipped files in `scenes`."""
 
@@ -33,7 +35,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     files = (resources.files("scenes") / folder).iterdir()
     shipped = {f.name: Path(str(f)) for f in files if f.name.endswith(suffix)}
     found = shipped.get(name if own.suffix else name + suffix)
-    if "/" in name or (_is_file(name) and (own.suffix or not found)):
+    if "/" in name or name in FOLDER_NAMES or (_is_file(name) and (own.suffix or not found)):
         warn_of_shipped(name)
         return own
     if not found and not own.suffix:

@@ -4,13 +4,13 @@ import numpy as np
 
 
 class Dark:
-    """Each picture is black, 640 x 480 px."""
+    """Each picture is black."""
 
-    def __init__(self, *_):
-        pass
+    def __init__(self, _model, _name, view):
+        self._shape = view.height, view.width, 3
 
     def render(self, data):
-        return np.zeros((480, 640, 3), np.uint8)
+        return np.zeros(self._shape, np.uint8)
 
     def close(self):
         pass
