@@ -51,8 +51,9 @@ def test_table_measures_and_missed_bounds_are_the_same_on_one_worker_and_on_two(
     )
     assert one[0] == two[0] == 1
     assert untimed(one[1]) == untimed(two[1])
-    rows = untimed(one[1])
-    assert [row[:2] for row in rows[1:]] == [
+    assert one[1].startswith("check: 6 runs\n")
+    _, _, *rows = untimed(one[1])
+    assert [row[:2] for row in rows] == [
         [name, seed] for name in ("still", "line", "still") for seed in "01"
     ]
     assert one[2] == two[2]
@@ -84,13 +85,14 @@ def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
         "--seed 0"
     )
     assert (code, err) == (1, f"servobench: still failed: OSError: no luck\n  again: {again}\n")
-    assert [row[0] for row in untimed(out)] == ["scenario", "line"]
+    assert out.startswith("check: 2 runs\n")
+    assert [row[0] for row in untimed(out)[1:]] == ["scenario", "line"]
 
 
 def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd):
     words = ("check", "still", *QUICK, "--set", "start.x=200", "--set", "vary={}", "--workers", "1")
     code, out, err = call(monkeypatch, capfd, *words)
-    assert (code, out.strip()) == (2, "")
+    assert (code, out.strip()) == (2, "check: 2 runs")
     assert err.startswith("servobench: still: first frame: the region spans ")
     assert err.count("\n") == 1
 
