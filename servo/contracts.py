@@ -122,7 +122,7 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
 
 
 def check_names(features: FeatureSet) -> None:
-    """Check what a feature set says of its features by their names.
+    """Check the names of a feature set, and what it gives for each of them.
 
     Raises:
         BrokenContract: Two have one name, or what is said is not of these names.

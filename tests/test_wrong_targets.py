@@ -38,7 +38,7 @@ NO_PICTURE = (
 )
 WRONG = [
     ("mesh", {"file": "gone.obj"}, "gone.obj: cannot read this mesh: No such file or directory"),
-    ("mesh", {"file": "."}, "file = '.': this is not shipped; there is duck (or a path)"),
+    ("mesh", {"file": "."}, ".: a mesh is an .obj or an .stl file"),
     ("mesh", {"file": "dir.obj"}, "dir.obj: cannot read this mesh: it is a folder"),
     ("mesh", {"file": "duk"}, "file = 'duk': this is not shipped; there is duck (or a path)"),
     ("mesh", {"file": "a.ply"}, "a.ply: a mesh is an .obj or an .stl file"),
