@@ -179,9 +179,8 @@ def test_a_limit_of_memory_is_named_whatever_fails_of_it(tmp_path, gigabytes):
     done = subprocess.run(
         ["bash", "-c", limit], cwd=tmp_path, capture_output=True, text=True, check=False
     )
-    if (
-        done.returncode == -signal.SIGABRT
-    ):  # a library of Rust, such as Rerun, ends the process itself
+    # A library of Rust, such as Rerun, ends the process itself when it gets no memory.
+    if done.returncode == -signal.SIGABRT:
         assert "memory allocation of" in done.stderr
         return
     last = done.stderr.splitlines()[-1]
