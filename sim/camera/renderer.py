@@ -182,17 +182,13 @@ class Backdrop:
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
         """Return whether the lines of sight through all corners end on the table, and so all."""
-        x, y, height = data.cam_xpos[camera]
-        sideways, along, up = data.cam_xmat[camera].reshape(3, 3) @ self._corners
-        if (up >= 0).any():
+        eye = data.cam_xpos[camera]
+        rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners
+        down = -rays[2]
+        if down.min() <= 0 or eye[2] < NEAREST * down.max():
             return False
-        depth = height / -up
-        width, length = self._reach
-        return bool(
-            (depth > NEAREST).all()
-            and (np.abs(x + depth * sideways) < width).all()
-            and (np.abs(y + depth * along) < length).all()
-        )
+        ends = eye[:2, None] + eye[2] / down * rays[:2]
+        return bool((np.abs(ends).max(axis=1) < self._reach).all())
 
 
 def _aim(model: mujoco.MjModel, name: str, view: Camera) -> None:
