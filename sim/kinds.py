@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 import importlib
 import importlib.util
 import inspect
 import itertools
 import pkgutil
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
@@ -54,6 +55,12 @@ class BuildsItself:
 
 class UnknownKind(ValueError):
     """There is no kind of that name; the message lists those that there are."""
+
+
+@functools.cache  # parsing a scenario asks 40 times, 0.25 ms each
+def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the public modules in the folders of a package, sorted."""
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(paths) if m.name[0] != "_"))
 
 
 class Kinds(Generic[Config]):
@@ -183,10 +190,9 @@ class Kinds(Generic[Config]):
         """Return the kind that an entry point of this folder gives to module:Class, if any."""
         return next((name for name, found in self._added().items() if found.path == path), None)
 
-    def _own(self) -> list[str]:
+    def _own(self) -> Sequence[str]:
         spec = importlib.util.find_spec(self.folder)
-        paths = spec.submodule_search_locations if spec else None
-        return sorted(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
+        return _modules_in(tuple(spec.submodule_search_locations or ()) if spec else ())
 
     def _added(self) -> dict[str, Installed]:
         """Return kinds of installed packages by the names they go by."""

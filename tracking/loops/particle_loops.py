@@ -1,4 +1,8 @@
-"""Compiled loops over weighted samples, which particle filters run in every frame."""
+"""Compiled loops over weighted samples, which particle filters run in every frame.
+
+They assign numbers, not slices: numba compiles an assignment to a slice together with the text of
+its error, which takes 1.7 s.
+"""
 
 from typing import Any
 
@@ -20,7 +24,8 @@ def moved(samples: Array, change: Array, spread: Array, draws: Array, most: floa
     The last coordinate, ln scale, is limited to -most..most.
     """
     found = samples + change + spread * draws
-    found[:, 3] = np.minimum(np.maximum(found[:, 3], -most), most)
+    for n in range(len(found)):
+        found[n, 3] = np.minimum(np.maximum(found[n, 3], -most), most)
     return found
 
 
@@ -65,9 +70,11 @@ def covariance(samples: Array, weights: Array) -> Array:
 def cloud(samples: Array, weights: Array) -> Array:
     """Return samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
     found = np.empty((len(samples), 5))
-    found[:, :3] = samples[:, :3]
-    found[:, 3] = np.exp(samples[:, 3])
-    found[:, 4] = weights
+    for n in range(len(samples)):
+        for d in range(3):
+            found[n, d] = samples[n, d]
+        found[n, 3] = np.exp(samples[n, 3])
+        found[n, 4] = weights[n]
     return found
 
 
