@@ -58,8 +58,8 @@ class CameraConfig:
     """Rolling shutter: the first row is exposed this long before the last one, which ends at the
     frame's time [ms]."""
     bands: Annotated[int, Ge(2), Le(64)] = 8
-    """Bands of rows that a rolling shutter exposes together; each is rendered, at the nearest
-    physics step."""
+    """Pictures that are rendered for a rolling shutter, at the nearest physics steps; rows between
+    two of them are their mean."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""
