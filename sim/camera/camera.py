@@ -50,6 +50,9 @@ class CameraConfig:
     calibration: File | None = None
     """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
     beside the scenario's file, or in the working directory where --set names it."""
+    supersample: Annotated[int, Ge(1), Le(4)] = 1
+    """Each pixel is the mean of this many times as many in both directions: edges then move
+    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2."""
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
