@@ -21,7 +21,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.types import Sight
-from sim.camera.renderer import MakeRenderer, OpenGLRenderer
+from sim.camera.renderer import MakeRenderer, OpenGLRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -60,6 +60,8 @@ class Episode:
         renderer: MakeRenderer = OpenGLRenderer,
         *,
         steered: bool = False,
+        seen: bool = True,
+        shows_goal: bool = False,
         kept: dict[str, tuple[Any, Any]] | None = None,
     ) -> None:
         """Prepare a run.
@@ -68,6 +70,9 @@ class Episode:
             scenario: Its settings.
             renderer: Makes what renders the pictures.
             steered: Whether `move` will be given twists.
+            seen: Whether somebody else than the loop looks at the pictures: they are black where
+                nobody does.
+            shows_goal: Whether the picture at the goal is taken, also if the loop needs none.
             kept: Robot and target of an earlier episode, used again where their settings are the
                 same, else replaced by this one's.
         """
@@ -76,14 +81,16 @@ class Episode:
         self._kept = {} if kept is None else kept
         with ExitStack() as unless_ready:
             unless_ready.callback(self.close)  # the caller has nothing to close
-            self.world = self._build_world(renderer)
+            self.world = self._build_world(renderer, seen=seen or shows_goal)
             true = self.world.camera
             outline = self.world.outline
             with self._refusals():
                 self.loop = Loop(scenario, self.world.camera_believed, outline, true)
             self.goal = Goal(scenario.goal, outline, true, true)
             """How the true camera shall see the target."""
-            goal = self._picture_at_goal() if self.loop.uses_pictures else None
+            goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
+            self.goal_picture = goal
+            """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
             self._place_camera(scenario.start)
             moment = self.world.moment()
             first = moment.picture()
@@ -93,7 +100,9 @@ class Episode:
             """How the world has moved on from the last picture."""
             self._truths = {first.index: moment.truth}
             """The truth of each picture from the one last decided on."""
-            self._start_loop(first, moment.truth, goal, steered=steered)
+            self._start_loop(
+                first, moment.truth, goal if self.loop.uses_pictures else None, steered=steered
+            )
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
@@ -106,7 +115,7 @@ class Episode:
 
     __exit__ = close
 
-    def _build_world(self, renderer: MakeRenderer) -> World:
+    def _build_world(self, renderer: MakeRenderer, *, seen: bool) -> World:
         s = self.scenario
         motion = self._build(Part("motion", s.motion))
         robot = self._build(Part("robot", s.robot))
@@ -117,8 +126,11 @@ class Episode:
         ]
         sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
         parts = WorldParts(robot, target, motion, disturbances, s.camera, s.believed, s.world)
+        features = Part("features", s.features).build(target.outline)
+        seen |= getattr(s.tracker, "needs_pictures", True)
+        seen |= s.world.visibility or getattr(features, "uses_pictures", False)
         with self._refusals():
-            return World(parts, sensor, encoders, renderer)
+            return World(parts, sensor, encoders, renderer if seen else Unseen)
 
     @contextmanager
     def _refusals(self, where: str = "") -> Generator[None]:
@@ -177,7 +189,9 @@ class Episode:
         self.shown = first, region, given
         """The first picture, and the target in it as the tracker is given it."""
         with self._refusals():
-            self.running = self.loop.start(first, region, given, goal, self._true_motion)
+            self.running = self.loop.start(
+                first, region, given, goal, self._true_motion, lambda picture: self._truths[picture]
+            )
         self._scene = Scene(
             world.camera,
             world.outline,
@@ -311,8 +325,9 @@ def measured_run(
         Mistake: As for `Episode`.
     """
     steps: list[Step] = []
-    for step in run(scenario):
-        if each is not None:
-            each(step)
-        steps.append(step.light())
+    with Episode(scenario, seen=each is not None) as episode:
+        for step in episode:
+            if each is not None:
+                each(step)
+            steps.append(step.light())
     return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)

@@ -162,6 +162,9 @@ def parse(
             fixed = with_settings(fixed, drawn, place)
             changed = {section_of(key) for key in drawn}
             values |= {key: _filled(key, fixed, own) for key in changed}
+        if {"latency", "latency_ms"} <= fixed.get("run", {}).keys():
+            sentence = "run: latency_ms takes the place of latency; leave latency out"
+            raise WrongSetting(sentence, "run.latency")
     except WrongSetting as error:
         # What a calibration gives is wrong where the calibration is named.
         named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
