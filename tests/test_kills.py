@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -23,7 +24,6 @@ from commands import (
 from servo.cli import main
 from servo.study import store
 from servo.study.parse import load
-from servo.study.record_file import table_of
 from servo.study.scenario_run import TIMES
 from servo.study.store import StudyFile
 
@@ -65,11 +65,16 @@ def undisturbed(tmp_path_factory):
     with store.opened(there / "out", StudyFile.of(study, "")) as kept:
         for run in reversed(list(study.jobs())):
             kept.add(run, run.run(kept.folder))
-        return table_of(kept.records(study.jobs())).drop_columns(TIMES)
+        return kept.table().drop_columns(TIMES)
 
 
 def finished():
-    return len(list(Path("out/runs").glob("*.parquet")))
+    """Records, in files of their own and in joined ones."""
+    found = set()
+    for path in sorted(Path("out/runs").glob("*.parquet"), reverse=True):
+        with suppress(FileNotFoundError):  # it has been joined
+            found |= {*pq.read_table(path)["key"].to_pylist()}
+    return len(found)
 
 
 def wait_for_some(client, count=2):
