@@ -15,6 +15,7 @@ import numpy as np
 
 from servo.parts import FeatureSet
 from servo.types import DOF, Command, OwnMotion, Prediction, Sight, Trace
+from sim.geometry import is_rotation
 from sim.types import Array, Effect, Pose
 from tracking.types import Estimate, State, Status
 
@@ -203,8 +204,7 @@ def check_pose(pose: object, time: float) -> None:
         pose.translation,
         R,
     )
-    turned = np.abs(R @ R.T - np.eye(3)).max() < ROUNDING and np.linalg.det(R) > 0
-    require(turned, "at({:g}) is no pose: its rotation (3, 3) is none", time)
+    require(is_rotation(R, ROUNDING), "at({:g}) is no pose: its rotation (3, 3) is none", time)
 
 
 def check_effect(effect: object, time: float) -> None:

@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 
 from sim.types import Array, Pose
 
+IDENTITY = np.eye(3)
 SMALL_ANGLE = 1e-6
 """Below this angle [rad] the series is exact to rounding and the closed form is not."""
 
@@ -86,6 +87,15 @@ def tilt(rotation: Array) -> float:
     """Angle between the optical axis of a camera and straight down [rad]."""
     axis = rotation[:, 2]
     return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))
+
+
+def is_rotation(R: Array, tolerance: float) -> bool:
+    """Return whether a matrix (3, 3) of finite numbers is a rotation, its product with its
+    transpose the identity within a tolerance.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return volume > 0 and bool(np.abs(R @ R.T - IDENTITY).max() <= tolerance)
 
 
 def inverse(A: Array) -> Array:

@@ -1,7 +1,7 @@
 """Puts what moves by itself where it is at a time: target, board, second target, lights."""
 
 from collections.abc import Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import or_
 from typing import Protocol
 
@@ -47,7 +47,7 @@ class Stage:
         self, model: mujoco.MjModel, motion: Motion, disturbances: Sequence[Disturbance]
     ) -> None:
         self._model = model
-        self._motion = motion
+        self._at = lru_cache(maxsize=4)(motion.at)  # the last two frames' are asked for again
         self._disturbances = tuple(disturbances)
         self._has_second = any(SECOND in d.props for d in disturbances)
         self._mocap = {
@@ -65,11 +65,11 @@ class Stage:
 
     def target(self, time: float) -> Pose:
         """T_world_target at a time [s]."""
-        return self._motion.at(time)
+        return self._at(time)
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
         """Put everything where it is at a time [s], for a camera that is at `eye`."""
-        target = self._motion.at(time)
+        target = self._at(time)
         self._put(data, TARGET, target)
         if not self._disturbances:
             return

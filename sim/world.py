@@ -1,6 +1,6 @@
 """The simulated world: pictures, steps, the robot's posture, and the truth."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated
@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from sim import placement
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.lens import Lens, Sensor
-from sim.camera.renderer import MakeRenderer, OpenGLRenderer, camera_pose
+from sim.camera.renderer import MakeRenderer, OpenGLRenderer, Promise, camera_pose
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
 from sim.kinematics.robot import CAMERA, Design, Robot
@@ -64,6 +64,25 @@ class Unstable(RuntimeError):
     """The physics diverged; the sentence says what to change."""
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What is known of the world at the time of a picture."""
+
+    picture: Callable[[], Frame]
+    """Waits for the picture."""
+    truth: Truth
+    target_before: Pose
+    """T_world_target one frame interval ago."""
+    posture: Posture
+    """The robot's posture, exact."""
+    believed: Posture
+    """The posture as the robot believes it."""
+    bodies: Array
+    """Poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
+    rates: Array
+    """Measured joint rates (n,) [m/s, rad/s]."""
+
+
 class World:
     """Robot, camera, table and target. Built afresh for each episode; close it."""
 
@@ -112,11 +131,12 @@ class World:
         self._exposed_at = {k for band in bands for k in band.steps} - {steps}
         # The physics steps of a frame interval at which something is to be done, and its end.
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
-        self._pictures: list[Image] = []
+        self._pictures: list[Promise] = []
         self._frames = 0
         self._mean_twist = np.zeros(6)
         self._accepted = np.zeros(6)
-        self._image: Image | None = None
+        self._image: Image = np.zeros((camera.height, camera.width, 3), np.uint8)
+        self._has_looked = False
         self._eye_at = self._set_stage(0.0)
 
     def close(self) -> None:
@@ -174,7 +194,7 @@ class World:
         for k, until in pairwise(self._moments):
             if k in self._exposed_at:
                 self._set_stage(self.data.time)
-                self._pictures.append(self._renderer.render(self.data))
+                self._pictures.append(self._renderer.begin(self.data))
             if k % self._drive_steps == 0:
                 twist = each[k // self._drive_steps]
                 rates, slowed = self._known.rates(self.data, twist, self._hold)
@@ -206,14 +226,43 @@ class World:
 
     def look(self) -> Frame:
         """The picture as of now; where the camera drops it, the last one again."""
-        effect = self._stage.effect(self.data.time)
+        return self.begin()()
+
+    def begin(self) -> Callable[[], Frame]:
+        """Begin the picture as of now; the world may move on while it is made.
+
+        Returns:
+            What waits for it; those of several pictures are called in their order.
+        """
+        time = self.data.time
+        index = self._frames
+        effect = self._stage.effect(time)
         pictures = self._pictures
         self._pictures = []
-        if effect.dropped and self._image is not None:
-            return Frame(self._image, self.data.time, self._frames, fresh=False)
-        pictures.append(self._renderer.render(self.data))
-        self._image = self._sensor.develop(pictures, effect.gain)
-        return Frame(self._image, self.data.time, self._frames)
+        if effect.dropped and self._has_looked:
+            return lambda: Frame(self._image, time, index, fresh=False)
+        self._has_looked = True
+        pictures.append(self._renderer.begin(self.data))
+
+        def picture() -> Frame:
+            self._image = self._sensor.develop([made() for made in pictures], effect.gain)
+            return Frame(self._image, time, index)
+
+        return picture
+
+    def moment(self) -> Moment:
+        """Return all that is known of now; its picture is begun."""
+        picture = self.begin()
+        posture = self.posture()
+        return Moment(
+            picture,
+            self.truth(),
+            self.target_before(),
+            posture,
+            self.believed(posture),
+            self.bodies(),
+            self.robot.rates_measured(self.data),
+        )
 
     def truth(self) -> Truth:
         """Return where the target is, and its visible fraction if `visibility` is set."""

@@ -72,7 +72,7 @@ def worst(model, camera, count=30):
         ray = np.append(camera.normalise(true), 1.0)
         data.mocap_pos[0] = eye.apply(ray / np.linalg.norm(ray))
         mujoco.mj_forward(model, data)
-        light = lens.bend(renderer.render(data)).astype(float).sum(axis=2)
+        light = lens.bend(renderer.begin(data)()).astype(float).sum(axis=2)
         seen = np.array([(u * light).sum(), (v * light).sum()]) / light.sum()
         found.append(np.abs(seen - true).max())
     renderer.close()

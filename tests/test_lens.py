@@ -47,8 +47,8 @@ class Painter:
         right = view.normalise(np.stack([u, v], axis=-1))[..., 0] > 0.2
         self.picture = np.where(right[..., None], 255, 0).astype(np.uint8).repeat(3, axis=2)
 
-    def render(self, _data):
-        return self.picture
+    def begin(self, _data):
+        return lambda: self.picture
 
     def silhouette(self, _data, geoms, *, alone):
         assert geoms.any()

@@ -21,8 +21,9 @@ class Clock:
     def __init__(self, *_):
         pass
 
-    def render(self, data):
-        return np.full((240, 320, 3), round(data.time * 480), np.uint8)
+    def begin(self, data):
+        picture = np.full((240, 320, 3), round(data.time * 480), np.uint8)
+        return lambda: picture
 
     def close(self):
         pass

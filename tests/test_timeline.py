@@ -208,15 +208,20 @@ def test_a_wrong_clock_is_taken_for_motion_of_the_target():
 
 def test_a_dropped_frame_neither_displaces_a_picture_nor_takes_time():
     with Episode(load("line", ["run.tracker_ms=60", "run.duration=0.5"])) as episode:
-        look = episode.world.look
+        begin = episode.world.begin
 
         def dropping():
-            frame = look()
-            return replace(frame, fresh=frame.index not in (2, 5, 8, 9))
+            picture = begin()
+
+            def shown_or_dropped():
+                frame = picture()
+                return replace(frame, fresh=frame.index not in (2, 5, 8, 9))
+
+            return shown_or_dropped
 
         shown, track = [], episode.running.track
         episode.running.track = lambda f, p: shown.append(f.index) or track(f, p)
-        episode.world.look = dropping
+        episode.world.begin = dropping
         steps = list(episode)
     # Picture 1 is taken at 33 ms and done at 93, when only the dropped frame 2 has come: nothing
     # is seen in it, so it is done at once. Picture 3 (100 ms) is done at 160, 4 (133 ms) at 220, 6

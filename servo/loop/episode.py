@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import radians
 from time import perf_counter
 from typing import Any
@@ -24,8 +25,21 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.types import Array, Frame, Image, Pose, Truth
-from sim.world import Unstable, World, WorldParts
+from sim.world import Moment, Unstable, World, WorldParts
 from tracking.types import Region, State
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """How the world moved on for a frame interval."""
+
+    twist: Array
+    """Mean of the twists asked for (6,)."""
+    limited: bool
+    """Whether a limit of a joint made the camera slower."""
+    seconds: float
+    """Wall-clock time of the physics [s]."""
+
 
 DRAW_NOTHING = ("sim.robots.", "sim.targets.")
 """Modules of parts that are the same in all runs."""
@@ -71,12 +85,15 @@ class Episode:
             """How the true camera shall see the target."""
             goal = self._picture_at_goal() if self.loop.uses_pictures else None
             self._place_camera(scenario.start)
-            first = self.world.look()
-            truth = self.world.truth()
-            self._first: tuple[Frame, Truth] | None = (first, truth)
-            self._truths = {first.index: truth}
+            moment = self.world.moment()
+            first = moment.picture()
+            self._moment: Moment | None = replace(moment, picture=lambda: first)
+            """That of the next picture, if it was begun."""
+            self._passages = deque[Passage]()
+            """How the world has moved on from the last picture."""
+            self._truths = {first.index: moment.truth}
             """The truth of each picture from the one last decided on."""
-            self._start_loop(first, truth, goal, steered=steered)
+            self._start_loop(first, moment.truth, goal, steered=steered)
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
@@ -191,11 +208,14 @@ class Episode:
             return believed
         return replace(self.goal.sight(time), picture=believed.picture)
 
-    def _move(self, twists: Array) -> bool:
+    def _pass(self, twists: Array) -> None:
+        """Let the world move on for a frame interval, with the twists that act in it (n, 6)."""
+        began = perf_counter()
         try:
-            return self.world.step(twists)
+            limited = self.world.step(twists)
         except Unstable as error:
             raise Part("robot", self.scenario.robot).failed(str(error)) from error
+        self._passages.append(Passage(mean_twist(twists), limited, perf_counter() - began))
 
     def __iter__(self) -> Iterator[Step]:
         for _ in range(self.frames):
@@ -203,28 +223,22 @@ class Episode:
 
     def look(self) -> Step:
         """Take the next picture, track and decide; return the step, before the camera moves on."""
-        world = self.world
         timeline = self._timeline
-        posture = world.posture()
-        rendering = 0.0
-        if self._first is None:
-            began = perf_counter()
-            frame = world.look()
-            rendering = perf_counter() - began
-            truth = world.truth()
-            self._truths[frame.index] = truth
-        else:
-            frame, truth = self._first
-            self._first = None
-        timeline.advance(frame, world.believed(posture))
+        began = perf_counter()
+        now = self._moment or self.world.moment()
+        frame = now.picture()
+        self._moment = self._next_moment(frame.index)
+        rendering = perf_counter() - began
+        self._truths[frame.index] = now.truth
+        timeline.advance(frame, now.believed)
         latest = timeline.latest
         decision = latest.decision
         self._truths = {i: t for i, t in self._truths.items() if i >= latest.picture}
         return Step(
             scene=self._scene,
             frame=frame,
-            truth=truth,
-            target_before=world.target_before(),
+            truth=now.truth,
+            target_before=now.target_before,
             goal=self.goal.pixel,
             goal_theta=self.goal.theta,
             goal_size=self.goal.size(frame.time),
@@ -237,13 +251,23 @@ class Episode:
             skipped=latest.skipped,
             command=decision.command,
             motion_measured=decision.motion_measured,
-            bodies=world.bodies(),
-            posture=posture,
-            rates=world.robot.rates_measured(world.data),
+            bodies=now.bodies,
+            posture=now.posture,
+            rates=now.rates,
             twist_acting=np.zeros(6),
             limited=False,
             seconds=Seconds(rendering, *timeline.seconds, 0.0),
         )
+
+    def _next_moment(self, index: int) -> Moment | None:
+        """Begin the picture after this one while the loop works on this one, if no command of this
+        one acts before that: the world is then one frame interval ahead of the loop.
+        """
+        if not self._timeline.is_known_ahead or index + 1 == self.frames:
+            return None
+        if not self._passages:
+            self._pass(self._timeline.acting())
+        return self.world.moment()
 
     def move(self, step: Step, twist: Array | None = None) -> Step:
         """Move until the next picture; the whole step.
@@ -254,13 +278,17 @@ class Episode:
         """
         if twist is not None:
             self._timeline.steer(twist)
-        acting = self._timeline.acting()
-        command = self._timeline.latest.decision.command
-        began = perf_counter()
-        limited = self._move(acting)
-        seconds = replace(step.seconds, physics=perf_counter() - began)
+        if not self._passages:
+            self._pass(self._timeline.acting())
+        elif self._moment is not None:
+            self._pass(self._timeline.acting(later=1))
+        passed = self._passages.popleft()
         return replace(
-            step, command=command, twist_acting=mean_twist(acting), limited=limited, seconds=seconds
+            step,
+            command=self._timeline.latest.decision.command,
+            twist_acting=passed.twist,
+            limited=passed.limited,
+            seconds=replace(step.seconds, physics=passed.seconds),
         )
 
 

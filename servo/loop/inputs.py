@@ -8,6 +8,7 @@ from math import isfinite
 import numpy as np
 
 from servo.loop.settings import Setup
+from sim.geometry import is_rotation
 from sim.types import Array, Camera, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
@@ -84,7 +85,7 @@ def check_posture(posture: Posture) -> None:
     R = p.T_base_camera.rotation
     _check_numbers("posture.T_base_camera.rotation", R, (3, 3))
     _check_numbers("posture.T_base_camera.translation", p.T_base_camera.translation, (3,))
-    if np.abs(R @ R.T - np.eye(3)).max() > ROUNDING or np.linalg.det(R) < 0:
+    if not is_rotation(R, ROUNDING):
         raise ValueError(f"posture.T_base_camera: expected a rotation, got {R.tolist()}")
     n = np.size(p.joints)
     _check_numbers("posture.joints", p.joints, (n,))

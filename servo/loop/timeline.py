@@ -146,9 +146,17 @@ class Timeline:
             command = replace(decision.command, twist=twist)
             self.latest = replace(self.latest, decision=replace(decision, command=command))
 
-    def acting(self) -> Array:
-        """Return the twists (n, 6) for each tick from the last picture to the next one."""
-        twists = np.array([self._in_force(self._now + tick) for tick in self._schedule.ticks])
+    @property
+    def is_known_ahead(self) -> bool:
+        """Whether the last picture decides nothing that acts before the next one."""
+        return self._plain and self._schedule.run.latency >= 1
+
+    def acting(self, later: int = 0) -> Array:
+        """Return the twists (n, 6) for each tick from the last picture, or one later by some frame
+        intervals, to the next one.
+        """
+        begin = self._now + later * self._schedule.period
+        twists = np.array([self._in_force(begin + tick) for tick in self._schedule.ticks])
         self._asked = mean_twist(twists)
         return twists
 

@@ -54,7 +54,7 @@ class RoomView:
         mujoco.mj_camlight(model, data)
         data.cam_xpos[self._id] = EYE
         data.cam_xmat[self._id] = _towards(EYE, LOOKS_AT).ravel()
-        return self._renderer.render(data)
+        return self._renderer.begin(data)()
 
     def close(self) -> None:
         """Give the buffers back."""

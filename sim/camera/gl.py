@@ -5,13 +5,17 @@ thing, so this file checks first.
 """
 
 import ctypes
+import functools
 import importlib
 import importlib.util
 import os
 import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from sim.stderr import silent_libraries
 
@@ -33,10 +37,12 @@ OSMESA = ("libOSMesa.so.8", "'apt-get install --no-install-recommends libosmesa6
 NO_WINDOW = 16
 """Side of a context's own buffer [px]: everything is rendered into buffers of MuJoCo's."""
 KEPT = threading.local()
-"""The GL context of each thread. To make one takes 0.2 s of CPU, so it is kept until the end of the
+"""The GL context of a thread. To make one takes 0.2 s of CPU, so it is kept until the end of the
 process; a context belongs to the thread that made it.
 """
-
+RENDERING: dict[int, ThreadPoolExecutor] = {}
+"""The thread that renders, by process: a forked one does not have its parent's."""
+Result = TypeVar("Result")
 
 MESA_THREADS = "LP_NUM_THREADS"
 """Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
@@ -95,24 +101,34 @@ def check_environment() -> None:
     os.environ.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to its back end
 
 
-def make_current() -> Any:
-    """Make this thread's GL context current, and return it; the first call in a thread makes it.
+def call(function: Callable[..., Result], *args: object) -> Future[Result]:
+    """Run a function where this process's GL context is current, after all that was asked before.
 
-    The context is made directly, so that nothing depends on MUJOCO_GL at the time mujoco was
-    imported.
+    All that renders shares one thread, so that pictures are made while their reader works on
+    others, and worlds may be used in any thread.
 
     Raises:
-        NoRenderer: As for `backend`, or the process was forked from one with threads of Mesa's.
+        NoRenderer: As for `backend`, or the process was forked from one with threads of Mesa's; by
+            the result.
     """
-    process = os.getpid()  # a forked process cannot use its parent's context
-    if getattr(KEPT, "process", None) != process:
-        if WITH_THREADS - {process}:
+    if sys.platform != "linux":  # GLFW makes contexts in the main thread only
+        done: Future[Result] = Future()
+        done.set_result(_with_context(function, *args))
+        return done
+    rendering = RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
+    return rendering.submit(_with_context, function, *args)
+
+
+def _with_context(function: Callable[..., Result], *args: object) -> Result:
+    """Call a function; the first call in a thread makes its context, directly, so that nothing
+    depends on MUJOCO_GL at the time mujoco was imported.
+    """
+    if not hasattr(KEPT, "context"):
+        if WITH_THREADS - {os.getpid()}:
             raise NoRenderer(FORKED)
         KEPT.context = _new_context(backend())
-        KEPT.process = process
-    context: Any = KEPT.context
-    context.make_current()
-    return context
+        KEPT.context.make_current()
+    return function(*args)
 
 
 def _new_context(name: str) -> Any:
@@ -129,19 +145,40 @@ def _new_context(name: str) -> Any:
 
 def describe() -> str:
     """The name the OpenGL driver gives itself, and its version."""
-    make_current()
+    return call(_names).result()
+
+
+def _names() -> str:
     opengl: Any = importlib.import_module("OpenGL.GL")
     names = (opengl.GL_RENDERER, opengl.GL_VERSION)
     return ", ".join(opengl.glGetString(name).decode() for name in names)
 
 
-def _note_threads() -> None:
+def finish() -> None:
+    """Wait until all that was drawn is there. Python's other threads run meanwhile, which they do
+    not while MuJoCo reads pixels.
+    """
+    if sys.platform == "linux":
+        _finish()()
+
+
+@functools.cache
+def _finish() -> Callable[[], None]:
+    library = _library("libOpenGL.so.0") or ctypes.CDLL("libGL.so.1")
+    return library.glFinish
+
+
+def _before_fork() -> None:
+    """Wait until the rendering thread is idle, and note whether Mesa has threads."""
+    if os.getpid() in RENDERING:
+        with suppress(RuntimeError):  # the interpreter is shutting down
+            RENDERING[os.getpid()].submit(int).result()
     names = (task.read_text() for task in Path("/proc/self/task").glob("*/comm"))
     if any(name.startswith("llvmpipe") for name in names):
         WITH_THREADS.add(os.getpid())
 
 
-os.register_at_fork(before=_note_threads)
+os.register_at_fork(before=_before_fork)
 
 
 def _asked() -> str:

@@ -43,7 +43,7 @@ def picture(world, setting):
     times = []
     for _ in range(ROUNDS):
         began = perf_counter()
-        image = renderer.render(world.data)
+        image = renderer.begin(world.data)()
         times.append(perf_counter() - began)
     renderer.close()
     model.light("lamp").castshadow = False

@@ -11,7 +11,7 @@ def build_and_close():
 
 
 def with_a_new_context():
-    gl.KEPT.__dict__.clear()
+    gl.call(gl.KEPT.__dict__.clear).result()
     build_and_close()
 
 

@@ -9,8 +9,8 @@ class Dark:
     def __init__(self, _model, _name, view):
         self._shape = view.height, view.width, 3
 
-    def render(self, data):
-        return np.zeros(self._shape, np.uint8)
+    def begin(self, data):
+        return lambda: np.zeros(self._shape, np.uint8)
 
     def close(self):
         pass
