@@ -318,25 +318,6 @@ def test_a_report_without_its_settings_is_a_page_or_a_mistake(ran, tmp_path, los
     assert str(told.value).startswith(f"{folder}/report.json: {lost}")
 
 
-ODD_RECORDS = [
-    "[]",
-    "{",
-    '{"measures": {"auc": "text"}, "missed": []}',
-    '{"measures": {}, "missed": []}',
-    3,
-]
-
-
-@pytest.mark.parametrize("record", ODD_RECORDS)
-def test_a_record_with_texts_for_numbers_is_none(tmp_path, record):
-    folder = make_bench(tmp_path / "bench")
-    path = folder / "runs" / "000000.parquet"
-    table = altered(pq.read_table(path), "record", [record])
-    path.write_bytes(record_file.encoded(table))
-    assert record_file.decoded(path.read_bytes()) is None
-    assert "kams" in text_of(folder, tmp_path)
-
-
 def test_a_table_without_a_report_is_named(ran, tmp_path):
     shutil.copy(ran / "steps.parquet", tmp_path)
     with pytest.raises(Mistake) as told:

@@ -20,7 +20,7 @@ from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
 from servo.study.parse import KEYS, load
-from servo.study.record_file import table_of
+from servo.study.record_file import file_table, table_of
 from servo.study.results import SHOWN, Cell, moved
 from servo.study.run import Failure, Job, Record
 from servo.study.scenario_run import MEASURED
@@ -41,6 +41,13 @@ def printed(monkeypatch):
 
 def lines(console):
     return [line.rstrip() for line in console.export_text(styles=False).splitlines()]
+
+
+class Made:
+    """A subject."""
+
+    def describe(self):
+        return {}
 
 
 def results(families, seeds=8):
@@ -85,7 +92,9 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
     bench_command.print_ranks(printed, ranks)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
-        bench_command._write(Store(tmp_path), found, ranks, "x")
+        store = Store(tmp_path)
+        store.table = lambda: table_of([file_table(Job(0, Made(), 0), found[0])])
+        bench_command._write(store, found, ranks, "x")
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
         approved("tables/bench-files", texts)
@@ -131,7 +140,7 @@ class Kept:
             )
 
     def table(self):
-        return table_of([self.done])
+        return table_of([file_table(Job(0, Made(), 0), record) for record in self.done])
 
     def write(self, name, data):
         self.written[name] = data

@@ -28,7 +28,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     """
     store = Store(folder)
     store.find()
-    found = (record for batch in store.read() for record in batch.values())
+    found = (record for batch in store.read(store.done) for record in batch.values())
     records = sorted(found, key=lambda record: record.number)
     if not records:
         raise Mistake(f"{folder}: there are no runs in this bench")

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
 import pyarrow as pa
 from filelock import FileLock, Timeout
 
@@ -23,10 +22,13 @@ from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
 from servo.study.plan import Study
 from servo.study.record_file import (
-    decoded,
+    JOB,
+    KEY,
+    RUN,
     encoded,
     file_table,
     merged,
+    records_of,
     table_in,
     table_of,
 )
@@ -221,41 +223,32 @@ class Store:
         there = sorted(path for path in (self.folder / RUNS).rglob("*.parquet") if path.is_file())
         wanted = None if jobs is None or not there else {job.key: job.digest for job in jobs}
         for path in there:  # a joined file comes before those of its own runs, which are newer
-            found = decoded(_content(path)) or {}
-            ours = {key: k for key, k in found.items() if wanted is None or key in wanted}
+            table = table_in(_content(path))
+            rows = zip(*(table[name].to_pylist() for name in (KEY, JOB, RUN)), strict=True)
+            ours = [row for row in rows if wanted is None or row[0] in wanted]
             fit = {
-                key: k.record.number
-                for key, k in ours.items()
-                if path in (self._path(key), self._joined(k.record.number))
-                and (wanted is None or k.job == wanted[key])
+                key: number
+                for key, job, number in ours
+                if path in (self._path(key), self._joined(number))
+                and (wanted is None or job == wanted[key])
             }
-            if not found or len(fit) < len(ours):
+            if not table.num_rows or len(fit) < len(ours):
                 self.damaged.append(path)
             self.done |= dict.fromkeys(fit, path)
             self._loose |= {key: n for key, n in fit.items() if path == self._path(key)}
 
-    def read(
-        self, keys: Iterable[str] | None = None, *, long: bool = False
-    ) -> Iterator[dict[str, Record]]:
-        """The records of the jobs that have one by key, file by file.
+    def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[dict[str, Record]]:
+        """The records of jobs that have one by key, file by file.
 
         Args:
-            keys: Of the jobs; None: all.
-            long: Whether they keep their series and contact sheets.
+            keys: Of the jobs.
+            long: Whether the records keep their series and contact sheets.
 
         Raises:
             Refused: A file has changed since it was found.
         """
-        wanted: dict[Path, set[str]] = {}
-        for key in self.done if keys is None else keys:
-            wanted.setdefault(self.done[key], set()).add(key)
-        for path, some in wanted.items():
-            found = decoded(_content(path), some, long=long) or {}
-            if len(found) < len(some):
-                raise Refused(
-                    f"{path}: this file was changed; the same command repeats what is missing"
-                )
-            yield {key: kept.record for key, kept in found.items()}
+        for some, table in self._files(keys):
+            yield dict(zip(some, records_of(table, long=long), strict=True))
 
     def records(self, jobs: Iterable[Job]) -> list[Record]:
         """The records of the jobs that have one, with their series, in the order of the jobs.
@@ -270,9 +263,26 @@ class Store:
         return [found[key] for key in keys]
 
     def table(self) -> pa.Table:
-        """The rows of all records, at least one, in the order of the study."""
-        table = table_of(list(batch.values()) for batch in self.read())
-        return table.take(np.argsort(table["run"], kind="stable"))
+        """The rows of all records, at least one, in the order of the study.
+
+        Raises:
+            Refused: A file has changed since it was found.
+        """
+        return table_of(table for _, table in self._files(self.done))
+
+    def _files(self, keys: Iterable[str]) -> Iterator[tuple[list[str], pa.Table]]:
+        """The keys and the rows of jobs that have a record, file by file."""
+        wanted: dict[Path, list[str]] = {}
+        for key in keys:
+            wanted.setdefault(self.done[key], []).append(key)
+        for path, some in wanted.items():
+            table = table_in(_content(path))
+            places = {key: place for place, key in enumerate(table[KEY].to_pylist())}
+            if not places.keys() >= {*some}:
+                raise Refused(
+                    f"{path}: this file was changed; the same command repeats what is missing"
+                )
+            yield some, table.take([places[key] for key in some])
 
     def add(self, job: Job, record: Record) -> None:
         """Keep the record of a job.
@@ -317,8 +327,7 @@ class Store:
             by_file.setdefault(self._joined(number), []).append(key)
         for joined, keys in by_file.items():
             own = [self._path(key) for key in keys]
-            tables = [table_in(_content(path)) for path in (joined, *own)]
-            raw = encoded(merged(table for table in tables if table is not None))
+            raw = encoded(merged(table_in(_content(path)) for path in (joined, *own)))
             with self.on_disk(f"{RUNS}/{joined.name}"):
                 atomic.write(self.folder, f"{RUNS}/{joined.name}", raw)
                 self.done |= dict.fromkeys(keys, joined)
