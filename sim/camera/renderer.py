@@ -165,6 +165,24 @@ class OpenGLRenderer:
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
 
 
+class Unseen:
+    """A renderer for those who look at no picture: all are black, and take no time."""
+
+    def __init__(self, _model: mujoco.MjModel, _camera: str, view: Camera) -> None:
+        self._picture: Image = np.zeros((view.height, view.width, 3), np.uint8)
+
+    def begin(self, data: mujoco.MjData) -> Promise:
+        del data
+        return lambda: self._picture
+
+    def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
+        del data, geoms, alone
+        return np.zeros(self._picture.shape[:2], bool)
+
+    def close(self) -> None:
+        pass
+
+
 class Backdrop:
     """Tells where a scene's table fills the picture: a sky behind it need not be drawn, which takes
     a tenth of a picture's time.
