@@ -10,6 +10,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from commands import (
+    PATIENCE,
     QUICK,
     STOPPED,
     alive,
@@ -165,6 +166,20 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(
         "go on with: servobench sweep mine.toml --out out\n",
     )
     assert go_on(monkeypatch, SWEEP) == 0
+    assert same_as(undisturbed)
+
+
+def test_two_of_four_workers_of_a_cluster_may_die_at_work(place, undisturbed, cluster):
+    from distributed import Client
+
+    (_, *workers), address = cluster(4)
+    with Client(address, set_as_default=False) as there:
+        there.wait_for_workers(4, PATIENCE)
+    client = begin(f"{SWEEP} --scheduler {address}")
+    for worker in workers[:2]:
+        wait_for_some(client, finished() + 2)
+        worker.kill()
+    assert ended(client) == (0, "")
     assert same_as(undisturbed)
 
 
