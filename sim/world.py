@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Annotated
 
@@ -12,7 +13,13 @@ from annotated_types import Ge, Le
 from sim import placement
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.lens import Lens, Sensor
-from sim.camera.renderer import MakeRenderer, OpenGLRenderer, Promise, camera_pose
+from sim.camera.renderer import (
+    MakeRenderer,
+    OpenGLRenderer,
+    Promise,
+    Supersampled,
+    camera_pose,
+)
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
 from sim.kinematics.robot import CAMERA, Design, Robot
@@ -125,6 +132,8 @@ class World:
         self._stage = Stage(self.model, parts.motion, parts.disturbances)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
+        if camera.supersample > 1:
+            renderer = partial(Supersampled, renderer, camera.supersample)
         self._renderer = renderer(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)

@@ -118,7 +118,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     )
     try:
         reach = world.start(np.array(size) / 2, 0.0, DEPTH)
-        views = [room.render(world.data), eye.render(world.data)]
+        views = [room.begin(world.data)(), eye.begin(world.data)()]
         bodies = (world.model.body(body).name for body in world.model.geom_bodyid)
         own = np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
         seen = eye.silhouette(world.data, own, alone=False)

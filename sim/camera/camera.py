@@ -50,6 +50,9 @@ class CameraConfig:
     calibration: File | None = None
     """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
     beside the scenario's file, or in the working directory where --set names it."""
+    supersample: Annotated[int, Ge(1), Le(4)] = 1
+    """Each pixel is the mean of this many times as many in both directions: edges then move
+    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2."""
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
@@ -58,8 +61,8 @@ class CameraConfig:
     """Rolling shutter: the first row is exposed this long before the last one, which ends at the
     frame's time [ms]."""
     bands: Annotated[int, Ge(2), Le(64)] = 8
-    """Bands of rows that a rolling shutter exposes together; each is rendered, at the nearest
-    physics step."""
+    """Pictures that are rendered for a rolling shutter, at the nearest physics steps; rows between
+    two of them are their mean."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""

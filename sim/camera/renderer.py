@@ -114,6 +114,7 @@ class OpenGLRenderer:
 
     def close(self) -> None:
         if os.getpid() == self._process:  # elsewhere other buffers have these numbers
+            self._process = 0  # they are given back once
             with suppress(RuntimeError):  # a program that ends gives everything back
                 gl.call(_give_back, self._whole, self._context).result()
 
@@ -183,6 +184,40 @@ def _give_back(whole: NDArray[np.uint8], context: mujoco.MjrContext) -> None:
     """Keep the GL buffers of a model, given as MuJoCo writes it, for the next renderer."""
     if gl.KEPT.__dict__.setdefault(IDLE, (whole, context))[1] is not context:
         context.free()
+
+
+class Supersampled:
+    """A renderer whose pixels are means of smaller ones, which another renderer makes."""
+
+    def __init__(
+        self, make: MakeRenderer, times: int, model: mujoco.MjModel, camera: str, view: Camera
+    ) -> None:
+        """Make the other renderer, whose pictures are so many times as wide, and as high."""
+        self._size = view.width, view.height
+        self._times = times
+        larger = Camera(
+            fx=times * view.fx,
+            fy=times * view.fy,
+            cx=times * view.cx,
+            cy=times * view.cy,
+            width=times * view.width,
+            height=times * view.height,
+        )
+        self._renderer = make(model, camera, larger)
+
+    def begin(self, data: mujoco.MjData) -> Promise:
+        picture = self._renderer.begin(data)
+        return lambda: self._reduced(picture())
+
+    def _reduced(self, picture: Image) -> Image:
+        return cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+
+    def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
+        middle = slice(self._times // 2, None, self._times)
+        return self._renderer.silhouette(data, geoms, alone=alone)[middle, middle]
+
+    def close(self) -> None:
+        self._renderer.close()
 
 
 class Unseen:
