@@ -41,7 +41,7 @@ from servo.study import parse
 from servo.study.bounds import MissedBound, check_expect
 from servo.study.execute import Workers, complete
 from servo.study.plan import Study
-from servo.study.record_file import table_of
+from servo.study.record_file import rows_of
 from servo.study.results import Cell, cells_csv, cells_of, moved
 from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -280,10 +280,9 @@ def sweep(
                 bar(len(store.done) + len(failed), f"{len(failed)} failed")
         except ClusterLost as lost:
             raise Refused(f"{lost}; give `out` to go on from what is finished") from None
-        records = store.records(jobs)
-        if not records:
+        if not store.done:
             raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")
-        return Sweep(plan, records, failed)
+        return Sweep(plan, store.table(), failed)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -291,14 +290,15 @@ class Sweep:
     """A study whose runs are done."""
 
     study: Study
-    records: list[Record]
+    table: pa.Table
+    """A row for each run."""
     failed: list[str]
     """A sentence for each run that failed, with the command that repeats it."""
 
     @cached_property
     def runs(self) -> Any:
         """A row for each run: a DataFrame, or, without pandas, an Arrow table."""
-        return notebook.frame_of(table_of(self.records))
+        return notebook.frame_of(self.table)
 
     @cached_property
     def cells(self) -> Any:
@@ -312,10 +312,10 @@ class Sweep:
 
     @cached_property
     def _cells(self) -> list[Cell]:
-        return cells_of(self.study, table_of(self.records).to_pylist())
+        return cells_of(self.study, rows_of(self.table))
 
     def __repr__(self) -> str:
-        runs = len(self.records)
+        runs = self.table.num_rows
         cells = len(self._cells)
         return f"Sweep({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
 

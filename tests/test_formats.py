@@ -58,10 +58,10 @@ def named(file):
 def test_a_file_is_read_as_it_was_written(file, tmp_path):
     path = file.write(tmp_path, "file.json")
     assert type(file).read(path) == file
-    assert json.loads(path.read_text())["format"] == 1
+    assert json.loads(path.read_text())["format"] == file.FORMAT
 
 
-@pytest.mark.parametrize("number", [None, 0, 2, "1", True, [1]])
+@pytest.mark.parametrize("number", [None, 0, 3, "1", True, [1]])
 @pytest.mark.parametrize("file", FILES, ids=named)
 def test_another_format_number_is_one_sentence(file, number, tmp_path):
     path = file.write(tmp_path, "file.json")
@@ -70,8 +70,8 @@ def test_another_format_number_is_one_sentence(file, number, tmp_path):
     with pytest.raises(Mistake) as told:
         type(file).read(path)
     assert str(told.value) == (
-        f"{path}: this file {has}, and this version of servobench reads format 1: run its command "
-        "again into a new folder, or read it with the version that wrote it"
+        f"{path}: this file {has}, and this version of servobench reads format {file.FORMAT}: run "
+        "its command again into a new folder, or read it with the version that wrote it"
     )
 
 

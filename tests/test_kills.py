@@ -4,11 +4,13 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 from commands import (
+    PATIENCE,
     QUICK,
     STOPPED,
     alive,
@@ -23,7 +25,6 @@ from commands import (
 from servo.cli import main
 from servo.study import store
 from servo.study.parse import load
-from servo.study.record_file import table_of
 from servo.study.scenario_run import TIMES
 from servo.study.store import StudyFile
 
@@ -65,11 +66,16 @@ def undisturbed(tmp_path_factory):
     with store.opened(there / "out", StudyFile.of(study, "")) as kept:
         for run in reversed(list(study.jobs())):
             kept.add(run, run.run(kept.folder))
-        return table_of(kept.records(study.jobs())).drop_columns(TIMES)
+        return kept.table().drop_columns(TIMES)
 
 
 def finished():
-    return len(list(Path("out/runs").glob("*.parquet")))
+    """Records, in files of their own and in joined ones."""
+    found = set()
+    for path in sorted(Path("out/runs").glob("*.parquet"), reverse=True):
+        with suppress(FileNotFoundError):  # it has been joined
+            found |= {*pq.read_table(path)["key"].to_pylist()}
+    return len(found)
 
 
 def wait_for_some(client, count=2):
@@ -160,6 +166,20 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(
         "go on with: servobench sweep mine.toml --out out\n",
     )
     assert go_on(monkeypatch, SWEEP) == 0
+    assert same_as(undisturbed)
+
+
+def test_two_of_four_workers_of_a_cluster_may_die_at_work(place, undisturbed, cluster):
+    from distributed import Client
+
+    (_, *workers), address = cluster(4)
+    with Client(address, set_as_default=False) as there:
+        there.wait_for_workers(4, PATIENCE)
+    client = begin(f"{SWEEP} --scheduler {address}")
+    for worker in workers[:2]:
+        wait_for_some(client, finished() + 2)
+        worker.kill()
+    assert ended(client) == (0, "")
     assert same_as(undisturbed)
 
 

@@ -13,7 +13,7 @@ from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS
 from servo.papers.experiments import ERROR, ESTIMATED, TIME, TRUE, EstimatedLoop, loop_job
 from servo.scenario import load as scenarios
-from servo.study.record_file import decoded, encoded
+from servo.study.record_file import encoded, file_table, records_of, table_in
 from servo.study.run import Record
 from servo.study.sequence_run import Generated
 from tracking.evaluation.track import Shot
@@ -269,7 +269,7 @@ def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
     job = loop_job("reversal", "kalman_cv", 2, ["run.duration=0.4"], way="short way")
     assert job.key == "loop/shortway-reversal-kalman_cv-2"
     record = job.run(tmp_path)
-    kept = decoded(encoded(record, job.describe()))
+    (kept,) = records_of(table_in(encoded(file_table(job, record))), long=True)
     changes = ["estimator.kind=kalman_cv", "run.duration=0.4"]
     scenario = scenarios.load("reversal", changes, 2)
     steps = list(run(scenario))

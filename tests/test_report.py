@@ -15,7 +15,7 @@ from servo.cli.report_command import write
 from servo.report import study_section
 from servo.study import record_file
 from servo.study.bounds import MissedBound
-from servo.study.run import Record
+from servo.study.run import Job, Record
 from servo.study.store import FailureFile, StudyFile
 
 EVIL = "<script>alert(1)</script>"
@@ -25,6 +25,13 @@ AXES = {"tracker.kind": ["pf_ssd", "kams"], "camera.rate": [5.0, 30.0]}
 def encoded(kind):
     image = np.random.default_rng(0).integers(0, 255, (30, 60, 3)).astype(np.uint8)
     return cv2.imencode(kind, image)[1].tobytes()
+
+
+class Made:
+    """A subject."""
+
+    def describe(self):
+        return {}
 
 
 def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
@@ -67,7 +74,8 @@ def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
             series=series,
             sheet=encoded(".jpg"),
         )
-        (folder / "runs" / f"{number:06}.parquet").write_bytes(record_file.encoded(record, {}))
+        raw = record_file.encoded(record_file.file_table(Job(number, Made(), seed), record))
+        (folder / "runs" / f"{number:06}.parquet").write_bytes(raw)
     return folder
 
 

@@ -17,7 +17,6 @@ from servo.scenario.draws import Draw
 from servo.study import results, store
 from servo.study.bounds import missed_by_cells
 from servo.study.parse import load
-from servo.study.record_file import table_of
 from servo.study.run import Failure
 from servo.study.scenario_run import MEASURED, TIMES
 from servo.study.store import StudyFile
@@ -131,7 +130,7 @@ def kept(small, tmp_path):
 
 
 def test_a_row_has_every_axis_draw_measure_and_version(kept, small):
-    table = table_of(kept.records(small.jobs()))
+    table = kept.table()
     assert table.num_rows == 4
     row = table.to_pylist()[3]
     assert (row["run"], row["seed"], row["tracker.kind"], row["run.latency"]) == (3, 1, "frozen", 2)
@@ -140,7 +139,8 @@ def test_a_row_has_every_axis_draw_measure_and_version(kept, small):
     assert row["servo_rms_px"] > 0
     assert row["outcome"] == "TIMED_OUT"
     assert not row["success"]
-    whole = pq.read_table(kept.folder / "runs" / "000000.parquet").to_pylist()[0]
+    (whole,) = pq.read_table(kept.folder / "runs" / "000000.parquet").to_pylist()
+    assert json.loads(whole["record"])["measures"]["servo_rms_px"] > 0
     assert len(whole["time_s"]) == len(whole["servo_error_px"]) == 9
     assert whole["sheet"][:2] == b"\xff\xd8"  # a JPEG
     assert pq.read_table(kept.folder / "runs" / "000001.parquet")["sheet"].to_pylist() == [None]
@@ -156,7 +156,8 @@ def test_a_run_alone_is_the_run_in_the_study(kept, small):
 
 def test_a_failure_keeps_traceback_and_command_until_the_run_succeeds(kept, small):
     run = list(small.jobs())[5]
-    path = kept.fail(run, Failure("Traceback: it broke"))
+    kept.fail(run, Failure("Traceback: it broke"))
+    path = kept.failure_path(run)
     told = json.loads(path.read_text())
     assert told["error"] == "Traceback: it broke"
     assert told["command"].startswith("servobench run still --seed 1 --set tracker.kind=pf_ssd")

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -17,7 +16,9 @@ from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
 from servo.study.parse import load
-from servo.study.record_file import decoded
+from servo.study.record_file import records_of, table_in
+from servo.study.run import Failure
+from servo.study.scenario_run import TIMES
 from servo.study.store import StudyFile
 
 
@@ -67,12 +68,9 @@ DAMAGE = {
         flipped_name(run_file(f, 2).read_bytes())
     ),
     "no rows": lambda f: pq.write_table(pq.read_table(run_file(f, 2))[:0], run_file(f, 2)),
-    "two rows": lambda f: pq.write_table(
-        pa.concat_tables([pq.read_table(run_file(f, 2))] * 2), run_file(f, 2)
-    ),
     "another run's row": lambda f: shutil.copy(run_file(f, 1), run_file(f, 2)),
     "fewer columns": lambda f: pq.write_table(
-        pq.read_table(run_file(f, 2)).drop_columns(["outcome"]), run_file(f, 2)
+        pq.read_table(run_file(f, 2)).drop_columns(["record"]), run_file(f, 2)
     ),
 }
 
@@ -81,18 +79,18 @@ DAMAGE = {
 def test_what_does_not_fit_the_plan_is_run_again(small, folder, damage):
     DAMAGE[damage](folder)
     with opened(small, folder) as kept:
-        assert kept.done == {"000000", "000001", "000003"}
+        assert set(kept.done) == {"000000", "000001", "000003"}
         assert len(kept.damaged) == (damage != "no file")
 
 
 def test_no_flipped_bit_changes_what_is_read(small, folder):
     raw = run_file(folder, 2).read_bytes()
-    before, detected = decoded(raw), 0
+    (before,), detected = records_of(table_in(raw)), 0
     places = np.random.default_rng(0).integers(len(raw), size=300)
     for at in places.tolist():
-        found = decoded(flipped(raw, at))
-        detected += found is None
-        assert found is None or found.row == before.row
+        found = list(records_of(table_in(flipped(raw, at))))
+        detected += not found
+        assert [record.row for record in found] in ([], [before.row])
     assert detected > 200
 
 
@@ -109,20 +107,125 @@ def call(monkeypatch, capfd, *arguments):
     return ended.value.code or 0, out, err
 
 
+def untimed(path):
+    (record,) = records_of(table_in(path.read_bytes()))
+    return {name: value for name, value in record.row.items() if name not in TIMES}
+
+
 @pytest.mark.usefixtures("no_workers")
 def test_the_command_says_what_it_runs_again_and_ends_with_the_same_numbers(
     monkeypatch, capfd, folder
 ):
-    before = pq.read_table(run_file(folder, 2)).drop_columns(["step_ms", "track_ms"])
+    before = untimed(run_file(folder, 2))
     run_file(folder, 2).write_bytes(flipped_name(run_file(folder, 2).read_bytes()))
     code, _, err = call(monkeypatch, capfd, "sweep", "mine.toml", "--out", "out")
     assert (code, err) == (
         0,
-        "servobench: out/runs/000002.parquet: this is not the run's row as it was written (the "
-        "first of 1 such files); what is missing is run again\n",
+        "servobench: out/runs/000002.parquet: these are not the rows as they were written "
+        "(the first of 1 such files); what is missing is run again\n",
     )
-    after = pq.read_table(run_file(folder, 2)).drop_columns(["step_ms", "track_ms"])
-    assert after.equals(before)
+    assert untimed(run_file(folder, 2)) == before
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Three records are many, and two fit into a joined file."""
+    monkeypatch.setattr(store, "LOOSE", 3)
+    monkeypatch.setattr(store, "JOINED", 2)
+
+
+def files_in(folder):
+    return sorted(path.stem for path in (folder / "runs").iterdir())
+
+
+JOINED = ["000000-000001", "000002-000003"]
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("order", [1, -1])
+def test_many_records_are_joined_in_whatever_order_they_come(small, folder, order, study_place):
+    jobs = list(small.jobs())
+    with opened(small, folder) as kept:
+        whole = kept.table()
+        records = kept.records(jobs)
+    with opened(small, study_place / "other") as kept:
+        counts = []
+        for job, record in list(zip(jobs, records, strict=True))[::order]:
+            kept.add(job, record)
+            counts.append(len(files_in(kept.folder)))
+        assert counts == [1, 2, 2, 3]
+        kept.join()
+        assert files_in(kept.folder) == JOINED
+        assert kept.table().equals(whole)
+        for before, after in zip(records, kept.records(jobs), strict=True):
+            assert before.sheet == after.sheet
+            np.testing.assert_equal(before.series, after.series)
+
+
+@pytest.fixture
+def joined(small, folder, few):
+    """The folder with joined files, and beside it `loose`, as it was before."""
+    shutil.copytree(folder, folder.parent / "loose")
+    with opened(small, folder) as kept:
+        kept.join()
+    assert files_in(folder) == JOINED
+    return folder
+
+
+def test_records_that_a_killed_client_has_joined_but_not_removed_are_there_once(small, joined):
+    for number in (1, 2):
+        shutil.copy(run_file(joined.parent / "loose", number), joined / "runs")
+    with opened(small, joined) as kept:
+        assert (len(kept.done), kept.damaged) == (4, [])
+        assert kept.table()["run"].to_pylist() == [0, 1, 2, 3]
+        kept.join()
+        assert files_in(joined) == JOINED
+
+
+def test_a_damaged_joined_file_costs_its_own_runs_only(small, joined):
+    path = joined / "runs" / "000002-000003.parquet"
+    path.write_bytes(flipped_name(path.read_bytes()))
+    with opened(small, joined) as kept:
+        assert (set(kept.done), kept.damaged) == ({"000000", "000001"}, [path])
+        for job in list(small.jobs())[2:]:
+            kept.add(job, job.run(joined))
+        kept.join()
+    with opened(small, joined) as kept:
+        assert (len(kept.done), kept.damaged) == (4, [])
+
+
+def test_a_record_that_is_forgotten_and_done_again_replaces_the_joined_one(small, joined):
+    with opened(small, joined) as kept:
+        job = list(small.jobs())[1]
+        (record,) = kept.records([job])
+        kept.forget(job)
+        kept.add(job, replace(record, outcome="again"))
+        kept.join()
+        assert kept.table()["outcome"].to_pylist()[1] == "again"
+        assert files_in(joined) == JOINED
+
+
+def test_a_folder_with_a_file_for_every_failure_would_grow_without_end(monkeypatch, small, folder):
+    monkeypatch.setattr(store, "MOST_FAILURES", 2)
+    with opened(small, folder) as kept:
+        for job in small.jobs():
+            kept.fail(job, Failure("Traceback: no"))
+        first = next(small.jobs())
+        kept.fail(first, Failure("Traceback: still not"))
+        assert sorted(p.name for p in (folder / "failures").iterdir()) == [
+            "000000.json",
+            "000001.json",
+        ]
+        assert "still not" in kept.failure_path(first).read_text()
+
+
+def test_a_folder_of_the_first_format_is_refused_in_a_sentence(small, folder):
+    about = json.loads((folder / "study.json").read_text())
+    (folder / "study.json").write_text(json.dumps(about | {"format": 1}))
+    assert refused(small, folder) == (
+        f"{folder}/study.json: this file has format 1, and this version of servobench reads format "
+        "2; choose another folder with --out"
+    )
 
 
 def test_runs_without_their_description_are_refused(small, folder):
@@ -195,7 +298,7 @@ def test_a_sweep_that_was_killed_at_once_goes_on(small, study_place):
         (study_place / "out" / part).mkdir(parents=True)
     (study_place / "out" / ".study.json.part").write_text("{")
     with opened(small, study_place / "out") as kept:
-        assert kept.done == set()
+        assert kept.done == {}
 
 
 def test_two_sweeps_do_not_write_into_one_folder(small, folder):
@@ -240,5 +343,5 @@ def test_a_pipe_in_place_of_a_record_is_not_waited_for(small, folder):
     os.mkfifo(path)
     found = store.Store(folder)
     found.find(small.jobs())
-    assert found.done == {job.key for job in small.jobs()} - {"000000"}
+    assert set(found.done) == {job.key for job in small.jobs()} - {"000000"}
     assert found.damaged == []

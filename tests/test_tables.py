@@ -20,6 +20,7 @@ from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
 from servo.study.parse import KEYS, load
+from servo.study.record_file import file_table, table_of
 from servo.study.results import SHOWN, Cell, moved
 from servo.study.run import Failure, Job, Record
 from servo.study.scenario_run import MEASURED
@@ -40,6 +41,13 @@ def printed(monkeypatch):
 
 def lines(console):
     return [line.rstrip() for line in console.export_text(styles=False).splitlines()]
+
+
+class Made:
+    """A subject."""
+
+    def describe(self):
+        return {}
 
 
 def results(families, seeds=8):
@@ -84,7 +92,9 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
     bench_command.print_ranks(printed, ranks)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
-        bench_command._write(Store(tmp_path), found, ranks, "x")
+        store = Store(tmp_path)
+        store.table = lambda: table_of([file_table(Job(0, Made(), 0), found[0])])
+        bench_command._write(store, found, ranks, "x")
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
         approved("tables/bench-files", texts)
@@ -110,13 +120,13 @@ class Kept:
 
     def __init__(self, study, folder):
         self.folder, self.written = folder, {}
-        rng, self.made = np.random.default_rng(8), []
+        rng, self.done = np.random.default_rng(8), []
         for job in study.jobs():
             poor = job.settings["tracker.kind"] == "kams"
             rms = float(rng.uniform(1, 2) * (3 if poor else 1))
             measures = {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
             success = not poor or job.seed % 3 == 0
-            self.made.append(
+            self.done.append(
                 Record(
                     number=job.number,
                     subject=job.subject.name,
@@ -129,8 +139,8 @@ class Kept:
                 )
             )
 
-    def records(self, _):
-        return self.made
+    def table(self):
+        return table_of([file_table(Job(0, Made(), 0), record) for record in self.done])
 
     def write(self, name, data):
         self.written[name] = data
@@ -170,7 +180,7 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
     (tmp_path / "mine.toml").write_text('scenario = "still"\nseeds = 6\n')
     every, told = list(load(str(tmp_path / "mine.toml")).jobs()), []
     store = Store(tmp_path)
-    store.done = {"000000", "000001"}
+    store.done = dict.fromkeys(["000000", "000001"], tmp_path)
     clock = itertools.count(100.0, 30.0)
     bar = SimpleNamespace(
         add_task=lambda name, **more: told.append([name, more]),
@@ -183,10 +193,9 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
     console = Console(force_terminal=True)
     failed = jobs.complete_jobs(every, store, Workers(), console, "sweep mine", "")
     assert failed == 1
-    path = tmp_path / "failures" / "000005.json"
     out, err = capsys.readouterr()
     assert "sweep mine: 6 runs, 2 of them finished\n" in out
-    assert err == f"servobench: {path}: no\n"
+    assert err == f"servobench: {tmp_path}/failures: no\n"
     more = {"total": 6, "completed": 2, "note": jobs.COMPILING}
     assert told == [["sweep mine", more]] + [
         {"advance": 1, "note": f"2.0 a minute, {failed} failed"} for failed in (0, 0, 0, 1)

@@ -203,6 +203,22 @@ def test_the_same_world_twice_gives_the_same_pixels():
     np.testing.assert_array_equal(images[0], images[1])
 
 
+def test_worlds_of_one_model_have_the_same_buffers_one_after_another_and_their_own_at_once():
+    def buffers(*worlds):
+        found = [world._renderer._context for world in worlds]
+        for world in (*worlds, *worlds):
+            world.close()
+        return found
+
+    (first,) = buffers(make())
+    again, beside = buffers(make(), make())
+    (other,) = buffers(make(CameraConfig(width=160, height=120)))
+    assert again is first
+    assert beside is not first
+    assert other is not first
+    assert (other.offWidth, first.offWidth) == (160, 0)  # given back for good
+
+
 def test_a_blur_holds_the_targets_own_motion():
     """Sub-frames show the car where it was then: the blur is as long as its drive."""
     drive = line.Config(x=0.0, speed=1.2).build(np.random.default_rng())

@@ -17,7 +17,7 @@ from servo.study import ranking, suites
 from servo.study.execute import Workers, check_number
 from servo.study.parse import load
 from servo.study.ranking import Rank
-from servo.study.record_file import parquet, table_of
+from servo.study.record_file import parquet
 from servo.study.run import Job, Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
 from servo.study.store import RESULTS, Store, StudyFile, opened
@@ -82,9 +82,10 @@ def run(request: BenchRequest) -> int:
     workers = Workers(request.workers)
     again = go_on(request.command, request.out)
     with opened(request.folder, _described(request, subjects)) as store, workers:
+        store.find(jobs)
         _forget_lost_tracks(jobs, store)
         failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
-        records = store.records(jobs, series=True)
+        records = store.records(jobs)
         if records:
             ranks = ranking.ranked(records)
             paths = _write(store, records, ranks, title)
@@ -97,9 +98,9 @@ def run(request: BenchRequest) -> int:
 
 def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
     """Let jobs be done again whose tracks are missing, cut or damaged."""
-    for job in jobs:
-        record = store.record(job)
-        if record is None or not isinstance(job.subject, TrackedSequence):
+    done = [job for job in jobs if job.key in store.done]
+    for job, record in zip(done, store.records(done), strict=True):
+        if not isinstance(job.subject, TrackedSequence):
             continue
         path = job.subject.track_path(store.folder, job.seed)
         if _length(path) != record.settings["frames"]:
@@ -177,7 +178,7 @@ def _write(
         for record in records
     ]
     return [
-        store.write(RESULTS, parquet(table_of(records))),
+        store.write(RESULTS, parquet(store.table())),
         store.write("runs.csv", csv_text([*COLUMNS, *names], lines)),
         store.write("table.csv", ranking.table_csv(ranks)),
         *curves.draw(results, [rank.tracker for rank in ranks], title, store.folder),

@@ -113,7 +113,7 @@ def complete_jobs(
 
     Args:
         jobs: All jobs of the study.
-        store: Its folder.
+        store: Its folder, in which they were looked for.
         workers: Where they are done.
         console: For the progress.
         title: Beside it.
@@ -123,30 +123,30 @@ def complete_jobs(
         Mistake: The user's cluster has stopped.
         Refused: The disk is full, or the workers of this machine have stopped.
     """
-    store.find(jobs)
     if store.damaged:
         complain(
-            f"{store.damaged[0]}: this is not the run's row as it was written (the first of "
+            f"{store.damaged[0]}: these are not the rows as they were written (the first of "
             f"{len(store.damaged)} such files); what is missing is run again"
         )
     plain(console, f"{title}: {len(jobs):,} runs, {len(store.done):,} of them finished")
-    failed: list[tuple[Job, Failure]] = []
+    failed = 0
+    alike: dict[str, list[Path]] = {}
     began = time.monotonic()
     try:
         with progress(console, title, len(jobs), len(store.done)) as ended:
             for count, (job, end) in enumerate(complete(jobs, store, workers), 1):
-                failed += [(job, end)] if isinstance(end, Failure) else []
+                if isinstance(end, Failure):
+                    failed += 1
+                    alike.setdefault(end.reason, []).append(store.failure_path(job))
                 rate = MINUTE * count / (time.monotonic() - began)
-                ended(f"{rate:.1f} a minute, {len(failed)} failed")
+                ended(f"{rate:.1f} a minute, {failed} failed")
     except KeyboardInterrupt as cause:
         stop(cause, f"{len(store.done)} of {len(jobs)} runs are finished; {again}")
     except ClusterLost as lost:
         sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
         raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
-    alike: dict[str, list[Path]] = {}
-    for job, failure in failed:
-        alike.setdefault(failure.reason, []).append(store.failure_path(job))
     for reason, paths in alike.items():
         more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
-        complain(f"{paths[0]}: {reason}{more}")
-    return len(failed)
+        kept = next(filter(Path.exists, paths), paths[0].parent)
+        complain(f"{kept}: {reason}{more}")
+    return failed

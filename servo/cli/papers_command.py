@@ -73,9 +73,10 @@ def run(
         for claim in chosen:
             _print_rule(console, claim)
             store = Store(folder)
+            store.find(jobs[claim.name])
             if complete_jobs(jobs[claim.name], store, pool, console, claim.name, GOES_ON):
                 continue
-            records = store.records(jobs[claim.name], series=True)
+            records = store.records(jobs[claim.name])
             verdict = claim.judge(Evidence(records, effort, folder))
             if verdict.figure is not None:
                 save(verdict.figure, atomic.folder(folder, FIGURES), f"{claim.name}.png")

@@ -16,7 +16,7 @@ from servo.study.bounds import missed_by_cells
 from servo.study.execute import Workers
 from servo.study.parse import load
 from servo.study.plan import Study
-from servo.study.record_file import parquet, table_of
+from servo.study.record_file import parquet, rows_of
 from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, grouped, moved
 from servo.study.scenario_run import MEASURED, meaning
 from servo.study.store import RESULTS, Store, StudyFile, opened
@@ -80,6 +80,7 @@ def run_study(
         return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
     with opened(folder, StudyFile.of(study, command)) as store, workers:
         jobs = list(study.jobs())
+        store.find(jobs)
         title = f"sweep {study.name}"
         failed = complete_jobs(jobs, store, workers, console, title, go_on(command, out))
         code = _sum_up(study, store, console, measures)
@@ -90,11 +91,10 @@ def _sum_up(
     study: Study, store: Store, console: Console, measures: Sequence[str] | None = None
 ) -> int:
     """Write the tables and print a summary; the exit code: 1 if a bound was missed."""
-    records = store.records(study.jobs())
-    if not records:
+    if not store.done:
         return 0
-    table = table_of(records)
-    rows = table.to_pylist()
+    table = store.table()
+    rows = rows_of(table)
     keys = [axis.key for axis in study.every_axis]
     cells = cells_of(study, rows)
     pairs = comparisons(study.compare, keys, rows, drawn=bool(study.draws))

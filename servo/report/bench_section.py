@@ -6,13 +6,12 @@ from pathlib import Path
 from servo.mistake import Mistake
 from servo.report import page
 from servo.report.page import Block, Fact, PageImage, Section, again
-from servo.report.study_data import load_records
 from servo.report.words import Badge, Table, Tone, basis, cut, shown, spread
 from servo.study import ranking
 from servo.study.ranking import Rank
 from servo.study.run import Record
 from servo.study.sequence_run import TRACKER
-from servo.study.store import StudyFile
+from servo.study.store import Store, StudyFile
 
 CURVES = {"success.png": "Success", "precision.png": "Precision"}
 SHEETS = "sheets"
@@ -27,7 +26,10 @@ def section(folder: Path, study: StudyFile) -> Section:
     Raises:
         Mistake: A file is missing or damaged.
     """
-    records = load_records(folder)
+    store = Store(folder)
+    store.find()
+    found = (record for batch in store.read(store.done) for record in batch.values())
+    records = sorted(found, key=lambda record: record.number)
     if not records:
         raise Mistake(f"{folder}: there are no runs in this bench")
     ranks = ranking.ranked(records)

@@ -1,6 +1,5 @@
 """A study's folder as values: the study, and rows, errors over time and sheets of its runs."""
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from servo.output import formats
 from servo.report.words import counted, shown, spread
-from servo.study.record_file import decoded
+from servo.study.record_file import rows_of
 from servo.study.results import SUCCESS, Cell, Units, values
-from servo.study.run import Record, Row
-from servo.study.store import FAILURES, RUNS, FailureFile, StudyFile
+from servo.study.run import Row, key_of
+from servo.study.store import FAILURES, FailureFile, Store, StudyFile
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
 TIME = "time_s"
-
+MOST_OVER_TIME = 4000
+"""Most runs whose values over time are read."""
 
 Series = dict[str, Array]
 """Values of a run over time (n,) by name; those of `TIME` are [s]."""
@@ -28,14 +27,14 @@ Series = dict[str, Array]
 class StudyResults:
     """The content of a folder; sheets are read only when they are shown."""
 
-    folder: Path
+    store: Store
     plan: StudyFile
     rows: list[Row]
     series: dict[int, Series]
-    """Values over time by the number of the run."""
+    """Values over time by the number of the run, of at most `MOST_OVER_TIME` runs."""
+    pictured: set[int]
+    """Those of these runs that have a contact sheet."""
     failures: list[FailureFile]
-    broken: int
-    """Number of run files that cannot be read, as after a crash; these runs count as missing."""
 
     @property
     def axes(self) -> dict[str, list[Any]]:
@@ -70,14 +69,11 @@ class StudyResults:
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
         """Yield rows with their contact sheets; first those of runs that did not succeed."""
-        shown = 0
-        for row in sorted(self.rows, key=lambda r: (bool(r[SUCCESS]), r["run"])):
-            record = _record(self.folder / RUNS / f"{row['run']:06}.parquet")
-            if record is not None and record.sheet is not None:
+        pictured = [row for row in self.rows if row["run"] in self.pictured]
+        for row in sorted(pictured, key=lambda r: (bool(r[SUCCESS]), r["run"]))[:most]:
+            (record,) = next(self.store.read([key_of(row["run"])], long=True)).values()
+            if record.sheet is not None:
                 yield row, record.sheet
-                shown += 1
-                if shown == most:
-                    return
 
 
 def load(folder: Path) -> StudyResults:
@@ -85,30 +81,28 @@ def load(folder: Path) -> StudyResults:
 
     Raises:
         Mistake: A file is missing or damaged.
+        Refused: A file changes while it is read.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
-    records = load_records(folder)
-    series = {
-        r.number: {n: v for n, v in r.series.items() if len(v) == len(r.series[TIME])}
-        for r in records
-        if TIME in r.series
-    }
+    store = Store(folder)
+    store.find()
+    rows = rows_of(store.table()) if store.done else []
+    draw = np.random.default_rng(0)
+    # Runs of the first seed have contact sheets and are drawn one by one.
+    chosen = sorted(rows, key=lambda row: (row["seed"] != plan.seeds[0], draw.random()))
+    keys = [key_of(row["run"]) for row in chosen[:MOST_OVER_TIME]]
+    series: dict[int, Series] = {}
+    pictured: set[int] = set()
+    for batch in store.read(keys, long=True):
+        for record in batch.values():
+            if TIME in record.series:
+                length = len(record.series[TIME])
+                long = {n: v for n, v in record.series.items() if len(v) == length}
+                series[record.number] = long
+            if record.sheet is not None:
+                pictured.add(record.number)
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
-    broken = sum(1 for _ in (folder / RUNS).glob("*.parquet")) - len(records)
-    return StudyResults(folder, plan, [r.row for r in records], series, failed, broken)
-
-
-def load_records(folder: Path) -> list[Record]:
-    """Return the records in a study's folder without their contact sheets, in their order.
-
-    Files that are damaged, as after a crash, are left out.
-    """
-    found = (_record(path) for path in sorted((folder / RUNS).glob("*.parquet")))
-    return [dataclasses.replace(record, sheet=None) for record in found if record is not None]
-
-
-def _record(path: Path) -> Record | None:
-    return decoded(formats.content(path))
+    return StudyResults(store, plan, rows, series, pictured, failed)
 
 
 def duration(series: Series) -> float:

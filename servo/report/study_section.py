@@ -109,8 +109,8 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
         text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
     if not all(row.get("repeats", True) for row in study.rows):
         text.append(f"{DOES_NOT_REPEAT}.")
-    if study.broken:
-        text.append(f"Files of runs that could not be read: {study.broken}.")
+    if study.store.damaged:
+        text.append(f"Files of runs that could not be read: {len(study.store.damaged)}.")
     rows = [["axis", key, ", ".join(map(shown, values))] for key, values in plan.axes.items()]
     for key, laws in plan.draws.items():
         described = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
@@ -199,7 +199,7 @@ def _sheets(study: StudyResults) -> list[Block]:
         PageImage.of(
             f"{_named(study, row)}: {row['outcome']}",
             encoded,
-            f"{study.folder}: the sheet of run {row['run']}",
+            f"{study.store.folder}: the sheet of run {row['run']}",
             sheet=True,
         )
         for row, encoded in study.sheets(MOST_SHEETS)

@@ -9,7 +9,16 @@ from servo.loop.run_measures import MEANINGS
 from servo.report import charts
 from servo.report.charts import ERROR_RANGE, SETTING_RANGE, Curve, Scale, colour, curves
 from servo.report.page import LIGHT, Figure
-from servo.report.study_data import SUCCESS, TIME, Row, Series, StudyResults, duration, median
+from servo.report.study_data import (
+    MOST_OVER_TIME,
+    SUCCESS,
+    TIME,
+    Row,
+    Series,
+    StudyResults,
+    duration,
+    median,
+)
 from servo.report.words import cut, shown
 from sim.types import Array
 
@@ -44,6 +53,8 @@ def figures(study: StudyResults) -> list[Figure]:
     found = {name: series for name, series in groups.items() if series}
     shown = dict(list(found.items())[:MOST_SERIES])
     note = cut(f"values of {study.compared}", list(found), MOST_SERIES) or ""
+    if len(study.series) == MOST_OVER_TIME:
+        note = f"Of {MOST_OVER_TIME:,} runs drawn at random. {note}"
     drawn = [_errors(shown, name, title, note) for name, title in DISTANCES.items()]
     return [figure for figure in (*drawn, _survival(shown, note)) if figure is not None]
 

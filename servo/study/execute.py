@@ -149,6 +149,7 @@ def complete(
         else:
             store.add(job, end)
         yield job, end
+    store.join()
 
 
 def check_number(runs: int) -> None:

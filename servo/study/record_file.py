@@ -1,11 +1,14 @@
-"""The file of a record: a Parquet table of one row, with a column for each setting and measure.
+"""Records of runs as Parquet: files of one or many for the store, and tables for users.
 
-Its long columns are lists.
+A row of a file has the key of its job, a digest of what decides it, the record as JSON, and in
+columns of their own again all that is a number; series are lists.
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,98 +16,147 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from servo.study.bounds import MissedBound
-from servo.study.run import SCENARIO, Record, version_columns
+from servo.study.run import SCENARIO, Job, Record, Row, version_columns
+from tracking.files.json_text import as_json
 
+KEY = "key"
+JOB = "job"
+RECORD = "record"
 SHEET = "sheet"
+RUN = "run"
+NOTHING = pa.table({KEY: pa.array([], pa.string()), JOB: [], RUN: [], RECORD: []})
+"""What a damaged file gives."""
 MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))
 """Numbers are texts here, because a bound on the outcome is a word."""
-ABOUT = b"servobench"
-"""Key of the file's metadata: what decides the record, and which columns are settings."""
 DIGEST = b"sha256"
-"""Key of the digest of that and of the columns: Parquet has checksums of the values alone."""
+"""Key of the digest of the names of the columns: Parquet has checksums of the values alone."""
 
 
-def encoded(record: Record, job: Mapping[str, Any]) -> bytes:
-    """The file of a record's row; `job` describes what decides it."""
-    table = table_of([record])
-    for name, values in record.series.items():
-        table = table.append_column(
-            name, pa.array([values], pa.list_(pa.from_numpy_dtype(values.dtype)))
-        )
-    table = table.append_column(SHEET, pa.array([record.sheet], pa.binary()))
-    about = {
-        "job": job,
-        "subject_is": record.subject_is,
-        "settings": list(record.settings),
-        "measures": list(record.measures),
-        "versions": record.versions,
-        "command": record.command,
+def file_table(job: Job, record: Record) -> pa.Table:
+    """The row of a record."""
+    text = json.dumps(as_json(replace(record, series={}, sheet=None)))
+    own = {KEY: pa.array([job.key]), JOB: pa.array([job.digest]), RECORD: pa.array([text])}
+    long = {
+        name: pa.array([values], pa.list_(pa.from_numpy_dtype(values.dtype)))
+        for name, values in record.series.items()
     }
-    text = json.dumps(about).encode()
-    metadata = {ABOUT: text, DIGEST: _digest(text, table.column_names)}
-    return parquet(table.replace_schema_metadata(metadata))
+    long[SHEET] = pa.array([record.sheet], pa.binary())
+    short = {name: pa.array([record.row[name]], kind) for name, kind in _types(record).items()}
+    return pa.table({**own, **short, **long})
 
 
-def decoded(raw: bytes, job: Mapping[str, Any] | None = None) -> Record | None:
-    """The record in a file; None if the file is damaged, or of another job than a given one."""
+def merged(tables: Iterable[pa.Table]) -> pa.Table:
+    """One table by key; the last row of a key counts."""
+    whole = pa.concat_tables(tables, promote_options="permissive")
+    last = {key: place for place, key in enumerate(whole[KEY].to_pylist())}
+    return whole.take([last[key] for key in sorted(last)])
+
+
+def encoded(table: pa.Table) -> bytes:
+    """The file of rows."""
+    return parquet(table.replace_schema_metadata({DIGEST: _digest(table.column_names)}))
+
+
+def table_in(raw: bytes) -> pa.Table:
+    """The rows in a file; none if it is damaged."""
     try:
         table = pq.read_table(pa.BufferReader(raw), page_checksum_verification=True)
-        metadata = table.schema.metadata or {}
-        text = metadata.get(ABOUT, b"")
-        if metadata.get(DIGEST) != _digest(text, table.column_names):
-            return None
-        about = json.loads(text)
-        if table.num_rows != 1 or (job is not None and about["job"] != job):
-            return None
-        kind = about["subject_is"]
-        keys = {"run", kind, "seed", "repeats", "outcome", "success", "missed", SHEET}
-        keys |= {*about["settings"], *about["measures"]}
-        keys |= {*version_columns(about["versions"])}
-        long = [name for name in table.column_names if name not in keys]
-        row = table.drop_columns(long).to_pylist()[0]
-        return Record(
-            number=row["run"],
-            subject=row[kind],
-            subject_is=kind,
-            seed=row["seed"],
-            settings={key: row[key] for key in about["settings"]},
-            command=about["command"],
-            outcome=row["outcome"],
-            success=row["success"],
-            measures={k: np.nan if row[k] is None else float(row[k]) for k in about["measures"]},
-            missed=tuple(MissedBound(**m) for m in row["missed"]),
-            repeats=row["repeats"],
-            versions=about["versions"],
-            series={n: table[n][0].values.to_numpy(zero_copy_only=False) for n in long},
-            sheet=row[SHEET],
-        )
-    # A file of zeros after a crash, flipped bits, or columns that are not those of a record.
+    # A file of zeros after a crash, or flipped bits.
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
-        return None
-    except (AttributeError, KeyError, TypeError):
-        return None
+        return NOTHING
+    found = (table.schema.metadata or {}).get(DIGEST)
+    return table if found == _digest(table.column_names) else NOTHING
 
 
-def table_of(records: Sequence[Record]) -> pa.Table:
-    """The rows of some records, at least one, as a table; values of mixed types are texts."""
-    rows = [record.row for record in records]
-    first = records[0]
-    types = {
-        "run": pa.int64(),
-        first.subject_is: pa.string(),
+def records_of(table: pa.Table, *, long: bool = False) -> Iterator[Record]:
+    """The records of a file's rows; only if `long`, with their series and contact sheets."""
+    for place, text in enumerate(table[RECORD].to_pylist()):
+        found = json.loads(text)
+        measures = found["measures"].items()
+        found["measures"] = {k: np.nan if v is None else float(v) for k, v in measures}
+        found["missed"] = tuple(MissedBound(**missed) for missed in found["missed"])
+        found["seconds"] = np.nan
+        record = Record(**found)
+        if long:
+            row = table.slice(place, 1).drop_columns([KEY, JOB, RECORD, *_types(record)])
+            sheet = row[SHEET][0].as_py()
+            cells = {name: row[name][0] for name in row.column_names if name != SHEET}
+            series = {
+                name: cell.values.to_numpy(zero_copy_only=False).copy()  # not the whole file
+                for name, cell in cells.items()
+                if cell.is_valid
+            }
+            record = replace(record, series=series, sheet=sheet)
+        yield record
+
+
+def table_of(files: Iterable[pa.Table]) -> pa.Table:
+    """The rows of files, at least one, as users have them; settings of mixed types are texts."""
+    settings: list[dict[str, Any]] = []
+    tables: list[pa.Table] = []
+    for rows in files:
+        settings += [json.loads(text)["settings"] for text in rows[RECORD].to_pylist()]
+        tables.append(rows.select([*_types(next(records_of(rows)))]))
+    table = pa.concat_tables(tables)
+    for key in [key for key in settings[0] if key != SCENARIO]:
+        values = [each[key] for each in settings]
+        kind = _type(values)
+        column = pa.array([_cell(value, kind) for value in values], kind)
+        table = table.add_column(table.column_names.index("repeats"), key, column)
+    return table.take(np.argsort(table[RUN], kind="stable"))
+
+
+def _types(record: Record) -> dict[str, pa.DataType]:
+    """The short columns of a record without its settings."""
+    return {
+        RUN: pa.int64(),
+        record.subject_is: pa.string(),
         "seed": pa.int64(),
-        **{key: _type(row[key] for row in rows) for key in first.settings if key != SCENARIO},
         "repeats": pa.bool_(),
         "outcome": pa.string(),
         "success": pa.bool_(),
         "missed": MISSED,
-        **dict.fromkeys(first.measures, pa.float64()),
-        **dict.fromkeys(version_columns(first.versions), pa.string()),
+        **dict.fromkeys(record.measures, pa.float64()),
+        **dict.fromkeys(version_columns(record.versions), pa.string()),
     }
-    schema = pa.schema(list(types.items()))
-    return pa.Table.from_pylist(
-        [{name: _cell(row[name], kind) for name, kind in types.items()} for row in rows], schema
-    )
+
+
+class _Columns(dict[str, Sequence[Any]]):
+    """The columns of a table, read when they are first used."""
+
+    def __init__(self, table: pa.Table) -> None:
+        super().__init__()
+        self.table = table
+
+    def __missing__(self, name: str) -> Sequence[Any]:
+        column = self.table[name]
+        floats = pa.types.is_floating(column.type)
+        self[name] = array("d", column.to_numpy()) if floats else column.to_pylist()
+        return self[name]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableRow(Mapping[str, Any]):
+    """A row of a table; a hundred thousand of them need no more memory than the columns."""
+
+    columns: _Columns
+    place: int
+
+    def __getitem__(self, name: str) -> Any:
+        value = self.columns[name][self.place]
+        return None if value != value else value  # nan
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns.table.column_names)
+
+    def __len__(self) -> int:
+        return self.columns.table.num_columns
+
+
+def rows_of(table: pa.Table) -> list[Row]:
+    """The rows of a table."""
+    columns = _Columns(table)
+    return [TableRow(columns, place) for place in range(table.num_rows)]
 
 
 def parquet(table: pa.Table) -> bytes:
@@ -114,8 +166,8 @@ def parquet(table: pa.Table) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-def _digest(about: bytes, columns: Sequence[str]) -> bytes:
-    return hashlib.sha256(about + "\n".join(columns).encode()).hexdigest().encode()
+def _digest(columns: Sequence[str]) -> bytes:
+    return hashlib.sha256("\n".join(columns).encode()).hexdigest().encode()
 
 
 def _cell(value: Any, kind: pa.DataType) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,9 +17,9 @@ from servo.mistake import FULL, Mistake
 from servo.output.versions import versions
 from servo.scenario.draws import Value
 from servo.study.bounds import MissedBound
-from tracking.files.json_text import number
+from tracking.files.json_text import as_json, number
 
-Row = dict[str, Any]
+Row = Mapping[str, Any]
 """The cells of a record by column."""
 SCENARIO = "scenario"
 SEQUENCE = "sequence"
@@ -64,11 +66,16 @@ class Job:
     @property
     def key(self) -> str:
         """Name of its file."""
-        return self.name or f"{self.number:06}"
+        return self.name or key_of(self.number)
 
     def describe(self) -> dict[str, Any]:
         """Return what decides its record, versions apart, in the types of JSON."""
         return {"subject": self.subject.describe(), "seed": self.seed, "settings": self.settings}
+
+    @property
+    def digest(self) -> str:
+        """Digest of what decides its record, versions apart."""
+        return hashlib.sha256(json.dumps(as_json(self.describe())).encode()).hexdigest()
 
     def run(self, folder: Path) -> Record:
         """Run it; `folder` is that of its study.
@@ -129,6 +136,11 @@ class Record:
             **{name: number(value) for name, value in self.measures.items()},
             **version_columns(self.versions),
         }
+
+
+def key_of(number: int) -> str:
+    """Name of the file of a run by its place in its study."""
+    return f"{number:06}"
 
 
 def version_columns(found: Mapping[str, str]) -> dict[str, str]:

@@ -1,27 +1,38 @@
 """The folder of a study, in which finished runs stay when a process is killed.
 
 `study.json` describes the study. The record of each finished run is a Parquet file of one row,
-written under another name, flushed to the disk and renamed. A file that is not the record of its
-job counts as missing. One process writes at a time.
+written under another name, flushed to the disk and renamed. When there are `LOOSE` of them, they
+are joined with those of neighbouring runs, up to `JOINED` in a file, and then removed. A record
+that is damaged or not of its job counts as missing. One process writes at a time.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import pyarrow as pa
 from filelock import FileLock, Timeout
 
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
 from servo.study.plan import Study
-from servo.study.record_file import decoded, encoded
-from servo.study.run import Failure, Job, Record
+from servo.study.record_file import (
+    JOB,
+    KEY,
+    RUN,
+    encoded,
+    file_table,
+    merged,
+    records_of,
+    table_in,
+    table_of,
+)
+from servo.study.run import Failure, Job, Record, key_of
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
@@ -29,6 +40,12 @@ RUNS = "runs"
 FAILURES = "failures"
 RESULTS = "results.parquet"
 LOCK = ".lock"
+LOOSE = 50
+"""Most files of one record: a study of at least so many runs ends with joined files only."""
+JOINED = 1000
+"""Most records of a joined file; with MOST_RUNS there are a hundred files."""
+MOST_FAILURES = 40
+"""Most failures with a file of their own."""
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
 """Keys of study.json that must not differ between the sessions of one study."""
 GOES_ON = "the same command goes on from there"
@@ -40,6 +57,7 @@ class StudyFile(Made):
 
     FILE: ClassVar[str] = "study.json"
     KIND: ClassVar[str] = "study"
+    FORMAT: ClassVar[int] = 2
 
     holds: str = "sweep"
     """The command whose results are in the folder."""
@@ -192,31 +210,79 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.done: set[str] = set()
-        """Keys of the jobs that have a record."""
+        self.done: dict[str, Path] = {}
+        """The files of the jobs that have a record, by key."""
         self.damaged: list[Path] = []
-        """Files that do not hold the record of their name; these jobs are done again."""
+        """Files with records that cannot be read or are of another job; they are done again."""
+        self._loose: dict[str, int] = {}
+        """Places in the study of the jobs whose record has a file of its own, by key."""
 
-    def find(self, jobs: Iterable[Job]) -> None:
-        """Look for the records of jobs, which are then in `done` or `damaged`."""
+    def find(self, jobs: Iterable[Job] | None = None) -> None:
+        """Look for the records of jobs, or for all; they are in `done` then."""
         # Reading anything else could wait for ever, as a pipe does.
-        there = {path for path in (self.folder / RUNS).rglob("*.parquet") if path.is_file()}
-        for job in jobs if there else ():
-            path = self._path(job)
-            if path in there:
-                if self.record(job) is None:
-                    self.damaged.append(path)
-                else:
-                    self.done.add(job.key)
+        there = sorted(path for path in (self.folder / RUNS).rglob("*.parquet") if path.is_file())
+        wanted = None if jobs is None or not there else {job.key: job.digest for job in jobs}
+        for path in there:  # a joined file comes before those of its own runs, which are newer
+            table = table_in(_content(path))
+            rows = zip(*(table[name].to_pylist() for name in (KEY, JOB, RUN)), strict=True)
+            ours = [row for row in rows if wanted is None or row[0] in wanted]
+            fit = {
+                key: number
+                for key, job, number in ours
+                if path in (self._path(key), self._joined(number))
+                and (wanted is None or job == wanted[key])
+            }
+            if not table.num_rows or len(fit) < len(ours):
+                self.damaged.append(path)
+            self.done |= dict.fromkeys(fit, path)
+            self._loose |= {key: n for key, n in fit.items() if path == self._path(key)}
 
-    def record(self, job: Job) -> Record | None:
-        """The record of a job; None if there is none, or its file is damaged or another job's."""
-        try:
-            # Read into memory first: the file could change while it is parsed.
-            raw = self._path(job).read_bytes()
-        except OSError:
-            return None
-        return decoded(raw, as_json(job.describe()))
+    def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[dict[str, Record]]:
+        """The records of jobs that have one by key, file by file.
+
+        Args:
+            keys: Of the jobs.
+            long: Whether the records keep their series and contact sheets.
+
+        Raises:
+            Refused: A file has changed since it was found.
+        """
+        for some, table in self._files(keys):
+            yield dict(zip(some, records_of(table, long=long), strict=True))
+
+    def records(self, jobs: Iterable[Job]) -> list[Record]:
+        """The records of the jobs that have one, with their series, in the order of the jobs.
+
+        Raises:
+            Refused: A file has changed since it was found.
+        """
+        keys = [job.key for job in jobs if job.key in self.done]
+        found: dict[str, Record] = {}
+        for batch in self.read(keys, long=True):
+            found |= batch
+        return [found[key] for key in keys]
+
+    def table(self) -> pa.Table:
+        """The rows of all records, at least one, in the order of the study.
+
+        Raises:
+            Refused: A file has changed since it was found.
+        """
+        return table_of(table for _, table in self._files(self.done))
+
+    def _files(self, keys: Iterable[str]) -> Iterator[tuple[list[str], pa.Table]]:
+        """The keys and the rows of jobs that have a record, file by file."""
+        wanted: dict[Path, list[str]] = {}
+        for key in keys:
+            wanted.setdefault(self.done[key], []).append(key)
+        for path, some in wanted.items():
+            table = table_in(_content(path))
+            places = {key: place for place, key in enumerate(table[KEY].to_pylist())}
+            if not places.keys() >= {*some}:
+                raise Refused(
+                    f"{path}: this file was changed; the same command repeats what is missing"
+                )
+            yield some, table.take([places[key] for key in some])
 
     def add(self, job: Job, record: Record) -> None:
         """Keep the record of a job.
@@ -232,25 +298,49 @@ class Store:
                     f"a worker has {name} {there}, but {here} is installed here: the numbers could "
                     "not be compared; install the same on every worker"
                 )
-        path = self._path(job)
-        raw = encoded(record, as_json(job.describe()))
+        path = self._path(job.key)
+        raw = encoded(file_table(job, record))
         try:
             with self.on_disk(f"run {job.key}"):
                 atomic.write(self.folder, f"{RUNS}/{job.key}.parquet", raw)
-            self.done.add(job.key)
+            self.done[job.key] = path
         except KeyboardInterrupt:
-            if path.is_file() and path.read_bytes() == raw:  # interrupted after the renaming
-                self.done.add(job.key)
+            if _content(path) == raw:  # interrupted after the renaming
+                self.done[job.key] = path
             raise
+        self._loose[job.key] = job.number
         with suppress(OSError):
             self.failure_path(job).unlink()
+        if len(self._loose) >= LOOSE:
+            self.join()
+
+    def join(self) -> None:
+        """Join records that have files of their own, if the study has many.
+
+        Raises:
+            Refused: As for `add`.
+        """
+        if len(self.done) < LOOSE:
+            return
+        by_file: dict[Path, list[str]] = {}
+        for key, number in self._loose.items():
+            by_file.setdefault(self._joined(number), []).append(key)
+        for joined, keys in by_file.items():
+            own = [self._path(key) for key in keys]
+            raw = encoded(merged(table_in(_content(path)) for path in (joined, *own)))
+            with self.on_disk(f"{RUNS}/{joined.name}"):
+                atomic.write(self.folder, f"{RUNS}/{joined.name}", raw)
+                self.done |= dict.fromkeys(keys, joined)
+                for path in own:
+                    path.unlink(missing_ok=True)
+        self._loose.clear()
 
     def forget(self, job: Job) -> None:
-        """Remove the record of a job, which is done again."""
-        self._path(job).unlink(missing_ok=True)
+        """Let a job be done again; its new record replaces the old one."""
+        del self.done[job.key]
 
-    def fail(self, job: Job, failure: Failure) -> Path:
-        """Keep why a job failed; the next session does it again.
+    def fail(self, job: Job, failure: Failure) -> None:
+        """Keep why a job failed, unless many have; the next session does it again.
 
         Raises:
             Refused: As for `add`.
@@ -258,30 +348,9 @@ class Store:
         if failure.full:
             raise Refused(f"{failure.reason}; what is in {self.folder} is whole; {GOES_ON}")
         with self.on_disk(f"run {job.key}"):
-            found = FailureFile.of(job, failure.error)
-            return found.write(self.folder, f"{FAILURES}/{job.key}.json")
-
-    def records(self, jobs: Iterable[Job], *, series: bool = False) -> list[Record]:
-        """The records of the jobs that have one, in the order of the jobs.
-
-        Args:
-            jobs: All that may have one.
-            series: Whether they keep their series; contact sheets are left out.
-
-        Raises:
-            Refused: A file has changed since it was found.
-        """
-        found: list[Record] = []
-        for job in jobs:
-            if job.key in self.done:
-                record = self.record(job)
-                if record is None:
-                    path = self._path(job)
-                    again = "the same command repeats the run"
-                    raise Refused(f"{path}: this file was changed; {again}")
-                kept = record.series if series else {}
-                found.append(dataclasses.replace(record, sheet=None, series=kept))
-        return found
+            path = self.failure_path(job)
+            if path.exists() or sum(1 for _ in path.parent.glob("*")) < MOST_FAILURES:
+                FailureFile.of(job, failure.error).write(path.parent, path.name)
 
     def write(self, name: str, content: bytes | str) -> Path:
         """Write another file of the study; its path.
@@ -307,5 +376,19 @@ class Store:
         """The file that says why a job failed."""
         return self.folder / FAILURES / f"{job.key}.json"
 
-    def _path(self, job: Job) -> Path:
-        return self.folder / RUNS / f"{job.key}.parquet"
+    def _path(self, key: str) -> Path:
+        return self.folder / RUNS / f"{key}.parquet"
+
+    def _joined(self, number: int) -> Path:
+        """The file that a run is joined into, by its place in the study."""
+        first = number - number % JOINED
+        return self.folder / RUNS / f"{key_of(first)}-{key_of(first + JOINED - 1)}.parquet"
+
+
+def _content(path: Path) -> bytes:
+    """What a file contains; nothing, if it cannot be read."""
+    try:
+        # Read into memory first: the file could change while it is parsed.
+        return path.read_bytes()
+    except OSError:
+        return b""

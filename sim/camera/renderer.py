@@ -30,6 +30,8 @@ picture, the sky is drawn."""
 NEAREST = 0.05
 """A table nearer than this [m] may be cut away in front of the picture: the room's near plane is at
 0.02 m."""
+IDLE = "idle"
+"""Place of the GL buffers that no renderer uses, in the thread that renders."""
 PIXEL = 1e-5
 """Size of a pixel on the sensor of a camera that is not centred [m]; any would do."""
 
@@ -94,10 +96,10 @@ class OpenGLRenderer:
         self._process = os.getpid()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
+        self._whole = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, self._whole)
         try:
-            self._context = gl.call(
-                mujoco.MjrContext, model, mujoco.mjtFontScale.mjFONTSCALE_100.value
-            ).result()
+            self._context = gl.call(_buffers, model, self._whole).result()
         except mujoco.FatalError as error:
             raise gl.NoRenderer(
                 f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}."
@@ -112,8 +114,9 @@ class OpenGLRenderer:
 
     def close(self) -> None:
         if os.getpid() == self._process:  # elsewhere other buffers have these numbers
+            self._process = 0  # they are given back once
             with suppress(RuntimeError):  # a program that ends gives everything back
-                gl.call(self._context.free).result()
+                gl.call(_give_back, self._whole, self._context).result()
 
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)
@@ -163,6 +166,24 @@ class OpenGLRenderer:
         gl.finish()
         mujoco.mjr_readPixels(self._upside_down, None, self._rect, self._context)
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
+
+
+def _buffers(model: mujoco.MjModel, whole: NDArray[np.uint8]) -> mujoco.MjrContext:
+    """The GL buffers of a model: those that were given back, if the same model is in them. Making
+    them takes 4 ms, and the runs of a study have one model.
+    """
+    before, context = gl.KEPT.__dict__.pop(IDLE, (None, None))
+    if context is not None:
+        if np.array_equal(before, whole):
+            return context
+        context.free()
+    return mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+
+
+def _give_back(whole: NDArray[np.uint8], context: mujoco.MjrContext) -> None:
+    """Keep the GL buffers of a model, given as MuJoCo writes it, for the next renderer."""
+    if gl.KEPT.__dict__.setdefault(IDLE, (whole, context))[1] is not context:
+        context.free()
 
 
 class Supersampled:

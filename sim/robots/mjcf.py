@@ -1,5 +1,6 @@
 """A robot from a file, MJCF or URDF: six joints or more, and a camera at its flange."""
 
+import functools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -111,6 +112,7 @@ def model_path(model: str) -> Path:
     return file_of(model, FOLDER, ".xml", "model")
 
 
+@functools.cache  # reading it takes 2 ms, and it is the same in all runs of a study
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
