@@ -5,7 +5,7 @@ The same scene gives the same bits on every machine: no fast-math, no sum whose 
 
 # pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false
 # numba's decorators have no types.
-from math import ceil, floor, hypot, log2, sqrt
+from math import ceil, floor, hypot, sqrt
 
 import numba
 import numpy as np
@@ -26,71 +26,62 @@ COLOUR = 3
 TEXTURE = 6
 CORNER = 8
 
-# Columns of a light.
-AT = 0
-"""Direction towards it, or its place."""
+# Columns of a light: its place or the direction to it, whether it is near, where it shines to, its
+# ambient, diffuse and specular colours, how it fades, its cone's cosine and exponent.
 NEAR = 3
-"""1 for a lamp at a place, 0 for one that is far away."""
 ALONG = 4
 AMBIENT = 7
 DIFFUSE = 10
 SPECULAR = 13
 FADING = 16
-"""Constant, linear and quadratic attenuation."""
 CONE = 19
-"""Cosine of the cone's half angle; -1 where it shines to all sides."""
 EXPONENT = 20
-LIGHT = 21
 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
 @compiled
-def lit(place: Array, normal: Array, rgba: Array, shine: Array, lights: Array, out: Array) -> None:
-    """Write the colour of a corner: the sum of what the lights give, at most 1 a channel.
+def dot(a: Array, b: Array) -> float:
+    """The scalar product of the first three entries, in this order."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
+    """Colour a corner with the sum of what the lights give, at most 1 a channel.
 
     Args:
-        place: In the camera's frame (3,) [m].
+        corner: (8,); its colour is written.
         normal: In the camera's frame (3,).
         rgba: Colour of the body (4,).
         shine: Its emission, specular reflection, and exponent of that (3,).
         lights: A row for each (n, 21), in the camera's frame.
-        out: The colour, 0 to 1 (3,).
     """
-    emission, specular, exponent = shine
     for k in range(3):
-        out[k] = emission * rgba[k]
-    to_light = np.empty(3)
+        corner[COLOUR + k] = shine[0] * rgba[k]
     for light in lights:
-        strength = 1.0
-        for k in range(3):
-            to_light[k] = light[AT + k]
-        if light[NEAR] > 0.0:
-            for k in range(3):
-                to_light[k] -= place[k]
-            far = sqrt(to_light[0] ** 2 + to_light[1] ** 2 + to_light[2] ** 2)
-            along = 0.0
-            for k in range(3):
-                to_light[k] /= far
-                along -= to_light[k] * light[ALONG + k]
-            strength /= light[FADING] + far * (light[FADING + 1] + far * light[FADING + 2])
-            if light[CONE] > -1.0:
-                strength *= along ** light[EXPONENT] if along >= light[CONE] else 0.0
-        facing = to_light[0] * normal[0] + to_light[1] * normal[1] + to_light[2] * normal[2]
-        for k in range(3):
-            given = light[AMBIENT + k] + max(facing, 0.0) * light[DIFFUSE + k]
-            out[k] += strength * rgba[k] * given
-        if specular > 0.0 and facing > 0.0 and light[SPECULAR : SPECULAR + 3].any():
+        x = light[0] - light[NEAR] * corner[0]
+        y = light[1] - light[NEAR] * corner[1]
+        z = light[2] - light[NEAR] * corner[2]
+        far = sqrt(x * x + y * y + z * z)
+        strength = 1.0 / (light[FADING] + far * (light[FADING + 1] + far * light[FADING + 2]))
+        along = -(x * light[ALONG] + y * light[ALONG + 1] + z * light[ALONG + 2]) / far
+        if along < light[CONE]:
+            continue
+        if light[EXPONENT] > 0.0:
+            strength *= along ** light[EXPONENT]
+        facing = max((x * normal[0] + y * normal[1] + z * normal[2]) / far, 0.0)
+        gloss = 0.0
+        if shine[1] > 0.0 and facing > 0.0 and light[SPECULAR : SPECULAR + 3].any():
             # The half-way vector between the light and the eye, as OpenGL has it.
-            far = sqrt(place[0] ** 2 + place[1] ** 2 + place[2] ** 2)
-            for k in range(3):
-                to_light[k] -= place[k] / far
-            cosine = to_light[0] * normal[0] + to_light[1] * normal[1] + to_light[2] * normal[2]
-            cosine /= sqrt(to_light[0] ** 2 + to_light[1] ** 2 + to_light[2] ** 2)
-            for k in range(3):
-                out[k] += strength * specular * max(cosine, 0.0) ** exponent * light[SPECULAR + k]
-    for k in range(3):
-        out[k] = min(out[k], 1.0)
+            away = sqrt(corner[0] ** 2 + corner[1] ** 2 + corner[2] ** 2)
+            half = np.array([x, y, z]) / far - corner[:3] / away
+            gloss = shine[1] * (max(dot(half, normal), 0.0) / sqrt(dot(half, half))) ** shine[2]
+        for k in range(3):
+            given = light[AMBIENT + k] + facing * light[DIFFUSE + k]
+            corner[COLOUR + k] += strength * (rgba[k] * given + gloss * light[SPECULAR + k])
+    for k in range(COLOUR, TEXTURE):
+        corner[k] = min(corner[k], 1.0)
 
 
 @compiled
@@ -171,70 +162,16 @@ def row_of(spots: Array, middle: float, width: int) -> tuple[int, int]:
             right = max(right, at)
     if not left < right:
         return 0, 0
-    return int(ceil(max(left, 0.5) - 0.5)), int(ceil(min(right, width + 0.0) - 0.5))
+    return int(ceil(max(left, 0.5) - 0.5)), int(ceil(min(right, width + 0.0) - 0.5))  # noqa: RUF046
 
 
 @compiled
-def paint(
+def fill(
     corners: Array,
     spots: Array,
     even: Array,
     body: int,
     alpha: float,
-    image: Image,
-    nearness: Array,
-    shown: Indices,
-) -> None:
-    """Draw a triangle that has no texture.
-
-    Args:
-        corners: (3, 8).
-        spots: (3, 3).
-        even: Room for what changes evenly (6, 3).
-        body: Its number.
-        alpha: Below 1 what is behind it shines through, and it hides nothing.
-        image: The picture (H, W, 3).
-        nearness: 1 / z of what is nearest (H, W) [1/m].
-        shown: Numbers of the bodies (H, W).
-    """
-    height, width = nearness.shape
-    flat = True
-    for k in range(COLOUR, TEXTURE):
-        flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
-    gradients(corners, spots, 1 if flat else 4, even)
-    colour = np.empty(3)
-    for k in range(3):
-        colour[k] = 255.0 * corners[0, COLOUR + k]
-    top = min(spots[0, 1], spots[1, 1], spots[2, 1])
-    low = max(spots[0, 1], spots[1, 1], spots[2, 1])
-    for v in range(max(int(ceil(top - 0.5)), 0), min(int(ceil(low - 0.5)), height)):
-        begin, end = row_of(spots, v + 0.5, width)
-        dv = v + 0.5 - spots[0, 1]
-        near = even[0, 0] + dv * even[0, 2] + (begin + 0.5 - spots[0, 0]) * even[0, 1]
-        for u in range(begin, end):
-            if near > nearness[v, u]:
-                if not flat:
-                    du = u + 0.5 - spots[0, 0]
-                    for k in range(3):
-                        value = even[1 + k, 0] + dv * even[1 + k, 2] + du * even[1 + k, 1]
-                        colour[k] = min(max(255.0 * value / near, 0.0), 255.0)
-                if alpha < 1.0:
-                    for k in range(3):
-                        image[v, u, k] = int(alpha * colour[k] + (1 - alpha) * image[v, u, k] + 0.5)
-                else:
-                    nearness[v, u] = near
-                    shown[v, u] = body
-                    for k in range(3):
-                        image[v, u, k] = int(colour[k] + 0.5)
-            near += even[0, 1]
-
-
-@compiled
-def paper(
-    corners: Array,
-    spots: Array,
-    even: Array,
-    body: int,
     texels: Indices,
     levels: Indices,
     image: Image,
@@ -243,11 +180,14 @@ def paper(
 ) -> None:
     """Draw a triangle with its texture, between the four nearest pixels of the fitting level.
 
+    A colour alone is a texture of one pixel.
+
     Args:
         corners: (3, 8).
         spots: (3, 3).
         even: Room for what changes evenly (6, 3).
         body: Its number.
+        alpha: Below 1 what is behind shines through, and the triangle hides nothing.
         texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
             pixel from its other side.
         levels: Of this texture: place in `texels`, width, height, and how many there are (n, 4).
@@ -259,17 +199,19 @@ def paper(
     flat = True
     for k in range(COLOUR, TEXTURE):
         flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
-    gradients(corners, spots, 6, even)
+    plain = levels[0, 3] == 1
+    gradients(corners, spots, 1 if flat and plain else 4 if plain else 6, even)
     # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
+    turns_s = floor(min(corners[0, TEXTURE], corners[1, TEXTURE], corners[2, TEXTURE]))
+    turns_t = floor(min(corners[0, TEXTURE + 1], corners[1, TEXTURE + 1], corners[2, TEXTURE + 1]))
+    top = max(ceil(min(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), 0)
+    low = min(ceil(max(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), height)
+    step = even[0, 1]
+    mixed = texels[levels[0, 0]] * 4096
     red = int(4096.0 * corners[0, COLOUR] + 0.5)
     green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
     blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
-    turns_s = floor(min(corners[0, TEXTURE], corners[1, TEXTURE], corners[2, TEXTURE]))
-    turns_t = floor(min(corners[0, TEXTURE + 1], corners[1, TEXTURE + 1], corners[2, TEXTURE + 1]))
-    top = min(spots[0, 1], spots[1, 1], spots[2, 1])
-    low = max(spots[0, 1], spots[1, 1], spots[2, 1])
-    step = even[0, 1]
-    for v in range(max(int(ceil(top - 0.5)), 0), min(int(ceil(low - 0.5)), height)):
+    for v in range(int(top), int(low)):
         first, end = row_of(spots, v + 0.5, width)
         dv = v + 0.5 - spots[0, 1]
         du = first + 0.5 - spots[0, 0]
@@ -289,7 +231,6 @@ def paper(
             t_down = (even[5, 2] - t * even[0, 2]) / near
             level = level_of(ds, dt, s_down, t_down, levels)
             start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
-            pitch = wide + 2
             # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
             x = int(((s - turns_s) * wide + 0.5) * 65536.0)
             y = int(((t - turns_t) * tall + 0.5) * 65536.0)
@@ -300,34 +241,42 @@ def paper(
             image_row = image[v, begin : begin + count]
             for c in range(count):
                 if near > near_row[c]:
-                    column = x >> 16
-                    row = y >> 16
-                    if column < 0 or column > wide:
-                        column %= wide
-                    if row < 0 or row > tall:
-                        row %= tall
-                    p = (x >> 10) & 63
-                    q = (y >> 10) & 63
-                    both = p * q
-                    upper = start + row * pitch + column
-                    lower = upper + pitch
-                    mixed = (
-                        texels[upper] * (4096 - 64 * p - 64 * q + both)
-                        + texels[upper + 1] * (64 * p - both)
-                        + texels[lower] * (64 * q - both)
-                        + texels[lower + 1] * both
-                    )
+                    if not plain:
+                        column = x >> 16
+                        row = y >> 16
+                        if column < 0 or column > wide:
+                            column %= wide
+                        if row < 0 or row > tall:
+                            row %= tall
+                        p = (x >> 10) & 63
+                        q = (y >> 10) & 63
+                        upper = start + row * (wide + 2) + column
+                        lower = upper + wide + 2
+                        mixed = (
+                            texels[upper] * ((64 - p) * (64 - q))
+                            + texels[upper + 1] * (p * (64 - q))
+                            + texels[lower] * ((64 - p) * q)
+                            + texels[lower + 1] * (p * q)
+                        )
                     if not flat:
-                        over = 4096.0 / near
                         du = begin + c + 0.5 - spots[0, 0]
+                        over = 4096.0 / near
                         red = int((even[1, 0] + dv * even[1, 2] + du * even[1, 1]) * over)
                         green = int((even[2, 0] + dv * even[2, 2] + du * even[2, 1]) * over)
                         blue = int((even[3, 0] + dv * even[3, 2] + du * even[3, 1]) * over)
-                    image_row[c, 0] = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
-                    image_row[c, 1] = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
-                    image_row[c, 2] = ((mixed >> 42) * blue + (1 << 23)) >> 24
-                    near_row[c] = near
-                    shown_row[c] = body
+                    r = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
+                    g = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
+                    b = ((mixed >> 42) * blue + (1 << 23)) >> 24
+                    if alpha < 1.0:
+                        r = int(alpha * r + (1.0 - alpha) * image_row[c, 0] + 0.5)
+                        g = int(alpha * g + (1.0 - alpha) * image_row[c, 1] + 0.5)
+                        b = int(alpha * b + (1.0 - alpha) * image_row[c, 2] + 0.5)
+                    image_row[c, 0] = r
+                    image_row[c, 1] = g
+                    image_row[c, 2] = b
+                    if alpha == 1.0:
+                        near_row[c] = near
+                        shown_row[c] = body
                 near += step
                 x += dx
                 y += dy
@@ -345,15 +294,18 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
         t_right: Likewise of the second.
         s_down: Change of the first to the next row.
         t_down: Likewise of the second.
-        levels: As for `paper` (n, 4).
+        levels: As for `fill` (n, 4).
     """
     wide, tall = levels[0, 1], levels[0, 2]
     right = (s_right * wide) ** 2 + (t_right * tall) ** 2
     down = (s_down * wide) ** 2 + (t_down * tall) ** 2
     spread = max(right, down)
-    if spread <= 1.0:
-        return 0
-    return int(min(0.5 * log2(spread) + 0.5, levels[0, 3] - 1.0))
+    level = 0
+    # The middle between two levels is a factor of the square root of 2.
+    while spread > 2.0 and level < levels[0, 3] - 1:
+        spread /= 4.0
+        level += 1
+    return level
 
 
 @compiled
@@ -428,54 +380,43 @@ def draw(
         if radii[body] > 0.0 and is_outside(middle, radii[body], view, height, width):
             continue
         for k in range(3):
-            eye[k] = -(R[0, k] * middle[0] + R[1, k] * middle[1] + R[2, k] * middle[2])
+            eye[k] = -dot(R[:, k], middle)
         for face in range(first[body], first[body + 1]):
             plane = faces[face]
-            if plane[0] * eye[0] + plane[1] * eye[1] + plane[2] * eye[2] <= plane[3]:
+            if dot(plane, eye) <= plane[3]:
                 continue
             inside = 0
             for k in range(3):
                 at = corners[3 * face + k]
                 for i in range(3):
-                    corner[k, i] = R[i, 0] * at[0] + R[i, 1] * at[1] + R[i, 2] * at[2] + middle[i]
+                    corner[k, i] = dot(R[i], at) + middle[i]
                 inside += corner[k, 2] > near
-            if inside == 0:
-                continue
-            if inside == 3 and not project(corner, view, spots, height, width):
+            if inside == 0 or (inside == 3 and not project(corner, view, spots, height, width)):
                 continue
             for k in range(3):
                 at = normals[3 * face + k]
                 for i in range(3):
-                    normal[i] = R[i, 0] * at[0] + R[i, 1] * at[1] + R[i, 2] * at[2]
+                    normal[i] = dot(R[i], at)
                 if k > 0 and is_even and plane[4] > 0.0:
                     corner[k, COLOUR:TEXTURE] = corner[0, COLOUR:TEXTURE]
                 else:
-                    lit(corner[k], normal, rgba[body], shine[body], lights, corner[k, COLOUR:])
-                corner[k, TEXTURE] = places[3 * face + k, 0]
-                corner[k, TEXTURE + 1] = places[3 * face + k, 1]
+                    lit(corner[k], normal, rgba[body], shine[body], lights)
+                corner[k, TEXTURE:] = places[3 * face + k]
+            part[:3] = corner
             count = 3 if inside == 3 else cut(corner, near, part)
             for k in range(1, count - 1):
-                piece = corner
-                if inside < 3:
-                    fan[0] = part[0]
-                    fan[1] = part[k]
-                    fan[2] = part[k + 1]
-                    piece = fan
-                    if not project(fan, view, spots, height, width):
-                        continue
-                texture = textures[body]
-                alpha = rgba[body, 3]
-                if texture < 0 or alpha < 1.0:
-                    paint(piece, spots, even, body, alpha, image, nearness, shown)
-                else:
-                    paper(piece, spots, even, body, texels, levels[texture], image, nearness, shown)
+                fan[0] = part[0]
+                fan[1:] = part[k : k + 2]
+                if project(fan, view, spots, height, width):
+                    alpha = rgba[body, 3]
+                    table = levels[textures[body]]
+                    fill(fan, spots, even, body, alpha, texels, table, image, nearness, shown)
 
 
 @compiled
 def fill_sky(
     texels: Indices,
     side: int,
-    start: int,
     rotation: Array,
     view: Array,
     image: Image,
@@ -484,9 +425,8 @@ def fill_sky(
     """Fill pixels that show no body from the six pictures of a cube that is far away.
 
     Args:
-        texels: As for `paper`, of the cube's pictures, one under the other without borders.
+        texels: As for `fill`, of the cube's pictures, one under the other without borders.
         side: Of each picture [px].
-        start: Place of the first pixel in `texels`.
         rotation: Of the camera in the world (3, 3).
         view: Focal lengths and principal point (4,) [px].
         image: The picture (H, W, 3).
@@ -515,13 +455,12 @@ def fill_sky(
             row = min(int(down), side - 2)
             p = int(64 * (across - column))
             q = int(64 * (down - row))
-            upper = start + (face * side + row) * side + column
+            upper = (face * side + row) * side + column
             mixed = (
                 texels[upper] * ((64 - p) * (64 - q))
                 + texels[upper + 1] * (p * (64 - q))
                 + texels[upper + side] * ((64 - p) * q)
                 + texels[upper + side + 1] * (p * q)
             )
-            image[v, u, 0] = ((mixed & 0x1FFFFF) + 2048) >> 12
-            image[v, u, 1] = (((mixed >> 21) & 0x1FFFFF) + 2048) >> 12
-            image[v, u, 2] = ((mixed >> 42) + 2048) >> 12
+            for k in range(3):
+                image[v, u, k] = (((mixed >> (21 * k)) & 0x1FFFFF) + 2048) >> 12

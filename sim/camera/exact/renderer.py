@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.camera.exact import raster
-from sim.camera.exact.solids import Solid, bodies, solid_of, texture_of
+from sim.camera.exact.solids import materials_of, solids_of, texture_of
 from sim.camera.renderer import camera_pose
 from sim.types import Array, Camera, Image, Pose
 
@@ -21,6 +21,8 @@ HARDEST = 128.0
 """OpenGL's exponent of the specular reflection where MuJoCo's shininess is 1."""
 SOLID = 0.995
 """Least alpha of a body that nothing shines through: MuJoCo's rule."""
+FULL = (1.0, 0.0, 0.0)
+"""Attenuation of a lamp that does not fade."""
 CHANNEL = 21
 """Bits for a colour's channel in a texel; sums with weights up to 4096 fit."""
 NO_BODY = -1
@@ -38,20 +40,19 @@ class ExactRenderer:
         self._model = model
         self._camera = int(model.camera(camera).id)
         self._view = np.array([view.fx, view.fy, view.cx, view.cy])
-        found = list(bodies(model))
-        surfaces = [solid_of(model, body) for body in found]
-        there = [s for s in surfaces if s is not None]
-        counts = [0 if s is None else len(s.corners) // 3 for s in surfaces]
+        surfaces = solids_of(model)
+        counts = np.array([len(s.corners) // 3 for s in surfaces])
         self._first = np.concatenate([[0], np.cumsum(counts)])
-        self._corners = np.concatenate([s.corners for s in there])
-        self._normals = np.concatenate([s.normals for s in there])
-        self._places = np.concatenate([s.texture for s in there])
+        self._corners = np.concatenate([s.corners for s in surfaces])
+        self._normals = np.concatenate([s.normals for s in surfaces])
+        self._places = np.concatenate([s.texture for s in surfaces])
         self._faces = _faces(self._corners, self._normals)
-        self._radii = np.array([_radius(s) for s in surfaces])
+        self._radii = np.array([np.linalg.norm(s.corners, axis=1).max(initial=0) for s in surfaces])
         self._rgba, self._shine = _looks(model)
-        self._is_shown = _shown(model) & (np.array(counts) > 0)
-        self._textures = np.array([texture_of(model, body.material) for body in found])
-        self._read_textures()
+        self._is_shown = _shown(model) & (counts > 0)
+        self._texels, self._levels = _textures(model)
+        self._textures = np.array([texture_of(model, m) for m in materials_of(model)]) + 1
+        self._sky = _sky(model)
         self._nearest = 1.0 / (model.vis.map.zfar * model.stat.extent)
         shape = (view.height, view.width)
         self._nearness = np.empty(shape)
@@ -69,7 +70,7 @@ class ExactRenderer:
         self._draw(data, eye, order, self._rgba, image)
         if self._sky is not None:
             texels, side = self._sky
-            raster.fill_sky(texels, side, 0, eye.rotation, self._view, image, self._shown)
+            raster.fill_sky(texels, side, eye.rotation, self._view, image, self._shown)
         clear = self._nearest_first(data, eye, self._is_shown & ~solid)
         if len(clear):
             # To the farthest and back again: MuJoCo's way where what is clear overlaps.
@@ -77,7 +78,7 @@ class ExactRenderer:
         return image
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (rows, columns) of the pixels that show one of the geoms; see `Renderer`."""
+        """Return a mask of the pixels that show one of the geoms; see `Renderer`."""
         wanted = np.concatenate([geoms, np.zeros(self._model.nsite, bool)])
         opaque = self._rgba.copy()
         opaque[:, 3] = 1.0
@@ -129,36 +130,6 @@ class ExactRenderer:
             self._shown,
         )
 
-    def _read_textures(self) -> None:
-        """Take the model's pictures over: those on bodies with their levels, and the sky."""
-        model = self._model
-        flat = [np.zeros(1, np.int64)]
-        tables = [np.zeros((1, 4), np.int64)]
-        self._sky: tuple[NDArray[np.int64], int] | None = None
-        for texture in range(model.ntex):
-            picture = _picture(model, texture)
-            kind = model.tex_type[texture]
-            if kind == mujoco.mjtTexture.mjTEXTURE_SKYBOX and self._sky is None:
-                self._sky = _packed(picture), picture.shape[1]
-            if kind != mujoco.mjtTexture.mjTEXTURE_2D:
-                # A cube around a body: its mean colour.
-                bodies_of_it = self._textures == texture
-                self._rgba[bodies_of_it, :3] *= picture.mean(axis=(0, 1)) / 255
-                self._textures[bodies_of_it] = -1
-            levels = _levels(picture) if kind == mujoco.mjtTexture.mjTEXTURE_2D else []
-            table = list[tuple[int, int, int, int]]()
-            for level in levels:
-                height, width = level.shape[:2]
-                table.append((sum(map(len, flat)), width, height, len(levels)))
-                flat.append(_packed(np.pad(level, ((1, 1), (1, 1), (0, 0)), mode="wrap")))
-            tables.append(np.array(table or [(0, 1, 1, 1)]))
-        most = max(map(len, tables))
-        # The first stands for no texture at all.
-        self._levels = np.stack([np.pad(t, ((0, most - len(t)), (0, 0))) for t in tables])[1:]
-        if not len(self._levels):
-            self._levels = np.zeros((1, 1, 4), np.int64)
-        self._texels = np.concatenate(flat)
-
 
 def _check(model: mujoco.MjModel) -> None:
     for count, name in (
@@ -185,10 +156,6 @@ def _faces(corners: Array, normals: Array) -> Array:
     return np.column_stack([across, np.sum(across * a, axis=1), agree])
 
 
-def _radius(surface: Solid | None) -> float:
-    return 0.0 if surface is None else float(np.linalg.norm(surface.corners, axis=1).max())
-
-
 def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
     """Colours (n, 4), and emission, specular reflection and its exponent (n, 3), of all bodies."""
     rgba = np.concatenate([model.geom_rgba, model.site_rgba]).astype(float)
@@ -197,7 +164,7 @@ def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
     has = material >= 0
     own = material[has]
     shine[has] = np.column_stack([model.mat_emission, model.mat_specular, model.mat_shininess])[own]
-    taken = has & (rgba.astype(np.float32) == np.float32(DEFAULT_RGBA)).all(axis=1)
+    taken = has & (rgba.astype(np.float32) == np.array(DEFAULT_RGBA, np.float32)).all(axis=1)
     rgba[taken] = model.mat_rgba[material[taken]]
     return rgba, shine * (1.0, 1.0, HARDEST)
 
@@ -212,38 +179,28 @@ def _shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 def _lights(model: mujoco.MjModel, data: mujoco.MjData, eye: Pose) -> Array:
     """Lights that are on, in the camera's frame: a row each, as `raster` has its columns."""
-    rows = list[Array]()
+    on = model.light_active.astype(bool)
+    is_near = model.light_type[on] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    along = data.light_xdir[on] @ eye.rotation
+    places = (data.light_xpos[on] - eye.translation) @ eye.rotation
+    cosines = np.where(is_near, np.cos(np.radians(model.light_cutoff[on])), -np.inf)
+    lamps = np.column_stack(
+        [
+            np.where(is_near[:, None], places, -along),
+            is_near,
+            along,
+            model.light_ambient[on],
+            model.light_diffuse[on],
+            model.light_specular[on],
+            np.where(is_near[:, None], model.light_attenuation[on], FULL),
+            cosines,
+            np.where(is_near, model.light_exponent[on], 0.0),
+        ]
+    )
     head = model.vis.headlight
-    if head.active:
-        row = np.zeros(raster.LIGHT)
-        row[raster.AT : raster.AT + 3] = (0.0, 0.0, -1.0)
-        for at, colour in (
-            (raster.AMBIENT, head.ambient),
-            (raster.DIFFUSE, head.diffuse),
-            (raster.SPECULAR, head.specular),
-        ):
-            row[at : at + 3] = colour
-        rows.append(row)
-    for k in np.flatnonzero(model.light_active):
-        along = data.light_xdir[k] @ eye.rotation
-        row = np.zeros(raster.LIGHT)
-        row[raster.AT : raster.AT + 3] = -along / np.linalg.norm(along)
-        row[raster.ALONG : raster.ALONG + 3] = along
-        row[raster.CONE] = -1.0
-        for at, values in (
-            (raster.AMBIENT, model.light_ambient[k]),
-            (raster.DIFFUSE, model.light_diffuse[k]),
-            (raster.SPECULAR, model.light_specular[k]),
-        ):
-            row[at : at + 3] = values
-        if model.light_type[k] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL:
-            row[raster.AT : raster.AT + 3] = (data.light_xpos[k] - eye.translation) @ eye.rotation
-            row[raster.NEAR] = 1.0
-            row[raster.FADING : raster.FADING + 3] = model.light_attenuation[k]
-            row[raster.CONE] = np.cos(np.radians(model.light_cutoff[k]))
-            row[raster.EXPONENT] = model.light_exponent[k]
-        rows.append(row)
-    return np.array(rows).reshape(-1, raster.LIGHT)
+    colours = [*head.ambient, *head.diffuse, *head.specular]
+    own = np.array([[0, 0, -1, 0, 0, 0, 1, *colours, *FULL, -np.inf, 0]])
+    return np.concatenate([own, lamps]) if head.active else lamps
 
 
 def _picture(model: mujoco.MjModel, texture: int) -> Image:
@@ -251,6 +208,35 @@ def _picture(model: mujoco.MjModel, texture: int) -> Image:
     start = int(model.tex_adr[texture])
     picture = model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
     return np.broadcast_to(picture[..., :1], (*shape[:2], 3)) if shape[2] < 3 else picture[..., :3]
+
+
+def _textures(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """White, then the model's pictures: their pixels, and a table of the levels of each.
+
+    A cube around a body is not drawn: its mean colour stands for it.
+    """
+    pictures = [np.full((1, 1, 3), 255, np.uint8)]
+    for texture in range(model.ntex):
+        picture = _picture(model, texture)
+        if model.tex_type[texture] != mujoco.mjtTexture.mjTEXTURE_2D:
+            picture = picture.mean(axis=(0, 1), keepdims=True).astype(np.uint8)
+        pictures.append(picture)
+    texels = list[NDArray[np.int64]]()
+    table = np.zeros((len(pictures), max(max(p.shape) for p in pictures).bit_length(), 4), np.int64)
+    for k, picture in enumerate(pictures):
+        levels = _levels(picture)
+        for i, level in enumerate(levels):
+            table[k, i] = (sum(map(len, texels)), level.shape[1], level.shape[0], len(levels))
+            texels.append(_packed(np.pad(level, ((1, 1), (1, 1), (0, 0)), mode="wrap")))
+    return np.concatenate(texels), table
+
+
+def _sky(model: mujoco.MjModel) -> tuple[NDArray[np.int64], int] | None:
+    """The six pictures of the sky, and the side of each; None where there is no sky."""
+    for texture in np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)[:1]:
+        picture = _picture(model, int(texture))
+        return _packed(picture), picture.shape[1]
+    return None
 
 
 def _levels(picture: Image) -> list[Image]:

@@ -1,6 +1,5 @@
 """Triangles of a model's geoms and sites, as MuJoCo draws them, each in its own frame."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -15,20 +14,12 @@ the edges of meshes that have no normals of their own, and is MuJoCo's rule."""
 REACH = 2.0
 """Half a side of what is drawn of an endless plane, of how far the camera sees."""
 NO_AREA = 1e-12
-"""Triangles at a pole have none [unit size]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Body:
-    """A geom or a site: what decides its surface."""
-
-    kind: int
-    """An `mjtGeom`."""
-    size: Array
-    """MuJoCo's three sizes [m]."""
-    mesh: int
-    material: int
-    """-1 where it has none; likewise the mesh."""
+"""Triangles at a pole have none [m^2]."""
+CYLINDER = np.array([[0, -1], [1, -1], [1, -1], [1, 1], [1, 1], [0, 1]], float)
+"""Radius and height of its profile, twice at an edge."""
+CYLINDER_NORMALS = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]], float)
+TOP = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float)
+"""The upper face of a box."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,27 +34,23 @@ class Solid:
     """Place in the material's picture (3 n, 2), 0 to 1 in a picture that is not repeated."""
 
 
-def bodies(model: mujoco.MjModel) -> Iterator[Body]:
-    """All geoms of a model, then all its sites."""
-    for kind, size, mesh, material in zip(
-        model.geom_type, model.geom_size, model.geom_dataid, model.geom_matid, strict=True
-    ):
-        yield Body(int(kind), size.astype(float), int(mesh), int(material))
-    for kind, size, material in zip(
-        model.site_type, model.site_size, model.site_matid, strict=True
-    ):
-        yield Body(int(kind), size.astype(float), -1, int(material))
+def solids_of(model: mujoco.MjModel) -> list[Solid]:
+    """The surfaces of all geoms, then of all sites; a kind that is not drawn has no triangles."""
+    kinds = np.concatenate([model.geom_type, model.site_type])
+    sizes = np.concatenate([model.geom_size, model.site_size]).astype(float)
+    return [
+        _mesh(model, int(model.geom_dataid[k]), size, material)
+        if kind == SHAPE.mjGEOM_MESH
+        else _primitive(model, int(kind), size, material)
+        for k, (kind, size, material) in enumerate(
+            zip(kinds, sizes, materials_of(model), strict=True)
+        )
+    ]
 
 
-def solid_of(model: mujoco.MjModel, body: Body) -> Solid | None:
-    """The surface of a geom or site; None for a kind that is not drawn."""
-    if body.kind == SHAPE.mjGEOM_MESH:
-        return _mesh(model, body)
-    surface = _surface(model, body)
-    if surface is None:
-        return None
-    corners, normals = surface
-    return Solid(corners, normals, _mapped(model, body, corners))
+def materials_of(model: mujoco.MjModel) -> list[int]:
+    """The materials of all geoms, then of all sites; -1 where there is none."""
+    return np.concatenate([model.geom_matid, model.site_matid]).tolist()
 
 
 def texture_of(model: mujoco.MjModel, material: int) -> int:
@@ -73,44 +60,40 @@ def texture_of(model: mujoco.MjModel, material: int) -> int:
     return int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
 
 
-Surface = tuple[Array, Array]
-"""Corners (3 n, 3) and normals (3 n, 3)."""
-
-
-def _surface(model: mujoco.MjModel, body: Body) -> Surface | None:
-    size = body.size
+def _primitive(model: mujoco.MjModel, kind: int, size: Array, material: int) -> Solid:
     slices = int(model.vis.quality.numslices)
-    stacks = int(model.vis.quality.numstacks) // 2
-    match body.kind:
+    quarter = np.pi / 2 * np.linspace(0, 1, int(model.vis.quality.numstacks) // 2 + 1)
+    angle = np.concatenate([-quarter[::-1], quarter])
+    arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    match kind:
         case SHAPE.mjGEOM_PLANE:
             far = REACH * model.vis.map.zfar * model.stat.extent
-            side = np.where(size[:2] > 0, size[:2], far)
-            return _scaled(_square(2, 1.0, 0.0), np.array([*side, 1.0]))
+            size = np.array([*np.where(size[:2] > 0, size[:2], far), 1.0])
+            corners, normals = (rows[:6] for rows in _box())
+            corners = (corners - (0, 0, 1)) * size
         case SHAPE.mjGEOM_BOX:
-            sides = [_square(axis, sign, 1.0) for axis in range(3) for sign in (-1.0, 1.0)]
-            return _scaled(_joined(sides), size)
+            corners, normals = _scaled(_box(), size)
         case SHAPE.mjGEOM_SPHERE:
-            return _scaled(_turned(_arc(-1, 1, 2 * stacks), slices), np.full(3, size[0]))
+            size = size[[0, 0, 0]]
+            corners, normals = _scaled(_turned(arc, arc, slices), size)
         case SHAPE.mjGEOM_ELLIPSOID:
-            return _scaled(_turned(_arc(-1, 1, 2 * stacks), slices), size)
+            corners, normals = _scaled(_turned(arc, arc, slices), size)
         case SHAPE.mjGEOM_CYLINDER:
-            parts = [_turned(piece, slices) for piece in (_wall(), _disk(-1), _disk(1))]
-            return _scaled(_joined(parts), size[[0, 0, 1]])
+            size = size[[0, 0, 1]]
+            corners, normals = _scaled(_turned(CYLINDER, CYLINDER_NORMALS, slices), size)
         case SHAPE.mjGEOM_CAPSULE:
-            radius, half = size[:2]
-            parts = [_scaled(_turned(_wall(), slices), size[[0, 0, 1]])]
-            for sign in (-1, 1):
-                cap = _turned(_arc(min(sign, 0), max(sign, 0), stacks), slices)
-                corners, normals = _scaled(cap, np.full(3, radius))
-                parts.append((corners + (0.0, 0.0, sign * half), normals))
-            return _joined(parts)
+            # Two halves of a ball; the wall is what lies between their equators.
+            size = size[[0, 0, 1]]
+            apart = np.repeat([-size[2], size[2]], len(quarter))
+            ends = size[0] * arc + np.stack([0 * apart, apart], axis=1)
+            corners, normals = _turned(ends, arc, slices)
         case _:
-            return None
+            corners = normals = np.zeros((0, 3))
+    return Solid(corners, normals, _mapped(model, size, material, corners))
 
 
-def _joined(parts: list[Surface]) -> Surface:
-    corners, normals = zip(*parts, strict=True)
-    return np.concatenate(corners), np.concatenate(normals)
+Surface = tuple[Array, Array]
+"""Corners (3 n, 3) and normals (3 n, 3)."""
 
 
 def _scaled(surface: Surface, size: Array) -> Surface:
@@ -119,88 +102,69 @@ def _scaled(surface: Surface, size: Array) -> Surface:
     return corners * size, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def _square(axis: int, sign: float, height: float) -> Surface:
-    """A square of two triangles across an axis, that is seen from this side."""
-    face = np.empty((4, 3))
-    face[:, axis] = sign * height
-    face[:, (axis + 1) % 3] = sign * np.array([-1.0, 1.0, 1.0, -1.0])
-    face[:, (axis + 2) % 3] = [-1.0, -1.0, 1.0, 1.0]
-    normal = np.zeros(3)
-    normal[axis] = sign
-    return _split(face[None]), np.tile(normal, (6, 1))
-
-
 def _split(quads: Array) -> Array:
     """Two triangles for each quadrilateral (n, 4, 3)."""
     return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
 
 
-Profile = tuple[Array, Array]
-"""Points (n, 2) as radius and height with the outside on the right, and their normals (n, 2)."""
+def _box() -> Surface:
+    """A cube with a half side of 1; its upper face comes first."""
+    upper = [np.roll(TOP, k, axis=1) for k in range(3)]
+    normals = np.roll(np.eye(3), 1, axis=0)[:, None] * np.ones((4, 1))
+    faces = np.array([*upper, *(-face[::-1] for face in upper)])
+    return _split(faces), _split(np.concatenate([normals, -normals]))
 
 
-def _arc(low: int, high: int, stacks: int) -> Profile:
-    """A part of a half circle, in quarters from the equator."""
-    angle = np.pi / 2 * np.linspace(low, high, stacks + 1)
-    points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return points, points
+def _turned(points: Array, normals: Array, slices: int) -> Surface:
+    """Turn a profile around the z axis.
 
-
-def _wall() -> Profile:
-    # One piece: MuJoCo cuts walls and ends into rings, whose colours differ under near lamps only.
-    return np.array([[1.0, -1.0], [1.0, 1.0]]), np.array([[1.0, 0.0], [1.0, 0.0]])
-
-
-def _disk(sign: int) -> Profile:
-    radius = np.array([0.0, 1.0])[::-sign]
-    return np.stack([radius, [sign, sign]], axis=1), np.tile([0.0, float(sign)], (2, 1))
-
-
-def _turned(profile: Profile, slices: int) -> Surface:
-    """Turn a profile around the z axis: two triangles for each of its pieces and each slice."""
+    Args:
+        points: Radius and height, upwards with the outside on the right (n, 2) [m].
+        normals: Of the profile there (n, 2).
+        slices: Pieces of a turn.
+    """
     angle = 2 * np.pi / slices * np.arange(slices + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    corners, normals = (_split(_swept(points, ring)) for points in profile)
-    area = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
-    kept = np.repeat(np.linalg.norm(area, axis=1) > NO_AREA, 3)
-    return corners[kept], normals[kept]
+    turned = list[Array]()
+    for profile in (points, normals):
+        grid = np.empty((len(profile), slices + 1, 3))
+        grid[..., :2] = profile[:, None, :1] * ring
+        grid[..., 2] = profile[:, None, 1]
+        quads = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
+        turned.append(_split(np.stack(quads, axis=2).reshape(-1, 4, 3)))
+    area = np.linalg.norm(_across(turned[0]), axis=1)
+    kept = np.repeat(area > NO_AREA, 3)
+    return turned[0][kept], turned[1][kept]
 
 
-def _swept(points: Array, ring: Array) -> Array:
-    radial = points[:, None, :1] * ring
-    height = np.broadcast_to(points[:, None, 1:], (*radial.shape[:2], 1))
-    grid = np.concatenate([radial, height], axis=2)
-    quads = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
-    return np.stack(quads, axis=2).reshape(-1, 4, 3)
+def _across(corners: Array) -> Array:
+    """Normals of triangles (n, 3), as long as twice their area."""
+    a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
 
 
-def _mesh(model: mujoco.MjModel, body: Body) -> Solid:
-    first = int(model.mesh_faceadr[body.mesh])
-    faces = slice(first, first + int(model.mesh_facenum[body.mesh]))
-    vertices = model.mesh_face[faces].ravel() + model.mesh_vertadr[body.mesh]
-    outward = model.mesh_facenormal[faces].ravel() + model.mesh_normaladr[body.mesh]
+def _mesh(model: mujoco.MjModel, mesh: int, size: Array, material: int) -> Solid:
+    first = int(model.mesh_faceadr[mesh])
+    faces = slice(first, first + int(model.mesh_facenum[mesh]))
+    vertices = model.mesh_face[faces].ravel() + model.mesh_vertadr[mesh]
+    outward = model.mesh_facenormal[faces].ravel() + model.mesh_normaladr[mesh]
     corners = model.mesh_vert[vertices].astype(float)
     normals = model.mesh_normal[outward].astype(float)
-    start = int(model.mesh_texcoordadr[body.mesh])
+    start = int(model.mesh_texcoordadr[mesh])
     if start >= 0:
         places = model.mesh_facetexcoord[faces].ravel() + start
         return Solid(corners, normals, model.mesh_texcoord[places].astype(float))
-    flat = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
-    length = np.linalg.norm(flat, axis=1, keepdims=True)
-    flat = np.repeat(flat / np.where(length > 0, length, 1), 3, axis=0)
+    flat = np.repeat(_across(corners), 3, axis=0)
+    flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     differs = np.sum(flat * normals, axis=1, keepdims=True) < FLAT
-    return Solid(corners, np.where(differs, flat, normals), _mapped(model, body, corners))
+    return Solid(corners, np.where(differs, flat, normals), _mapped(model, size, material, corners))
 
 
-def _mapped(model: mujoco.MjModel, body: Body, corners: Array) -> Array:
+def _mapped(model: mujoco.MjModel, size: Array, material: int, corners: Array) -> Array:
     """Texture coordinates by the place on the body: the picture lies across its x and y."""
-    if texture_of(model, body.material) < 0:
+    if texture_of(model, material) < 0:
         return np.zeros((len(corners), 2))
-    size = body.size[:2]
-    if body.kind in (SHAPE.mjGEOM_SPHERE, SHAPE.mjGEOM_CYLINDER, SHAPE.mjGEOM_CAPSULE):
-        size = body.size[[0, 0]]
-    scale = np.where(size > 0, size, 1.0)
-    repeat = model.mat_texrepeat[body.material].astype(float)
-    if model.mat_texuniform[body.material]:
-        repeat = repeat * scale
-    return 0.5 * repeat * corners[:, :2] / scale * (1.0, -1.0) - 0.5
+    repeat = model.mat_texrepeat[material].astype(float)
+    if model.mat_texuniform[material]:
+        repeat = repeat * size[:2]
+    return 0.5 * repeat * corners[:, :2] / size[:2] * (1.0, -1.0) - 0.5
