@@ -208,6 +208,8 @@ def fill(
     low = min(ceil(max(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), height)
     step = even[0, 1]
     mixed = texels[levels[0, 0]] * 4096
+    x = y = dx = dy = start = wide = tall = 0
+    ds = dt = 0.0
     red = int(4096.0 * corners[0, COLOUR] + 0.5)
     green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
     blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
@@ -223,19 +225,21 @@ def fill(
         t = (row_t + du * even[5, 1]) / near
         for begin in range(first, end, SEGMENT):
             count = min(SEGMENT, end - begin)
-            du = begin + count + 0.5 - spots[0, 0]
-            ending = row_near + du * step
-            ds = ((row_s + du * even[4, 1]) / ending - s) / count
-            dt = ((row_t + du * even[5, 1]) / ending - t) / count
-            s_down = (even[4, 2] - s * even[0, 2]) / near
-            t_down = (even[5, 2] - t * even[0, 2]) / near
-            level = level_of(ds, dt, s_down, t_down, levels)
-            start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
-            # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
-            x = int(((s - turns_s) * wide + 0.5) * 65536.0)
-            y = int(((t - turns_t) * tall + 0.5) * 65536.0)
-            dx = int(ds * wide * 65536.0)
-            dy = int(dt * tall * 65536.0)
+            ending = near + count * step
+            if not plain:
+                du = begin + count + 0.5 - spots[0, 0]
+                ds = ((row_s + du * even[4, 1]) / ending - s) / count
+                dt = ((row_t + du * even[5, 1]) / ending - t) / count
+                s_down = (even[4, 2] - s * even[0, 2]) / near
+                t_down = (even[5, 2] - t * even[0, 2]) / near
+                level = level_of(ds, dt, s_down, t_down, levels)
+                start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
+                # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
+                x = int(((s - turns_s) * wide + 0.5) * 65536.0)
+                y = int(((t - turns_t) * tall + 0.5) * 65536.0)
+                dx = int(ds * wide * 65536.0)
+                dy = int(dt * tall * 65536.0)
+            pitch = wide + 2
             near_row = nearness[v, begin : begin + count]
             shown_row = shown[v, begin : begin + count]
             image_row = image[v, begin : begin + count]
@@ -250,13 +254,14 @@ def fill(
                             row %= tall
                         p = (x >> 10) & 63
                         q = (y >> 10) & 63
-                        upper = start + row * (wide + 2) + column
-                        lower = upper + wide + 2
+                        both = p * q
+                        upper = start + row * pitch + column
+                        lower = upper + pitch
                         mixed = (
-                            texels[upper] * ((64 - p) * (64 - q))
-                            + texels[upper + 1] * (p * (64 - q))
-                            + texels[lower] * ((64 - p) * q)
-                            + texels[lower + 1] * (p * q)
+                            texels[upper] * (4096 - 64 * p - 64 * q + both)
+                            + texels[upper + 1] * (64 * p - both)
+                            + texels[lower] * (64 * q - both)
+                            + texels[lower + 1] * both
                         )
                     if not flat:
                         du = begin + c + 0.5 - spots[0, 0]
@@ -402,14 +407,15 @@ def draw(
                 else:
                     lit(corner[k], normal, rgba[body], shine[body], lights)
                 corner[k, TEXTURE:] = places[3 * face + k]
-            part[:3] = corner
-            count = 3 if inside == 3 else cut(corner, near, part)
-            for k in range(1, count - 1):
+            alpha = rgba[body, 3]
+            table = levels[textures[body]]
+            if inside == 3:
+                fill(corner, spots, even, body, alpha, texels, table, image, nearness, shown)
+                continue
+            for k in range(1, cut(corner, near, part) - 1):
                 fan[0] = part[0]
                 fan[1:] = part[k : k + 2]
                 if project(fan, view, spots, height, width):
-                    alpha = rgba[body, 3]
-                    table = levels[textures[body]]
                     fill(fan, spots, even, body, alpha, texels, table, image, nearness, shown)
 
 
