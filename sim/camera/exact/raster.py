@@ -1,0 +1,472 @@
+"""Triangles into a picture, with IEEE arithmetic in a fixed order.
+
+The same scene gives the same bits on every machine: no fast-math, no sum whose order may change.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false
+# numba's decorators have no types.
+from math import ceil, floor, hypot, sqrt
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array, Image
+
+Indices = NDArray[np.int64]
+
+SEGMENT = 32
+"""Pixels of a row between which texture coordinates go evenly; a division for each pixel costs
+twice as much, and nothing is to be seen of the difference."""
+NO_AREA = 1e-9
+"""A triangle below this covers no pixel's middle, but by rounding [px^2]."""
+
+# Columns of a corner: its place in the camera's frame, its colour, its place in the texture.
+COLOUR = 3
+TEXTURE = 6
+CORNER = 8
+
+# Columns of a light: its place or the direction to it, whether it is near, where it shines to, its
+# ambient, diffuse and specular colours, how it fades, its cone's cosine and exponent.
+NEAR = 3
+ALONG = 4
+AMBIENT = 7
+DIFFUSE = 10
+SPECULAR = 13
+FADING = 16
+CONE = 19
+EXPONENT = 20
+
+compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@compiled
+def dot(a: Array, b: Array) -> float:
+    """The scalar product of the first three entries, in this order."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
+    """Colour a corner with the sum of what the lights give, at most 1 a channel.
+
+    Args:
+        corner: (8,); its colour is written.
+        normal: In the camera's frame (3,).
+        rgba: Colour of the body (4,).
+        shine: Its emission, specular reflection, and exponent of that (3,).
+        lights: A row for each (n, 21), in the camera's frame.
+    """
+    for k in range(3):
+        corner[COLOUR + k] = shine[0] * rgba[k]
+    for light in lights:
+        x = light[0] - light[NEAR] * corner[0]
+        y = light[1] - light[NEAR] * corner[1]
+        z = light[2] - light[NEAR] * corner[2]
+        far = sqrt(x * x + y * y + z * z)
+        strength = 1.0 / (light[FADING] + far * (light[FADING + 1] + far * light[FADING + 2]))
+        along = -(x * light[ALONG] + y * light[ALONG + 1] + z * light[ALONG + 2]) / far
+        if along < light[CONE]:
+            continue
+        if light[EXPONENT] > 0.0:
+            strength *= along ** light[EXPONENT]
+        facing = max((x * normal[0] + y * normal[1] + z * normal[2]) / far, 0.0)
+        gloss = 0.0
+        if shine[1] > 0.0 and facing > 0.0 and light[SPECULAR : SPECULAR + 3].any():
+            # The half-way vector between the light and the eye, as OpenGL has it.
+            away = sqrt(corner[0] ** 2 + corner[1] ** 2 + corner[2] ** 2)
+            half = np.array([x, y, z]) / far - corner[:3] / away
+            gloss = shine[1] * (max(dot(half, normal), 0.0) / sqrt(dot(half, half))) ** shine[2]
+        for k in range(3):
+            given = light[AMBIENT + k] + facing * light[DIFFUSE + k]
+            corner[COLOUR + k] += strength * (rgba[k] * given + gloss * light[SPECULAR + k])
+    for k in range(COLOUR, TEXTURE):
+        corner[k] = min(corner[k], 1.0)
+
+
+@compiled
+def project(corners: Array, view: Array, spots: Array, height: int, width: int) -> bool:
+    """Write where the corners of a triangle are seen; return whether it may cover a pixel's middle.
+
+    Args:
+        corners: In front of the camera (3, 8).
+        view: Focal lengths and principal point (4,) [px].
+        spots: Place in the picture, and 1 / z (3, 3) [px, 1/m].
+        height: Of the picture [px].
+        width: Of the picture [px].
+    """
+    for k in range(3):
+        spots[k, 2] = 1.0 / corners[k, 2]
+        spots[k, 0] = view[0] * corners[k, 0] * spots[k, 2] + view[2]
+        spots[k, 1] = view[1] * corners[k, 1] * spots[k, 2] + view[3]
+    u = spots[:, 0]
+    v = spots[:, 1]
+    left = min(u[0], u[1], u[2])
+    right = max(u[0], u[1], u[2])
+    top = min(v[0], v[1], v[2])
+    low = max(v[0], v[1], v[2])
+    if right < 0.5 or low < 0.5 or left > width - 0.5 or top > height - 0.5:
+        return False
+    if ceil(top - 0.5) >= ceil(low - 0.5) or ceil(left - 0.5) >= ceil(right - 0.5):
+        return False
+    area = (u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0])
+    return abs(area) > NO_AREA
+
+
+@compiled
+def gradients(corners: Array, spots: Array, count: int, found: Array) -> None:
+    """Write what changes evenly over the picture: 1 / z, and a corner's values over z.
+
+    Args:
+        corners: (3, 8).
+        spots: (3, 3).
+        count: How many: 1 / z alone, with the colour 4, and with the texture 6.
+        found: Value at the first corner, and its change by u and by v (count, 3).
+    """
+    ax = spots[1, 0] - spots[0, 0]
+    ay = spots[1, 1] - spots[0, 1]
+    bx = spots[2, 0] - spots[0, 0]
+    by = spots[2, 1] - spots[0, 1]
+    area = ax * by - bx * ay
+    for k in range(count):
+        first = spots[0, 2]
+        a = spots[1, 2]
+        b = spots[2, 2]
+        if k > 0:
+            first *= corners[0, COLOUR - 1 + k]
+            a *= corners[1, COLOUR - 1 + k]
+            b *= corners[2, COLOUR - 1 + k]
+        found[k, 0] = first
+        found[k, 1] = ((a - first) * by - (b - first) * ay) / area
+        found[k, 2] = ((b - first) * ax - (a - first) * bx) / area
+
+
+@compiled
+def row_of(spots: Array, middle: float, width: int) -> tuple[int, int]:
+    """First column of a triangle in a row, and the one after the last.
+
+    An edge gives the same crossing for both triangles that share it, so that none overlap and no
+    gap is left between them.
+    """
+    left = np.inf
+    right = -np.inf
+    for i in range(3):
+        a = i
+        b = i + 1 if i < 2 else 0
+        if spots[a, 1] > spots[b, 1]:
+            a, b = b, a
+        if spots[a, 1] <= middle < spots[b, 1]:
+            slope = (spots[b, 0] - spots[a, 0]) / (spots[b, 1] - spots[a, 1])
+            at = spots[a, 0] + (middle - spots[a, 1]) * slope
+            left = min(left, at)
+            right = max(right, at)
+    if not left < right:
+        return 0, 0
+    return int(ceil(max(left, 0.5) - 0.5)), int(ceil(min(right, width + 0.0) - 0.5))  # noqa: RUF046
+
+
+@compiled
+def fill(
+    corners: Array,
+    spots: Array,
+    even: Array,
+    body: int,
+    alpha: float,
+    texels: Indices,
+    levels: Indices,
+    image: Image,
+    nearness: Array,
+    shown: Indices,
+) -> None:
+    """Draw a triangle with its texture, between the four nearest pixels of the fitting level.
+
+    A colour alone is a texture of one pixel.
+
+    Args:
+        corners: (3, 8).
+        spots: (3, 3).
+        even: Room for what changes evenly (6, 3).
+        body: Its number.
+        alpha: Below 1 what is behind shines through, and the triangle hides nothing.
+        texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
+            pixel from its other side.
+        levels: Of this texture: place in `texels`, width, height, and how many there are (n, 4).
+        image: The picture (H, W, 3).
+        nearness: 1 / z of what is nearest (H, W) [1/m].
+        shown: Numbers of the bodies (H, W).
+    """
+    height, width = nearness.shape
+    flat = True
+    for k in range(COLOUR, TEXTURE):
+        flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
+    plain = levels[0, 3] == 1
+    gradients(corners, spots, 1 if flat and plain else 4 if plain else 6, even)
+    # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
+    turns_s = floor(min(corners[0, TEXTURE], corners[1, TEXTURE], corners[2, TEXTURE]))
+    turns_t = floor(min(corners[0, TEXTURE + 1], corners[1, TEXTURE + 1], corners[2, TEXTURE + 1]))
+    top = max(ceil(min(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), 0)
+    low = min(ceil(max(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), height)
+    step = even[0, 1]
+    mixed = texels[levels[0, 0]] * 4096
+    x = y = dx = dy = start = wide = tall = 0
+    ds = dt = 0.0
+    red = int(4096.0 * corners[0, COLOUR] + 0.5)
+    green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
+    blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
+    for v in range(int(top), int(low)):
+        first, end = row_of(spots, v + 0.5, width)
+        dv = v + 0.5 - spots[0, 1]
+        du = first + 0.5 - spots[0, 0]
+        row_near = even[0, 0] + dv * even[0, 2]
+        row_s = even[4, 0] + dv * even[4, 2]
+        row_t = even[5, 0] + dv * even[5, 2]
+        near = row_near + du * step
+        s = (row_s + du * even[4, 1]) / near
+        t = (row_t + du * even[5, 1]) / near
+        for begin in range(first, end, SEGMENT):
+            count = min(SEGMENT, end - begin)
+            ending = near + count * step
+            if not plain:
+                du = begin + count + 0.5 - spots[0, 0]
+                ds = ((row_s + du * even[4, 1]) / ending - s) / count
+                dt = ((row_t + du * even[5, 1]) / ending - t) / count
+                s_down = (even[4, 2] - s * even[0, 2]) / near
+                t_down = (even[5, 2] - t * even[0, 2]) / near
+                level = level_of(ds, dt, s_down, t_down, levels)
+                start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
+                # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
+                x = int(((s - turns_s) * wide + 0.5) * 65536.0)
+                y = int(((t - turns_t) * tall + 0.5) * 65536.0)
+                dx = int(ds * wide * 65536.0)
+                dy = int(dt * tall * 65536.0)
+            pitch = wide + 2
+            near_row = nearness[v, begin : begin + count]
+            shown_row = shown[v, begin : begin + count]
+            image_row = image[v, begin : begin + count]
+            for c in range(count):
+                if near > near_row[c]:
+                    if not plain:
+                        column = x >> 16
+                        row = y >> 16
+                        if column < 0 or column > wide:
+                            column %= wide
+                        if row < 0 or row > tall:
+                            row %= tall
+                        p = (x >> 10) & 63
+                        q = (y >> 10) & 63
+                        both = p * q
+                        upper = start + row * pitch + column
+                        lower = upper + pitch
+                        mixed = (
+                            texels[upper] * (4096 - 64 * p - 64 * q + both)
+                            + texels[upper + 1] * (64 * p - both)
+                            + texels[lower] * (64 * q - both)
+                            + texels[lower + 1] * both
+                        )
+                    if not flat:
+                        du = begin + c + 0.5 - spots[0, 0]
+                        over = 4096.0 / near
+                        red = int((even[1, 0] + dv * even[1, 2] + du * even[1, 1]) * over)
+                        green = int((even[2, 0] + dv * even[2, 2] + du * even[2, 1]) * over)
+                        blue = int((even[3, 0] + dv * even[3, 2] + du * even[3, 1]) * over)
+                    r = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
+                    g = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
+                    b = ((mixed >> 42) * blue + (1 << 23)) >> 24
+                    if alpha < 1.0:
+                        r = int(alpha * r + (1.0 - alpha) * image_row[c, 0] + 0.5)
+                        g = int(alpha * g + (1.0 - alpha) * image_row[c, 1] + 0.5)
+                        b = int(alpha * b + (1.0 - alpha) * image_row[c, 2] + 0.5)
+                    image_row[c, 0] = r
+                    image_row[c, 1] = g
+                    image_row[c, 2] = b
+                    if alpha == 1.0:
+                        near_row[c] = near
+                        shown_row[c] = body
+                near += step
+                x += dx
+                y += dy
+            near = ending
+            s += count * ds
+            t += count * dt
+
+
+@compiled
+def level_of(s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices) -> int:
+    """The level of a texture whose pixels are nearest in size to the picture's.
+
+    Args:
+        s_right: Change of the first texture coordinate from a pixel to the next.
+        t_right: Likewise of the second.
+        s_down: Change of the first to the next row.
+        t_down: Likewise of the second.
+        levels: As for `fill` (n, 4).
+    """
+    wide, tall = levels[0, 1], levels[0, 2]
+    right = (s_right * wide) ** 2 + (t_right * tall) ** 2
+    down = (s_down * wide) ** 2 + (t_down * tall) ** 2
+    spread = max(right, down)
+    level = 0
+    # The middle between two levels is a factor of the square root of 2.
+    while spread > 2.0 and level < levels[0, 3] - 1:
+        spread /= 4.0
+        level += 1
+    return level
+
+
+@compiled
+def cut(corners: Array, near: float, found: Array) -> int:
+    """Write the part of a triangle that is in front of the camera; return its number of corners."""
+    count = 0
+    for k in range(3):
+        a = corners[k]
+        b = corners[k + 1 if k < 2 else 0]
+        if a[2] > near:
+            found[count] = a
+            count += 1
+        if (a[2] > near) != (b[2] > near):
+            part = (near - a[2]) / (b[2] - a[2])
+            for i in range(CORNER):
+                found[count, i] = a[i] + part * (b[i] - a[i])
+            count += 1
+    return count
+
+
+@compiled
+def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
+    """Whether a ball in the camera's frame lies beside the picture or behind the camera."""
+    x, y, z = middle
+    fx, fy, cx, cy = view
+    return (
+        z < -radius
+        or -(fx * x + cx * z) > radius * hypot(fx, cx)
+        or fx * x - (width - cx) * z > radius * hypot(fx, width - cx)
+        or -(fy * y + cy * z) > radius * hypot(fy, cy)
+        or fy * y - (height - cy) * z > radius * hypot(fy, height - cy)
+    )
+
+
+@compiled
+def draw(
+    order: Indices,
+    first: Indices,
+    corners: Array,
+    normals: Array,
+    faces: Array,
+    places: Array,
+    rotations: Array,
+    middles: Array,
+    radii: Array,
+    rgba: Array,
+    shine: Array,
+    textures: Indices,
+    lights: Array,
+    near: float,
+    view: Array,
+    texels: Indices,
+    levels: Indices,
+    image: Image,
+    nearness: Array,
+    shown: Indices,
+) -> None:
+    """Draw bodies one after the other; the arrays are those of `ExactRenderer`."""
+    height, width = nearness.shape
+    corner = np.empty((3, CORNER))
+    part = np.empty((4, CORNER))
+    fan = np.empty((3, CORNER))
+    spots = np.empty((3, 3))
+    even = np.empty((6, 3))
+    normal = np.empty(3)
+    eye = np.empty(3)
+    # Under lamps that are far away, and do not shine, the corners of a flat face have one colour.
+    is_even = not (lights[:, NEAR].any() or lights[:, SPECULAR : SPECULAR + 3].any())
+    for body in order:
+        R = rotations[body]
+        middle = middles[body]
+        if radii[body] > 0.0 and is_outside(middle, radii[body], view, height, width):
+            continue
+        for k in range(3):
+            eye[k] = -dot(R[:, k], middle)
+        for face in range(first[body], first[body + 1]):
+            plane = faces[face]
+            if dot(plane, eye) <= plane[3]:
+                continue
+            inside = 0
+            for k in range(3):
+                at = corners[3 * face + k]
+                for i in range(3):
+                    corner[k, i] = dot(R[i], at) + middle[i]
+                inside += corner[k, 2] > near
+            if inside == 0 or (inside == 3 and not project(corner, view, spots, height, width)):
+                continue
+            for k in range(3):
+                at = normals[3 * face + k]
+                for i in range(3):
+                    normal[i] = dot(R[i], at)
+                if k > 0 and is_even and plane[4] > 0.0:
+                    corner[k, COLOUR:TEXTURE] = corner[0, COLOUR:TEXTURE]
+                else:
+                    lit(corner[k], normal, rgba[body], shine[body], lights)
+                corner[k, TEXTURE:] = places[3 * face + k]
+            alpha = rgba[body, 3]
+            table = levels[textures[body]]
+            if inside == 3:
+                fill(corner, spots, even, body, alpha, texels, table, image, nearness, shown)
+                continue
+            for k in range(1, cut(corner, near, part) - 1):
+                fan[0] = part[0]
+                fan[1:] = part[k : k + 2]
+                if project(fan, view, spots, height, width):
+                    fill(fan, spots, even, body, alpha, texels, table, image, nearness, shown)
+
+
+@compiled
+def fill_sky(
+    texels: Indices,
+    side: int,
+    rotation: Array,
+    view: Array,
+    image: Image,
+    shown: Indices,
+) -> None:
+    """Fill pixels that show no body from the six pictures of a cube that is far away.
+
+    Args:
+        texels: As for `fill`, of the cube's pictures, one under the other without borders.
+        side: Of each picture [px].
+        rotation: Of the camera in the world (3, 3).
+        view: Focal lengths and principal point (4,) [px].
+        image: The picture (H, W, 3).
+        shown: Numbers of the bodies (H, W); below 0 where there is none.
+    """
+    height, width = shown.shape
+    for v in range(height):
+        for u in range(width):
+            if shown[v, u] >= 0:
+                continue
+            a = (u + 0.5 - view[2]) / view[0]
+            b = (v + 0.5 - view[3]) / view[1]
+            x = rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2]
+            y = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2]
+            z = -(rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2])
+            # Faces and their axes in the order of OpenGL: right, left, up, down, front, back.
+            if abs(x) >= abs(y) and abs(x) >= abs(z):
+                face, far, s, t = (0, x, -z, -y) if x > 0 else (1, -x, z, -y)
+            elif abs(y) >= abs(z):
+                face, far, s, t = (2, y, x, z) if y > 0 else (3, -y, x, -z)
+            else:
+                face, far, s, t = (4, z, x, -y) if z > 0 else (5, -z, -x, -y)
+            across = min(max((s / far + 1) / 2 * side - 0.5, 0.0), side - 1.0)
+            down = min(max((t / far + 1) / 2 * side - 0.5, 0.0), side - 1.0)
+            column = min(int(across), side - 2)
+            row = min(int(down), side - 2)
+            p = int(64 * (across - column))
+            q = int(64 * (down - row))
+            upper = (face * side + row) * side + column
+            mixed = (
+                texels[upper] * ((64 - p) * (64 - q))
+                + texels[upper + 1] * (p * (64 - q))
+                + texels[upper + side] * ((64 - p) * q)
+                + texels[upper + side + 1] * (p * q)
+            )
+            for k in range(3):
+                image[v, u, k] = (((mixed >> (21 * k)) & 0x1FFFFF) + 2048) >> 12
