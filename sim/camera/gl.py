@@ -115,8 +115,12 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
         done: Future[Result] = Future()
         done.set_result(_with_context(function, *args))
         return done
-    rendering = RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
-    return rendering.submit(_with_context, function, *args)
+    return rendering().submit(_with_context, function, *args)
+
+
+def rendering() -> ThreadPoolExecutor:
+    """The thread of this process that makes pictures; a fork waits until it is idle."""
+    return RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
 
 
 def _with_context(function: Callable[..., Result], *args: object) -> Result:

@@ -171,7 +171,6 @@ def fill(
     spots: Array,
     even: Array,
     body: int,
-    alpha: float,
     texels: Indices,
     levels: Indices,
     image: Image,
@@ -187,7 +186,6 @@ def fill(
         spots: (3, 3).
         even: Room for what changes evenly (6, 3).
         body: Its number.
-        alpha: Below 1 what is behind shines through, and the triangle hides nothing.
         texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
             pixel from its other side.
         levels: Of this texture: place in `texels`, width, height, and how many there are (n, 4).
@@ -269,19 +267,11 @@ def fill(
                         red = int((even[1, 0] + dv * even[1, 2] + du * even[1, 1]) * over)
                         green = int((even[2, 0] + dv * even[2, 2] + du * even[2, 1]) * over)
                         blue = int((even[3, 0] + dv * even[3, 2] + du * even[3, 1]) * over)
-                    r = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
-                    g = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
-                    b = ((mixed >> 42) * blue + (1 << 23)) >> 24
-                    if alpha < 1.0:
-                        r = int(alpha * r + (1.0 - alpha) * image_row[c, 0] + 0.5)
-                        g = int(alpha * g + (1.0 - alpha) * image_row[c, 1] + 0.5)
-                        b = int(alpha * b + (1.0 - alpha) * image_row[c, 2] + 0.5)
-                    image_row[c, 0] = r
-                    image_row[c, 1] = g
-                    image_row[c, 2] = b
-                    if alpha == 1.0:
-                        near_row[c] = near
-                        shown_row[c] = body
+                    image_row[c, 0] = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
+                    image_row[c, 1] = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
+                    image_row[c, 2] = ((mixed >> 42) * blue + (1 << 23)) >> 24
+                    near_row[c] = near
+                    shown_row[c] = body
                 near += step
                 x += dx
                 y += dy
@@ -382,7 +372,7 @@ def draw(
     for body in order:
         R = rotations[body]
         middle = middles[body]
-        if radii[body] > 0.0 and is_outside(middle, radii[body], view, height, width):
+        if is_outside(middle, radii[body], view, height, width):
             continue
         for k in range(3):
             eye[k] = -dot(R[:, k], middle)
@@ -407,66 +397,12 @@ def draw(
                 else:
                     lit(corner[k], normal, rgba[body], shine[body], lights)
                 corner[k, TEXTURE:] = places[3 * face + k]
-            alpha = rgba[body, 3]
             table = levels[textures[body]]
             if inside == 3:
-                fill(corner, spots, even, body, alpha, texels, table, image, nearness, shown)
+                fill(corner, spots, even, body, texels, table, image, nearness, shown)
                 continue
             for k in range(1, cut(corner, near, part) - 1):
                 fan[0] = part[0]
                 fan[1:] = part[k : k + 2]
                 if project(fan, view, spots, height, width):
-                    fill(fan, spots, even, body, alpha, texels, table, image, nearness, shown)
-
-
-@compiled
-def fill_sky(
-    texels: Indices,
-    side: int,
-    rotation: Array,
-    view: Array,
-    image: Image,
-    shown: Indices,
-) -> None:
-    """Fill pixels that show no body from the six pictures of a cube that is far away.
-
-    Args:
-        texels: As for `fill`, of the cube's pictures, one under the other without borders.
-        side: Of each picture [px].
-        rotation: Of the camera in the world (3, 3).
-        view: Focal lengths and principal point (4,) [px].
-        image: The picture (H, W, 3).
-        shown: Numbers of the bodies (H, W); below 0 where there is none.
-    """
-    height, width = shown.shape
-    for v in range(height):
-        for u in range(width):
-            if shown[v, u] >= 0:
-                continue
-            a = (u + 0.5 - view[2]) / view[0]
-            b = (v + 0.5 - view[3]) / view[1]
-            x = rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2]
-            y = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2]
-            z = -(rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2])
-            # Faces and their axes in the order of OpenGL: right, left, up, down, front, back.
-            if abs(x) >= abs(y) and abs(x) >= abs(z):
-                face, far, s, t = (0, x, -z, -y) if x > 0 else (1, -x, z, -y)
-            elif abs(y) >= abs(z):
-                face, far, s, t = (2, y, x, z) if y > 0 else (3, -y, x, -z)
-            else:
-                face, far, s, t = (4, z, x, -y) if z > 0 else (5, -z, -x, -y)
-            across = min(max((s / far + 1) / 2 * side - 0.5, 0.0), side - 1.0)
-            down = min(max((t / far + 1) / 2 * side - 0.5, 0.0), side - 1.0)
-            column = min(int(across), side - 2)
-            row = min(int(down), side - 2)
-            p = int(64 * (across - column))
-            q = int(64 * (down - row))
-            upper = (face * side + row) * side + column
-            mixed = (
-                texels[upper] * ((64 - p) * (64 - q))
-                + texels[upper + 1] * (p * (64 - q))
-                + texels[upper + side] * ((64 - p) * q)
-                + texels[upper + side + 1] * (p * q)
-            )
-            for k in range(3):
-                image[v, u, k] = (((mixed >> (21 * k)) & 0x1FFFFF) + 2048) >> 12
+                    fill(fan, spots, even, body, texels, table, image, nearness, shown)

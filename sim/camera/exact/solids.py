@@ -1,4 +1,4 @@
-"""Triangles of a model's geoms and sites, as MuJoCo draws them, each in its own frame."""
+"""Triangles of a model's geoms and sky, as MuJoCo draws them, each in its own frame."""
 
 from dataclasses import dataclass
 
@@ -20,6 +20,19 @@ CYLINDER = np.array([[0, -1], [1, -1], [1, -1], [1, 1], [1, 1], [0, 1]], float)
 CYLINDER_NORMALS = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]], float)
 TOP = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float)
 """The upper face of a box."""
+SKY = np.array(
+    [
+        [[1, 0, 0], [0, 1, 0], [0, 0, -1]],
+        [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
+        [[0, 0, 1], [1, 0, 0], [0, -1, 0]],
+        [[0, 0, -1], [1, 0, 0], [0, 1, 0]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, -1]],
+        [[0, 1, 0], [-1, 0, 0], [0, 0, -1]],
+    ],
+    float,
+)
+"""Of each face of the sky's cube, in the order of its pictures: where it is, and in the world the
+directions of its picture's rows and columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,32 +48,46 @@ class Solid:
 
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
-    """The surfaces of all geoms, then of all sites; a kind that is not drawn has no triangles."""
-    kinds = np.concatenate([model.geom_type, model.site_type])
-    sizes = np.concatenate([model.geom_size, model.site_size]).astype(float)
+    """The surfaces of all geoms; a kind that is not drawn has no triangles."""
     return [
-        _mesh(model, int(model.geom_dataid[k]), size, material)
-        if kind == SHAPE.mjGEOM_MESH
-        else _primitive(model, int(kind), size, material)
-        for k, (kind, size, material) in enumerate(
-            zip(kinds, sizes, materials_of(model), strict=True)
-        )
+        _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)
+        for geom, kind in enumerate(model.geom_type)
     ]
 
 
-def materials_of(model: mujoco.MjModel) -> list[int]:
-    """The materials of all geoms, then of all sites; -1 where there is none."""
-    return np.concatenate([model.geom_matid, model.site_matid]).tolist()
+def sky_of(side: int, far: float) -> Solid:
+    """The inside of a cube around the camera.
+
+    Args:
+        side: Of its six pictures, which lie one under the other [px]; 0 where there is no sky.
+        far: Half a side of the cube [m].
+    """
+    if side == 0:
+        return Solid(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)))
+    corners = _split((SKY[:, :1] + TOP[:, :2] @ SKY[:, 1:]) * far)
+    # From the middle of a border pixel to that of the other: a face's neighbours are other faces.
+    across = 0.5 + (0.5 - 0.5 / side) * TOP[:, :2]
+    places = np.stack([across + (0, k) for k in range(len(SKY))]) / (1, len(SKY))
+    return Solid(corners, -corners / far, _split(places))
 
 
-def texture_of(model: mujoco.MjModel, material: int) -> int:
-    """The picture of a material's colour; -1 where it has none."""
+def texture_of(model: mujoco.MjModel, geom: int) -> int:
+    """The picture of a geom's colour; -1 where it has none."""
+    material = model.geom_matid[geom]
     if material < 0:
         return -1
     return int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
 
 
-def _primitive(model: mujoco.MjModel, kind: int, size: Array, material: int) -> Solid:
+def across(corners: Array) -> Array:
+    """Normals of triangles (n, 3), as long as twice their area [m^2]; their corners are (3 n, 3)."""
+    a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
+
+
+def _primitive(model: mujoco.MjModel, geom: int) -> Solid:
+    kind = model.geom_type[geom]
+    size = model.geom_size[geom].astype(float)
     slices = int(model.vis.quality.numslices)
     quarter = np.pi / 2 * np.linspace(0, 1, int(model.vis.quality.numstacks) // 2 + 1)
     angle = np.concatenate([-quarter[::-1], quarter])
@@ -73,10 +100,8 @@ def _primitive(model: mujoco.MjModel, kind: int, size: Array, material: int) -> 
             corners = (corners - (0, 0, 1)) * size
         case SHAPE.mjGEOM_BOX:
             corners, normals = _scaled(_box(), size)
-        case SHAPE.mjGEOM_SPHERE:
-            size = size[[0, 0, 0]]
-            corners, normals = _scaled(_turned(arc, arc, slices), size)
-        case SHAPE.mjGEOM_ELLIPSOID:
+        case SHAPE.mjGEOM_SPHERE | SHAPE.mjGEOM_ELLIPSOID:
+            size = np.where(size > 0, size, size[0])
             corners, normals = _scaled(_turned(arc, arc, slices), size)
         case SHAPE.mjGEOM_CYLINDER:
             size = size[[0, 0, 1]]
@@ -89,7 +114,7 @@ def _primitive(model: mujoco.MjModel, kind: int, size: Array, material: int) -> 
             corners, normals = _turned(ends, arc, slices)
         case _:
             corners = normals = np.zeros((0, 3))
-    return Solid(corners, normals, _mapped(model, size, material, corners))
+    return Solid(corners, normals, _mapped(model, geom, size, corners))
 
 
 Surface = tuple[Array, Array]
@@ -103,8 +128,8 @@ def _scaled(surface: Surface, size: Array) -> Surface:
 
 
 def _split(quads: Array) -> Array:
-    """Two triangles for each quadrilateral (n, 4, 3)."""
-    return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    """Two triangles for each quadrilateral (n, 4, k)."""
+    return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, quads.shape[2])
 
 
 def _box() -> Surface:
@@ -132,18 +157,12 @@ def _turned(points: Array, normals: Array, slices: int) -> Surface:
         grid[..., 2] = profile[:, None, 1]
         quads = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
         turned.append(_split(np.stack(quads, axis=2).reshape(-1, 4, 3)))
-    area = np.linalg.norm(_across(turned[0]), axis=1)
-    kept = np.repeat(area > NO_AREA, 3)
+    kept = np.repeat(np.linalg.norm(across(turned[0]), axis=1) > NO_AREA, 3)
     return turned[0][kept], turned[1][kept]
 
 
-def _across(corners: Array) -> Array:
-    """Normals of triangles (n, 3), as long as twice their area."""
-    a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
-    return np.cross(b - a, c - a)
-
-
-def _mesh(model: mujoco.MjModel, mesh: int, size: Array, material: int) -> Solid:
+def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
+    mesh = int(model.geom_dataid[geom])
     first = int(model.mesh_faceadr[mesh])
     faces = slice(first, first + int(model.mesh_facenum[mesh]))
     vertices = model.mesh_face[faces].ravel() + model.mesh_vertadr[mesh]
@@ -154,16 +173,19 @@ def _mesh(model: mujoco.MjModel, mesh: int, size: Array, material: int) -> Solid
     if start >= 0:
         places = model.mesh_facetexcoord[faces].ravel() + start
         return Solid(corners, normals, model.mesh_texcoord[places].astype(float))
-    flat = np.repeat(_across(corners), 3, axis=0)
+    flat = np.repeat(across(corners), 3, axis=0)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     differs = np.sum(flat * normals, axis=1, keepdims=True) < FLAT
-    return Solid(corners, np.where(differs, flat, normals), _mapped(model, size, material, corners))
+    size = model.geom_size[geom].astype(float)
+    normals = np.where(differs, flat, normals)
+    return Solid(corners, normals, _mapped(model, geom, size, corners))
 
 
-def _mapped(model: mujoco.MjModel, size: Array, material: int, corners: Array) -> Array:
+def _mapped(model: mujoco.MjModel, geom: int, size: Array, corners: Array) -> Array:
     """Texture coordinates by the place on the body: the picture lies across its x and y."""
-    if texture_of(model, material) < 0:
+    if texture_of(model, geom) < 0:
         return np.zeros((len(corners), 2))
+    material = model.geom_matid[geom]
     repeat = model.mat_texrepeat[material].astype(float)
     if model.mat_texuniform[material]:
         repeat = repeat * size[:2]
