@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sim.types import Array, Image
 
 Indices = NDArray[np.int64]
+Numbers = NDArray[np.int16]
 
 SEGMENT = 32
 """Pixels of a row between which texture coordinates go evenly; a division for each pixel costs
@@ -21,10 +22,14 @@ twice as much, and nothing is to be seen of the difference."""
 NO_AREA = 1e-9
 """A triangle below this covers no pixel's middle, but by rounding [px^2]."""
 
-# Columns of a corner: its place in the camera's frame, its colour, its place in the texture.
+# Columns of a corner: its place in the camera's frame, its colour, its place in the texture, where
+# it is seen in the picture, and 1 / z [m, px, 1/m].
 COLOUR = 3
 TEXTURE = 6
-CORNER = 8
+U = 8
+V = 9
+NEARNESS = 10
+CORNER = 11
 
 # Columns of a light: its place or the direction to it, whether it is near, where it shines to, its
 # ambient, diffuse and specular colours, how it fades, its cone's cosine and exponent.
@@ -51,7 +56,7 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
     """Colour a corner with the sum of what the lights give, at most 1 a channel.
 
     Args:
-        corner: (8,); its colour is written.
+        corner: (11,); its colour is written.
         normal: In the camera's frame (3,).
         rgba: Colour of the body (4,).
         shine: Its emission, specular reflection, and exponent of that (3,).
@@ -85,22 +90,29 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
 
 
 @compiled
-def project(corners: Array, view: Array, spots: Array, height: int, width: int) -> bool:
-    """Write where the corners of a triangle are seen; return whether it may cover a pixel's middle.
+def project(corner: Array, view: Array) -> None:
+    """Write where a corner in front of the camera is seen.
 
     Args:
-        corners: In front of the camera (3, 8).
+        corner: (11,).
         view: Focal lengths and principal point (4,) [px].
-        spots: Place in the picture, and 1 / z (3, 3) [px, 1/m].
+    """
+    corner[NEARNESS] = 1.0 / corner[2]
+    corner[U] = view[0] * corner[0] * corner[NEARNESS] + view[2]
+    corner[V] = view[1] * corner[1] * corner[NEARNESS] + view[3]
+
+
+@compiled
+def may_cover(corners: Array, height: int, width: int) -> bool:
+    """Whether a triangle may cover a pixel's middle.
+
+    Args:
+        corners: In front of the camera (3, 11).
         height: Of the picture [px].
         width: Of the picture [px].
     """
-    for k in range(3):
-        spots[k, 2] = 1.0 / corners[k, 2]
-        spots[k, 0] = view[0] * corners[k, 0] * spots[k, 2] + view[2]
-        spots[k, 1] = view[1] * corners[k, 1] * spots[k, 2] + view[3]
-    u = spots[:, 0]
-    v = spots[:, 1]
+    u = corners[:, U]
+    v = corners[:, V]
     left = min(u[0], u[1], u[2])
     right = max(u[0], u[1], u[2])
     top = min(v[0], v[1], v[2])
@@ -114,35 +126,34 @@ def project(corners: Array, view: Array, spots: Array, height: int, width: int) 
 
 
 @compiled
-def gradients(corners: Array, spots: Array, count: int, found: Array) -> None:
+def gradients(corners: Array, count: int, found: Array) -> None:
     """Write what changes evenly over the picture: 1 / z, and a corner's values over z.
 
     Args:
-        corners: (3, 8).
-        spots: (3, 3).
+        corners: (3, 11).
         count: How many: 1 / z alone, with the colour 4, and with the texture 6.
         found: Value at the first corner, and its change by u and by v (count, 3).
     """
-    ax = spots[1, 0] - spots[0, 0]
-    ay = spots[1, 1] - spots[0, 1]
-    bx = spots[2, 0] - spots[0, 0]
-    by = spots[2, 1] - spots[0, 1]
-    area = ax * by - bx * ay
+    ax = corners[1, U] - corners[0, U]
+    ay = corners[1, V] - corners[0, V]
+    bx = corners[2, U] - corners[0, U]
+    by = corners[2, V] - corners[0, V]
+    part = 1.0 / (ax * by - bx * ay)
     for k in range(count):
-        first = spots[0, 2]
-        a = spots[1, 2]
-        b = spots[2, 2]
+        first = corners[0, NEARNESS]
+        a = corners[1, NEARNESS]
+        b = corners[2, NEARNESS]
         if k > 0:
             first *= corners[0, COLOUR - 1 + k]
             a *= corners[1, COLOUR - 1 + k]
             b *= corners[2, COLOUR - 1 + k]
         found[k, 0] = first
-        found[k, 1] = ((a - first) * by - (b - first) * ay) / area
-        found[k, 2] = ((b - first) * ax - (a - first) * bx) / area
+        found[k, 1] = ((a - first) * by - (b - first) * ay) * part
+        found[k, 2] = ((b - first) * ax - (a - first) * bx) * part
 
 
 @compiled
-def row_of(spots: Array, middle: float, width: int) -> tuple[int, int]:
+def row_of(corners: Array, middle: float, width: int) -> tuple[int, int]:
     """First column of a triangle in a row, and the one after the last.
 
     An edge gives the same crossing for both triangles that share it, so that none overlap and no
@@ -153,11 +164,11 @@ def row_of(spots: Array, middle: float, width: int) -> tuple[int, int]:
     for i in range(3):
         a = i
         b = i + 1 if i < 2 else 0
-        if spots[a, 1] > spots[b, 1]:
+        if corners[a, V] > corners[b, V]:
             a, b = b, a
-        if spots[a, 1] <= middle < spots[b, 1]:
-            slope = (spots[b, 0] - spots[a, 0]) / (spots[b, 1] - spots[a, 1])
-            at = spots[a, 0] + (middle - spots[a, 1]) * slope
+        if corners[a, V] <= middle < corners[b, V]:
+            slope = (corners[b, U] - corners[a, U]) / (corners[b, V] - corners[a, V])
+            at = corners[a, U] + (middle - corners[a, V]) * slope
             left = min(left, at)
             right = max(right, at)
     if not left < right:
@@ -168,22 +179,20 @@ def row_of(spots: Array, middle: float, width: int) -> tuple[int, int]:
 @compiled
 def fill(
     corners: Array,
-    spots: Array,
     even: Array,
     body: int,
     texels: Indices,
     levels: Indices,
     image: Image,
     nearness: Array,
-    shown: Indices,
+    shown: Numbers,
 ) -> None:
     """Draw a triangle with its texture, between the four nearest pixels of the fitting level.
 
     A colour alone is a texture of one pixel.
 
     Args:
-        corners: (3, 8).
-        spots: (3, 3).
+        corners: (3, 11).
         even: Room for what changes evenly (6, 3).
         body: Its number.
         texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
@@ -198,36 +207,42 @@ def fill(
     for k in range(COLOUR, TEXTURE):
         flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
     plain = levels[0, 3] == 1
-    gradients(corners, spots, 1 if flat and plain else 4 if plain else 6, even)
+    gradients(corners, 1 if flat and plain else 4 if plain else 6, even)
     # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
     turns_s = floor(min(corners[0, TEXTURE], corners[1, TEXTURE], corners[2, TEXTURE]))
     turns_t = floor(min(corners[0, TEXTURE + 1], corners[1, TEXTURE + 1], corners[2, TEXTURE + 1]))
-    top = max(ceil(min(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), 0)
-    low = min(ceil(max(spots[0, 1], spots[1, 1], spots[2, 1]) - 0.5), height)
+    top = max(ceil(min(corners[0, V], corners[1, V], corners[2, V]) - 0.5), 0)
+    low = min(ceil(max(corners[0, V], corners[1, V], corners[2, V]) - 0.5), height)
     step = even[0, 1]
     mixed = texels[levels[0, 0]] * 4096
     x = y = dx = dy = start = wide = tall = 0
-    ds = dt = 0.0
     red = int(4096.0 * corners[0, COLOUR] + 0.5)
     green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
     blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
     for v in range(int(top), int(low)):
-        first, end = row_of(spots, v + 0.5, width)
-        dv = v + 0.5 - spots[0, 1]
-        du = first + 0.5 - spots[0, 0]
+        first, end = row_of(corners, v + 0.5, width)
+        dv = v + 0.5 - corners[0, V]
         row_near = even[0, 0] + dv * even[0, 2]
         row_s = even[4, 0] + dv * even[4, 2]
         row_t = even[5, 0] + dv * even[5, 2]
-        near = row_near + du * step
-        s = (row_s + du * even[4, 1]) / near
-        t = (row_t + du * even[5, 1]) / near
         for begin in range(first, end, SEGMENT):
             count = min(SEGMENT, end - begin)
+            near_row = nearness[v, begin : begin + count]
+            du = begin + 0.5 - corners[0, U]
+            near = row_near + du * step
             ending = near + count * step
+            nearest = max(near, ending)
+            # Most of what lies behind others is left here: this loop takes many pixels at a time.
+            is_seen = False
+            for c in range(count):
+                is_seen |= nearest > near_row[c]
+            if not is_seen:
+                continue
             if not plain:
-                du = begin + count + 0.5 - spots[0, 0]
-                ds = ((row_s + du * even[4, 1]) / ending - s) / count
-                dt = ((row_t + du * even[5, 1]) / ending - t) / count
+                s = (row_s + du * even[4, 1]) / near
+                t = (row_t + du * even[5, 1]) / near
+                ds = ((row_s + (du + count) * even[4, 1]) / ending - s) / count
+                dt = ((row_t + (du + count) * even[5, 1]) / ending - t) / count
                 s_down = (even[4, 2] - s * even[0, 2]) / near
                 t_down = (even[5, 2] - t * even[0, 2]) / near
                 level = level_of(ds, dt, s_down, t_down, levels)
@@ -238,7 +253,6 @@ def fill(
                 dx = int(ds * wide * 65536.0)
                 dy = int(dt * tall * 65536.0)
             pitch = wide + 2
-            near_row = nearness[v, begin : begin + count]
             shown_row = shown[v, begin : begin + count]
             image_row = image[v, begin : begin + count]
             for c in range(count):
@@ -262,11 +276,10 @@ def fill(
                             + texels[lower + 1] * both
                         )
                     if not flat:
-                        du = begin + c + 0.5 - spots[0, 0]
                         over = 4096.0 / near
-                        red = int((even[1, 0] + dv * even[1, 2] + du * even[1, 1]) * over)
-                        green = int((even[2, 0] + dv * even[2, 2] + du * even[2, 1]) * over)
-                        blue = int((even[3, 0] + dv * even[3, 2] + du * even[3, 1]) * over)
+                        red = int((even[1, 0] + dv * even[1, 2] + (du + c) * even[1, 1]) * over)
+                        green = int((even[2, 0] + dv * even[2, 2] + (du + c) * even[2, 1]) * over)
+                        blue = int((even[3, 0] + dv * even[3, 2] + (du + c) * even[3, 1]) * over)
                     image_row[c, 0] = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
                     image_row[c, 1] = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
                     image_row[c, 2] = ((mixed >> 42) * blue + (1 << 23)) >> 24
@@ -275,9 +288,6 @@ def fill(
                 near += step
                 x += dx
                 y += dy
-            near = ending
-            s += count * ds
-            t += count * dt
 
 
 @compiled
@@ -304,19 +314,29 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
 
 
 @compiled
-def cut(corners: Array, near: float, found: Array) -> int:
-    """Write the part of a triangle that is in front of the camera; return its number of corners."""
+def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
+    """Write the part of a triangle that is in front of the camera; return its number of corners.
+
+    Args:
+        seen: Corners (n, 11).
+        faces: Numbers of the corners of triangles (n, 3).
+        face: Number of the triangle.
+        near: Least z that is drawn [m].
+        view: As for `project`.
+        found: Room for four corners (4, 11).
+    """
     count = 0
     for k in range(3):
-        a = corners[k]
-        b = corners[k + 1 if k < 2 else 0]
-        if a[2] > near:
-            found[count] = a
+        a = faces[face, k]
+        b = faces[face, k + 1 if k < 2 else 0]
+        is_inside = seen[a, 2] > near
+        if is_inside:
+            found[count] = seen[a]
             count += 1
-        if (a[2] > near) != (b[2] > near):
-            part = (near - a[2]) / (b[2] - a[2])
-            for i in range(CORNER):
-                found[count, i] = a[i] + part * (b[i] - a[i])
+        if is_inside != (seen[b, 2] > near):
+            part = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
+            found[count] = seen[a] + part * (seen[b] - seen[a])
+            project(found[count], view)
             count += 1
     return count
 
@@ -338,11 +358,11 @@ def is_outside(middle: Array, radius: float, view: Array, height: int, width: in
 @compiled
 def draw(
     order: Indices,
-    first: Indices,
-    corners: Array,
-    normals: Array,
-    faces: Array,
-    places: Array,
+    first_row: Indices,
+    rows: Array,
+    first_face: Indices,
+    faces: Indices,
+    planes: Array,
     rotations: Array,
     middles: Array,
     radii: Array,
@@ -356,19 +376,15 @@ def draw(
     levels: Indices,
     image: Image,
     nearness: Array,
-    shown: Indices,
+    shown: Numbers,
 ) -> None:
     """Draw bodies one after the other; the arrays are those of `ExactRenderer`."""
     height, width = nearness.shape
-    corner = np.empty((3, CORNER))
+    seen = np.empty((len(rows), CORNER))
     part = np.empty((4, CORNER))
-    fan = np.empty((3, CORNER))
-    spots = np.empty((3, 3))
     even = np.empty((6, 3))
     normal = np.empty(3)
     eye = np.empty(3)
-    # Under lamps that are far away, and do not shine, the corners of a flat face have one colour.
-    is_even = not (lights[:, NEAR].any() or lights[:, SPECULAR : SPECULAR + 3].any())
     for body in order:
         R = rotations[body]
         middle = middles[body]
@@ -376,33 +392,21 @@ def draw(
             continue
         for k in range(3):
             eye[k] = -dot(R[:, k], middle)
-        for face in range(first[body], first[body + 1]):
-            plane = faces[face]
-            if dot(plane, eye) <= plane[3]:
+        for row in range(first_row[body], first_row[body + 1]):
+            corner = seen[row]
+            for i in range(3):
+                corner[i] = dot(R[i], rows[row]) + middle[i]
+                normal[i] = dot(R[i], rows[row, 3:])
+            corner[TEXTURE:U] = rows[row, 6:]
+            lit(corner, normal, rgba[body], shine[body], lights)
+            if corner[2] > near:
+                project(corner, view)
+        for face in range(first_face[body], first_face[body + 1]):
+            if dot(planes[face], eye) <= planes[face, 3]:
                 continue
-            inside = 0
-            for k in range(3):
-                at = corners[3 * face + k]
-                for i in range(3):
-                    corner[k, i] = dot(R[i], at) + middle[i]
-                inside += corner[k, 2] > near
-            if inside == 0 or (inside == 3 and not project(corner, view, spots, height, width)):
-                continue
-            for k in range(3):
-                at = normals[3 * face + k]
-                for i in range(3):
-                    normal[i] = dot(R[i], at)
-                if k > 0 and is_even and plane[4] > 0.0:
-                    corner[k, COLOUR:TEXTURE] = corner[0, COLOUR:TEXTURE]
-                else:
-                    lit(corner[k], normal, rgba[body], shine[body], lights)
-                corner[k, TEXTURE:] = places[3 * face + k]
-            table = levels[textures[body]]
-            if inside == 3:
-                fill(corner, spots, even, body, texels, table, image, nearness, shown)
-                continue
-            for k in range(1, cut(corner, near, part) - 1):
-                fan[0] = part[0]
-                fan[1:] = part[k : k + 2]
-                if project(fan, view, spots, height, width):
-                    fill(fan, spots, even, body, texels, table, image, nearness, shown)
+            for k in range(cut(seen, faces, face, near, view, part) - 2):
+                if k > 0:
+                    part[1:3] = part[2:4]
+                if may_cover(part, height, width):
+                    table = levels[textures[body]]
+                    fill(part, even, body, texels, table, image, nearness, shown)

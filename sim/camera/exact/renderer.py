@@ -48,11 +48,18 @@ class ExactRenderer:
         side = int(model.tex_width[sky]) if sky >= 0 else 0
         surfaces = [*solids_of(model), sky_of(side, model.vis.map.zfar * model.stat.extent)]
         counts = np.array([len(s.corners) // 3 for s in surfaces])
-        self._first = np.concatenate([[0], np.cumsum(counts)])
-        self._corners = np.concatenate([s.corners for s in surfaces])
-        self._normals = np.concatenate([s.normals for s in surfaces])
-        self._places = np.concatenate([s.texture for s in surfaces])
-        self._faces = _faces(self._corners, self._normals)
+        bodies = np.repeat(np.arange(len(surfaces)), 3 * counts)
+        columns = [np.concatenate(c) for c in zip(*(s.columns for s in surfaces), strict=True)]
+        rows, numbers = np.unique(np.column_stack([bodies, *columns]), axis=0, return_inverse=True)
+        self._rows = rows[:, 1:]
+        """Corners that differ: place, normal, place in the texture (n, 8)."""
+        self._first_row = np.searchsorted(rows[:, 0], np.arange(len(surfaces) + 1))
+        self._faces = numbers.reshape(-1, 3)
+        """Corners of each triangle."""
+        self._first_face = np.concatenate([[0], np.cumsum(counts)])
+        plane = across(columns[0])
+        self._planes = np.column_stack([plane, np.sum(plane * columns[0][::3], axis=1)])
+        """Of each triangle's plane normal and distance, both times twice its area (n, 4)."""
         self._radii = np.array([np.linalg.norm(s.corners, axis=1).max(initial=0) for s in surfaces])
         self._rgba, self._shine = _looks(model)
         visible = mujoco.MjvOption().geomgroup[model.geom_group] * model.geom_rgba[:, 3] > 0
@@ -61,7 +68,7 @@ class ExactRenderer:
         self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1
         shape = (view.height, view.width)
         self._nearness = np.empty(shape)
-        self._shown = np.empty(shape, np.int64)
+        self._shown = np.empty(shape, np.int16)
 
     def close(self) -> None:
         """Do nothing: it holds arrays alone."""
@@ -102,11 +109,11 @@ class ExactRenderer:
         self._shown.fill(NO_BODY)
         raster.draw(
             order,
-            self._first,
-            self._corners,
-            self._normals,
+            self._first_row,
+            self._rows,
+            self._first_face,
             self._faces,
-            self._places,
+            self._planes,
             rotations,
             middles,
             self._radii,
@@ -135,14 +142,6 @@ def _check(model: mujoco.MjModel) -> None:
             raise ValueError(
                 f'the renderer "exact" does not draw {name}; camera.renderer = "opengl" does'
             )
-
-
-def _faces(corners: Array, normals: Array) -> Array:
-    """Of each triangle, normal and distance of its plane, and whether its normals agree (n, 5)."""
-    plane = across(corners)
-    each = normals.reshape(-1, 3, 3)
-    agree = (each == each[:, :1]).all(axis=(1, 2))
-    return np.column_stack([plane, np.sum(plane * corners[::3], axis=1), agree])
 
 
 def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:

@@ -46,6 +46,11 @@ class Solid:
     texture: Array
     """Place in the material's picture (3 n, 2), 0 to 1 in a picture that is not repeated."""
 
+    @property
+    def columns(self) -> tuple[Array, Array, Array]:
+        """Corners, normals, and places in the picture."""
+        return self.corners, self.normals, self.texture
+
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
     """The surfaces of all geoms; a kind that is not drawn has no triangles."""
