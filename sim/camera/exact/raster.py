@@ -153,22 +153,31 @@ def gradients(corners: Array, count: int, found: Array) -> None:
 
 
 @compiled
-def row_of(corners: Array, middle: float, width: int) -> tuple[int, int]:
-    """First column of a triangle in a row, and the one after the last.
-
-    An edge gives the same crossing for both triangles that share it, so that none overlap and no
-    gap is left between them.
+def edges_of(corners: Array, found: Array) -> None:
+    """Write of each edge the row where it begins, where it ends, the column where it begins, and
+    its change by row (3, 4); both triangles that share an edge find the same.
     """
-    left = np.inf
-    right = -np.inf
     for i in range(3):
         a = i
         b = i + 1 if i < 2 else 0
         if corners[a, V] > corners[b, V]:
             a, b = b, a
-        if corners[a, V] <= middle < corners[b, V]:
-            slope = (corners[b, U] - corners[a, U]) / (corners[b, V] - corners[a, V])
-            at = corners[a, U] + (middle - corners[a, V]) * slope
+        found[i, 0] = corners[a, V]
+        found[i, 1] = corners[b, V]
+        found[i, 2] = corners[a, U]
+        found[i, 3] = (corners[b, U] - corners[a, U]) / (corners[b, V] - corners[a, V])
+
+
+@compiled
+def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
+    """First column of a triangle in a row, and the one after the last: of two triangles that share
+    an edge, none overlap, and no gap is left between them.
+    """
+    left = np.inf
+    right = -np.inf
+    for i in range(3):
+        if edges[i, 0] <= middle < edges[i, 1]:
+            at = edges[i, 2] + (middle - edges[i, 0]) * edges[i, 3]
             left = min(left, at)
             right = max(right, at)
     if not left < right:
@@ -179,6 +188,7 @@ def row_of(corners: Array, middle: float, width: int) -> tuple[int, int]:
 @compiled
 def fill(
     corners: Array,
+    edges: Array,
     even: Array,
     body: int,
     texels: Indices,
@@ -193,6 +203,7 @@ def fill(
 
     Args:
         corners: (3, 11).
+        edges: Room for its edges (3, 4).
         even: Room for what changes evenly (6, 3).
         body: Its number.
         texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
@@ -207,6 +218,7 @@ def fill(
     for k in range(COLOUR, TEXTURE):
         flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
     plain = levels[0, 3] == 1
+    edges_of(corners, edges)
     gradients(corners, 1 if flat and plain else 4 if plain else 6, even)
     # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
     turns_s = floor(min(corners[0, TEXTURE], corners[1, TEXTURE], corners[2, TEXTURE]))
@@ -216,11 +228,12 @@ def fill(
     step = even[0, 1]
     mixed = texels[levels[0, 0]] * 4096
     x = y = dx = dy = start = wide = tall = 0
+    turns = False
     red = int(4096.0 * corners[0, COLOUR] + 0.5)
     green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
     blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
     for v in range(int(top), int(low)):
-        first, end = row_of(corners, v + 0.5, width)
+        first, end = row_of(edges, v + 0.5, width)
         dv = v + 0.5 - corners[0, V]
         row_near = even[0, 0] + dv * even[0, 2]
         row_s = even[4, 0] + dv * even[4, 2]
@@ -252,6 +265,7 @@ def fill(
                 y = int(((t - turns_t) * tall + 0.5) * 65536.0)
                 dx = int(ds * wide * 65536.0)
                 dy = int(dt * tall * 65536.0)
+                turns = is_beyond(x, x + count * dx, wide) or is_beyond(y, y + count * dy, tall)
             pitch = wide + 2
             shown_row = shown[v, begin : begin + count]
             image_row = image[v, begin : begin + count]
@@ -260,21 +274,16 @@ def fill(
                     if not plain:
                         column = x >> 16
                         row = y >> 16
-                        if column < 0 or column > wide:
+                        if turns:
                             column %= wide
-                        if row < 0 or row > tall:
                             row %= tall
                         p = (x >> 10) & 63
                         q = (y >> 10) & 63
-                        both = p * q
                         upper = start + row * pitch + column
                         lower = upper + pitch
-                        mixed = (
-                            texels[upper] * (4096 - 64 * p - 64 * q + both)
-                            + texels[upper + 1] * (64 * p - both)
-                            + texels[lower] * (64 * q - both)
-                            + texels[lower + 1] * both
-                        )
+                        over_it = texels[upper] * (64 - p) + texels[upper + 1] * p
+                        under = texels[lower] * (64 - p) + texels[lower + 1] * p
+                        mixed = over_it * (64 - q) + under * q
                     if not flat:
                         over = 4096.0 / near
                         red = int((even[1, 0] + dv * even[1, 2] + (du + c) * even[1, 1]) * over)
@@ -288,6 +297,12 @@ def fill(
                 near += step
                 x += dx
                 y += dy
+
+
+@compiled
+def is_beyond(first: int, last: int, size: int) -> bool:
+    """Whether texture coordinates, in 1 / 65536, leave a level of this many pixels."""
+    return min(first, last) < 0 or max(first, last) > size << 16
 
 
 @compiled
@@ -331,7 +346,8 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
         b = faces[face, k + 1 if k < 2 else 0]
         is_inside = seen[a, 2] > near
         if is_inside:
-            found[count] = seen[a]
+            for i in range(CORNER):
+                found[count, i] = seen[a, i]
             count += 1
         if is_inside != (seen[b, 2] > near):
             part = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
@@ -382,6 +398,7 @@ def draw(
     height, width = nearness.shape
     seen = np.empty((len(rows), CORNER))
     part = np.empty((4, CORNER))
+    edges = np.empty((3, 4))
     even = np.empty((6, 3))
     normal = np.empty(3)
     eye = np.empty(3)
@@ -397,7 +414,8 @@ def draw(
             for i in range(3):
                 corner[i] = dot(R[i], rows[row]) + middle[i]
                 normal[i] = dot(R[i], rows[row, 3:])
-            corner[TEXTURE:U] = rows[row, 6:]
+            for i in range(TEXTURE, U):
+                corner[i] = rows[row, i]
             lit(corner, normal, rgba[body], shine[body], lights)
             if corner[2] > near:
                 project(corner, view)
@@ -409,4 +427,4 @@ def draw(
                     part[1:3] = part[2:4]
                 if may_cover(part, height, width):
                     table = levels[textures[body]]
-                    fill(part, even, body, texels, table, image, nearness, shown)
+                    fill(part, edges, even, body, texels, table, image, nearness, shown)
