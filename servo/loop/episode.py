@@ -21,7 +21,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.types import Sight
-from sim.camera.renderer import MakeRenderer, OpenGLRenderer
+from sim.camera.renderer import MakeRenderer
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -57,7 +57,7 @@ class Episode:
     def __init__(
         self,
         scenario: Setup,
-        renderer: MakeRenderer = OpenGLRenderer,
+        renderer: MakeRenderer | None = None,
         *,
         steered: bool = False,
         kept: dict[str, tuple[Any, Any]] | None = None,
@@ -66,7 +66,7 @@ class Episode:
 
         Args:
             scenario: Its settings.
-            renderer: Makes what renders the pictures.
+            renderer: Makes what renders the pictures; by default what the camera's settings name.
             steered: Whether `move` will be given twists.
             kept: Robot and target of an earlier episode, used again where their settings are the
                 same, else replaced by this one's.
@@ -106,7 +106,7 @@ class Episode:
 
     __exit__ = close
 
-    def _build_world(self, renderer: MakeRenderer) -> World:
+    def _build_world(self, renderer: MakeRenderer | None) -> World:
         s = self.scenario
         motion = self._build(Part("motion", s.motion))
         robot = self._build(Part("robot", s.robot))

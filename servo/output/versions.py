@@ -2,8 +2,10 @@
 
 import functools
 import hashlib
+import os
 from importlib import metadata, resources
 
+from sim.camera import gl
 from sim.installed import packages
 
 OPENCV = (
@@ -32,17 +34,21 @@ ENDINGS = (".py", ".xml", ".png", ".obj")
 PICTURES = "pictures"
 """Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
+RENDERER = "renderer"
 DIGITS = 12
 
 
 def versions() -> dict[str, str]:
-    """Version by package, and the digest of our own source, which changes with any edit.
+    """Version by package, and the digest of our own source, which changes with any edit, and
+    whether pictures are made without OpenGL, whatever the settings name.
 
     Packages that bring kinds by entry points are named too.
     """
+    renderer = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     there = [name for name in VERSIONED if name not in OPENCV or is_installed(name)]
     found = {name: metadata.version(name) for name in there}
-    return {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), **found, **packages()}
+    own = {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), RENDERER: renderer}
+    return {**own, **found, **packages()}
 
 
 def is_installed(name: str) -> bool:
@@ -56,6 +62,7 @@ def is_installed(name: str) -> bool:
 
 def clash() -> str:
     """The sentence about several distributions of OpenCV; empty where there is one."""
+    renderer = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:
         return ""

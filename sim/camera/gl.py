@@ -44,6 +44,8 @@ RENDERING: dict[int, ThreadPoolExecutor] = {}
 """The thread that renders, by process: a forked one does not have its parent's."""
 Result = TypeVar("Result")
 
+WITHOUT = "SERVOBENCH_WITHOUT_OPENGL"
+"""Set where there is no OpenGL, and this was said: processes that are started say it no more."""
 MESA_THREADS = "LP_NUM_THREADS"
 """Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
 them for ever, so by default there are none; pictures of 320 x 240 px lose no time by it."""
@@ -85,6 +87,21 @@ def backend() -> str:
             f"No OpenGL driver answers on this machine (libEGL finds no device): run {INSTALL}."
         )
     return "egl"
+
+
+@functools.cache
+def is_there() -> bool:
+    """Return whether this machine has OpenGL; print a line where it has none."""
+    try:
+        backend()
+        if sys.platform != "linux":  # it is known only when a context is made
+            call(int).result()
+    except NoRenderer as error:
+        if WITHOUT not in os.environ:
+            os.environ[WITHOUT] = "1"
+            print(f'servobench: {error} camera.renderer = "exact" is used.', file=sys.stderr)
+        return False
+    return True
 
 
 def check_environment() -> None:
