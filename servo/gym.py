@@ -139,7 +139,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         scenario = self._scenario(drawn, options or {})
         if scenario.run.seed != drawn:
             raise Mistake("options: the seed of a run is given as reset(seed=...)")
-        self._episode = Episode(scenario, steered=True, kept=self._kept)
+        seen = self._observation != "features" or self.render_mode is not None
+        self._episode = Episode(scenario, steered=True, seen=seen, kept=self._kept)
         self._action = np.zeros(len(self._moves))
         step = self._look()
         seen = self._observed(step)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.camera.camera import CameraConfig
 
@@ -53,14 +54,14 @@ class Rates:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Rows of the picture that are exposed together."""
+    """Rows of the picture that share an exposure, each with a weight."""
 
     begin: int
     """The first row."""
-    end: int
-    """The row after the last one."""
+    weights: NDArray[np.float32]
+    """Share of this exposure in each row from there on (n, 1, 1)."""
     steps: tuple[int, ...]
     """The physics steps of a frame interval at which a sub-frame is taken, in order."""
 
@@ -69,22 +70,22 @@ def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
     """Return the bands of rows with their times, from the first to the last; that one's exposure
     ends with the interval.
 
-    The bands of a rolling shutter have equal intervals of time; each has the rows whose own times
-    are nearest.
+    The exposures of a rolling shutter end at equal intervals of time. A row between two of them is
+    their mean, weighted by how near they are: what moves by few pixels meanwhile is then, row by
+    row, where it was at the row's own time.
     """
     if camera.readout_ms == 0:
-        return (Band(0, camera.height, _subframes(camera, steps, steps)),)
+        whole = np.ones((camera.height, 1, 1), np.float32)
+        return (Band(0, whole, _subframes(camera, steps, steps)),)
     readout = camera.readout_ms / 1e3 * camera.rate * steps
-    last = camera.bands - 1
+    ends = np.unique(np.rint(steps - readout * np.linspace(1, 0, camera.bands)).astype(int))
+    rows = steps - readout * (1 - (np.arange(camera.height) + 0.5) / camera.height)
     found: list[Band] = []
-    for i in range(camera.bands):
-        begin, end = (
-            round(camera.height * min(max((i + half) / last, 0.0), 1.0)) for half in (-0.5, 0.5)
-        )
-        taken = _subframes(camera, steps, round(steps - readout * (last - i) / last))
-        if found and found[-1].steps == taken:
-            begin = found.pop().begin
-        found.append(Band(begin, end, taken))
+    for i, end in enumerate(ends.tolist()):
+        share = np.interp(rows, ends, np.arange(len(ends)) == i)
+        within = np.flatnonzero(share)
+        weights = share[within].astype(np.float32)[:, None, None]
+        found.append(Band(int(within[0]), weights, _subframes(camera, steps, end)))
     return tuple(found)
 
 

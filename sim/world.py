@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from sim import placement
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.choice import renderer_of
 from sim.camera.lens import Lens, Sensor
-from sim.camera.renderer import MakeRenderer, Promise, camera_pose
+from sim.camera.renderer import MakeRenderer, Promise, Supersampled, camera_pose
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
 from sim.kinematics.robot import CAMERA, Design, Robot
@@ -127,6 +128,8 @@ class World:
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
         make = renderer or renderer_of(camera.renderer)
+        if camera.supersample > 1:
+            make = partial(Supersampled, make, camera.supersample)
         self._renderer = make(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)

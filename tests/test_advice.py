@@ -91,4 +91,10 @@ def test_trackers_of_others_are_not_started_twice():
             raise AssertionError
 
     assert advice(Config(), *mug()) == ""
-    assert said("opencv", mug()) == said("trax", mug()) == said("tag", mug()) == ""
+    assert (
+        said("opencv", mug())
+        == said("trax", mug())
+        == said("tag", mug())
+        == said("truth", mug())
+        == ""
+    )

@@ -18,7 +18,7 @@ CHECKS["features"] = check_features
 EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in folder.names()]
 
 
-ALONE = [("tracker", kind) for kind in ("opencv", "tag", "trax")]
+ALONE = [("tracker", kind) for kind in ("opencv", "tag", "trax", "truth")]
 """Trackers that need a file, a server or a certain picture; they have tests of their own."""
 
 

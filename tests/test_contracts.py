@@ -14,7 +14,7 @@ from tracking.types import Region, State, Status
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
 EVERY = [(folder, kind) for folder in FOLDERS for kind in folder.names()]
-TRACKERS = [kind for kind in trackers.KINDS.names() if kind not in ("tag", "trax")]
+TRACKERS = [kind for kind in trackers.KINDS.names() if kind not in ("tag", "trax", "truth")]
 """Those that follow any target by themselves; `test_trax.py` has a server, and
 `test_tag_tracker.py` a tag."""
 WITH_COVARIANCE = {

@@ -3,6 +3,8 @@ import warnings
 import numpy as np
 import pytest
 
+from servo.loop.episode import Episode
+from servo.scenario.load import load
 from sim import placement
 from sim.camera.camera import CameraConfig
 from sim.disturbances import board, brightness
@@ -217,3 +219,19 @@ def test_a_blur_holds_the_targets_own_motion():
     assert 0.3 < covered < 0.8
     made.close()
     sharp.close()
+
+
+def test_a_supersampled_picture_is_the_mean_of_a_larger_one():
+    """Its size, truth and visible share are those of the plain one."""
+    fine = Episode(load("still", ["camera.supersample=2", "world.visibility=true", "start.x=0"]))
+    large = Episode(load("still", ["camera.width=640", "camera.height=480", "start.x=0"]))
+    plain = Episode(load("still", ["world.visibility=true", "start.x=0"]))
+    with fine, large, plain:
+        looks = [episode.look() for episode in (fine, large, plain)]
+    pictures = [look.frame.image.astype(float) for look in looks]
+    assert pictures[0].shape == pictures[2].shape == (240, 320, 3)
+    mean = pictures[1].reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
+    assert np.abs(pictures[0] - mean).max() <= 0.75  # rounding of a mean of four
+    assert np.abs(pictures[2] - mean).max() > 20
+    np.testing.assert_array_equal(looks[0].truth.corners, looks[2].truth.corners)
+    assert looks[0].truth.visible == looks[2].truth.visible == 1.0

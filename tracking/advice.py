@@ -24,7 +24,7 @@ LEAST_PX = 3.0
 and this [px]."""
 BETTER = "pf_ssd"
 """Tracker that is tried where another one is a poor choice."""
-SILENT = ("opencv", "trax", "tag", "frozen")
+SILENT = ("opencv", "trax", "tag", "frozen", "truth")
 """Kinds of ours that are not tried: they start programs, load models, or need no colours."""
 LEAST_CONTRAST = 0.15
 """A target whose colours change its distance by less when the template is shifted (`changes`) is

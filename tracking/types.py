@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
 
-from sim.types import LARGEST_PICTURE, Array, Frame
+from sim.types import LARGEST_PICTURE, Array, Frame, Truth
 
 LARGEST_LOG = 5.0
 """Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
@@ -138,6 +138,17 @@ class Tracker(Protocol):
             ego: Change (4,) of (x, y, theta, ln scale) by which the camera's motion since the last
                 frame has moved a target that stood still; None where it is unknown.
         """
+        ...
+
+
+@runtime_checkable
+class NeedsTruth(Protocol):
+    """A tracker that is told the truth, for comparison: a simulation only has it. It looks at no
+    picture.
+    """
+
+    def give(self, truth: Truth) -> None:
+        """Take where the target is; called before `start` and each `update`."""
         ...
 
 

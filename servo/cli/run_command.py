@@ -78,11 +78,11 @@ def run_scenario(
             raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, steps)
-    paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
     _print_record(console, scenario, record)
     if scenario.unjudged:
         plain(console, scenario.unjudged)
     console.print(_stage_line(steps, writing))
+    paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
     for path in paths:
         plain(console, f"  {path}")
     print_missed(Console(stderr=True), record)

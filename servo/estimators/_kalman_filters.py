@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
+from servo.estimators._filterpy import kalman_filter
 from sim.geometry import inverse
 from sim.types import Array
 
@@ -55,7 +55,7 @@ class KalmanFilters:
         """Begin with states of zero."""
         self._all = np.arange(count)
         self._each = np.eye(count)
-        self._filter = f = KalmanFilter(dim_x=count * len(model.H), dim_z=count, dim_u=count)
+        self._filter = f = kalman_filter()(dim_x=count * len(model.H), dim_z=count, dim_u=count)
         f.inv = inverse  # pyright: ignore[reportAttributeAccessIssue]  (it is there to be set)
         f.H = blocks(self._each, model.H[None])
         f.P = blocks(self._each, model.P)

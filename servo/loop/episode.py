@@ -21,7 +21,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.types import Sight
-from sim.camera.renderer import MakeRenderer
+from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -60,6 +60,7 @@ class Episode:
         renderer: MakeRenderer | None = None,
         *,
         steered: bool = False,
+        seen: bool = True,
         kept: dict[str, tuple[Any, Any]] | None = None,
     ) -> None:
         """Prepare a run.
@@ -68,6 +69,8 @@ class Episode:
             scenario: Its settings.
             renderer: Makes what renders the pictures; by default what the camera's settings name.
             steered: Whether `move` will be given twists.
+            seen: Whether somebody else than the loop looks at the pictures: they are black where
+                nobody does.
             kept: Robot and target of an earlier episode, used again where their settings are the
                 same, else replaced by this one's.
         """
@@ -76,7 +79,7 @@ class Episode:
         self._kept = {} if kept is None else kept
         with ExitStack() as unless_ready:
             unless_ready.callback(self.close)  # the caller has nothing to close
-            self.world = self._build_world(renderer)
+            self.world = self._build_world(renderer, seen=seen)
             true = self.world.camera
             outline = self.world.outline
             with self._refusals():
@@ -106,7 +109,7 @@ class Episode:
 
     __exit__ = close
 
-    def _build_world(self, renderer: MakeRenderer | None) -> World:
+    def _build_world(self, renderer: MakeRenderer | None, *, seen: bool) -> World:
         s = self.scenario
         motion = self._build(Part("motion", s.motion))
         robot = self._build(Part("robot", s.robot))
@@ -117,8 +120,11 @@ class Episode:
         ]
         sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
         parts = WorldParts(robot, target, motion, disturbances, s.camera, s.believed, s.world)
+        features = Part("features", s.features).build(target.outline)
+        seen |= getattr(s.tracker, "needs_pictures", True)
+        seen |= s.world.visibility or getattr(features, "uses_pictures", False)
         with self._refusals():
-            return World(parts, sensor, encoders, renderer)
+            return World(parts, sensor, encoders, renderer if seen else Unseen)
 
     @contextmanager
     def _refusals(self, where: str = "") -> Generator[None]:
@@ -177,7 +183,9 @@ class Episode:
         self.shown = first, region, given
         """The first picture, and the target in it as the tracker is given it."""
         with self._refusals():
-            self.running = self.loop.start(first, region, given, goal, self._true_motion)
+            self.running = self.loop.start(
+                first, region, given, goal, self._true_motion, lambda picture: self._truths[picture]
+            )
         self._scene = Scene(
             world.camera,
             world.outline,
@@ -311,8 +319,9 @@ def measured_run(
         Mistake: As for `Episode`.
     """
     steps: list[Step] = []
-    for step in run(scenario):
-        if each is not None:
-            each(step)
-        steps.append(step.light())
+    with Episode(scenario, seen=each is not None) as episode:
+        for step in episode:
+            if each is not None:
+                each(step)
+            steps.append(step.light())
     return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)

@@ -9,6 +9,7 @@ It serves a simulated or a real camera and robot alike:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Protocol, final
@@ -25,8 +26,9 @@ from servo.loop.settings import Setup, stream
 from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.types import CameraImage, Command, Sight
-from sim.types import Array, Camera, Frame, Image, Posture
+from sim.types import Array, Camera, Frame, Image, Posture, Truth
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
+from tracking.types import NeedsTruth as TrackerNeedsTruth
 
 NO_TRUTH = (
     "this estimator needs the true motion of the target (true_motion), which only a simulation "
@@ -105,13 +107,16 @@ class Loop:
         built = features.build(outline)
         draws = {name: stream(seed, name) for name in ("tracker", "estimator", "controller")}
         estimates = estimator.build(draws["estimator"])
-        self.tracker: Tracker = tracker.guarded(tracker.build(draws["tracker"]))
+        followed = tracker.build(draws["tracker"])
+        self.tracker: Tracker = tracker.guarded(followed)
         self.features: FeatureSet = features.guarded(built)
         self.features_of_truth: FeatureSet = features.guarded(built, checked=False)
         """The same for records: values of what the camera cannot see need not be finite."""
         self.controller: Controller = controller.guarded(controller.build(draws["controller"]))
         guarded = estimator.guarded(estimates)
         self.estimator: Estimator = guarded
+        self.told = tracker.guarded(followed) if isinstance(followed, TrackerNeedsTruth) else None
+        """The tracker, if it must be told where the target is."""
         self.needs_truth: NeedsTruth | None = guarded if isinstance(estimates, NeedsTruth) else None
         """The estimator, if it must be given the target's true motion."""
         self.forgets: Forgets | None = guarded if isinstance(estimates, Forgets) else None
@@ -135,6 +140,7 @@ class Loop:
         state: State,
         goal: Image | None = None,
         true_motion: TrueMotion | None = None,
+        truth: Callable[[int], Truth] | None = None,
     ) -> Running:
         """Show the target to the tracker in the first picture, and begin the task.
 
@@ -146,6 +152,7 @@ class Loop:
                 pixels.
             true_motion: The target's true motion, for an estimator that needs it; only a
                 simulation has it.
+            truth: Returns the truth of a picture by its number, for a tracker that is told it.
 
         Returns:
             The running loop; its `step` takes this picture too.
@@ -158,7 +165,7 @@ class Loop:
         for draws, state_at_first in self._draws:
             draws.bit_generator.state = state_at_first  # each start gives the same numbers
         self.running = None
-        self.running = Running(self, frame, (region, state), goal, true_motion)
+        self.running = Running(self, frame, (region, state), goal, true_motion, truth)
         return self.running
 
 
@@ -173,17 +180,20 @@ class Running:
         target: tuple[Region, State],
         goal: Image | None,
         true_motion: TrueMotion | None,
+        truth: Callable[[int], Truth] | None,
     ) -> None:
         """Begin, with the arguments of `Loop.start`; target is the region and its state."""
         self._loop = loop
         scenario = loop.scenario
         region, state = target
         self._true_motion = true_motion
+        self._truth = truth
         self._check_settings()
         self._goal_picture = None
         if goal is not None:
             check_picture("goal", goal, loop.camera)
             self._goal_picture = CameraImage(goal, loop.camera)
+        self._tell(frame)
         try:
             loop.tracker.start(frame, region, state)
         except PartFailed:
@@ -290,12 +300,18 @@ class Running:
         if not frame.fresh:
             return self._estimate
         self._carried = np.zeros(4)
+        self._tell(frame)
         estimate = loop.tracker.update(frame, ego)
         if not self._follows_known and estimate.status is Status.LOCKED:
             self._follows_known = True
             with Part("features", loop.scenario.features).naming():
                 check_followed(loop.features, estimate, self.goal_sight)
         return estimate
+
+    def _tell(self, frame: Frame) -> None:
+        """Tell the truth of a picture to a tracker that needs it, if it is known."""
+        if self._loop.told is not None and self._truth is not None:
+            self._loop.told.give(self._truth(frame.index))
 
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None

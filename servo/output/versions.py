@@ -62,7 +62,6 @@ def is_installed(name: str) -> bool:
 
 def clash() -> str:
     """The sentence about several distributions of OpenCV; empty where there is one."""
-    renderer = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:
         return ""

@@ -197,7 +197,7 @@ def _performed(job: Job, scenario: Scenario) -> Record:
         if step.frame.index in shown:
             tiles.append(_tile(step))
 
-    steps = measured_run(scenario, keep)[0]
+    steps = measured_run(scenario, keep if shown else None)[0]
     sheet = encoded(page(tiles), JPEG_QUALITY) if tiles else None
     return record_of(job, scenario, steps, time.perf_counter() - began, sheet)
 

@@ -52,6 +52,9 @@ class CameraConfig:
     calibration: File | None = None
     """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
     beside the scenario's file, or in the working directory where --set names it."""
+    supersample: Annotated[int, Ge(1), Le(4)] = 1
+    """Each pixel is the mean of this many times as many in both directions: edges then move
+    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2."""
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
@@ -60,12 +63,12 @@ class CameraConfig:
     """Rolling shutter: the first row is exposed this long before the last one, which ends at the
     frame's time [ms]."""
     bands: Annotated[int, Ge(2), Le(64)] = 8
-    """Bands of rows that a rolling shutter exposes together; each is rendered, at the nearest
-    physics step."""
+    """Pictures that are rendered for a rolling shutter, at the nearest physics steps; rows between
+    two of them are their mean."""
     renderer: Kind = "opengl"
     """What renders: "opengl", with MuJoCo's renderer and this machine's driver; or "exact", which
-    needs none, gives the same pictures on every machine, and draws no translucent bodies, shadows
-    or reflections. Without OpenGL "exact" is used, and a line says so."""
+    needs none, gives the same pictures on every machine, and draws no shadows, reflections or
+    translucence. Without OpenGL "exact" is used, and a line says so."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""

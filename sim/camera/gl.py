@@ -99,7 +99,7 @@ def is_there() -> bool:
     except NoRenderer as error:
         if WITHOUT not in os.environ:
             os.environ[WITHOUT] = "1"
-            print(f'servobench: {error} camera.renderer = "exact" is used.', file=sys.stderr)
+            sys.stderr.write(f'servobench: {error} camera.renderer = "exact" is used.\n')
         return False
     return True
 

@@ -84,9 +84,10 @@ class Sensor:
         self._rng = rng
         steps = sorted({k for band in bands for k in band.steps})
         self._bands = [
-            (slice(band.begin, band.end), [steps.index(k) for k in band.steps]) for band in bands
+            (slice(b.begin, b.begin + len(b.weights)), b.weights, [steps.index(k) for k in b.steps])
+            for b in bands
         ]
-        """Rows, and which of the pictures they are exposed in."""
+        """Rows, their weights, and which of the pictures they are exposed in."""
         slow = config.auto_gain
         self._share = None if slow is None else 1 - exp(-1 / config.rate / slow)
         self._gain = 1.0
@@ -120,16 +121,20 @@ class Sensor:
 
     def _exposed(self, pictures: list[Image]) -> NDArray[Any]:
         """The light (H, W, 3), each row from the pictures of its own exposure."""
-        every = [(ALL, range(len(pictures)))]
-        bands = self._bands if len(pictures) > 1 and len(self._bands) > 1 else every
-        parts: list[NDArray[Any]] = []
-        for rows, taken in bands:
-            mean = np.mean([pictures[i] for i in taken], axis=0, dtype=np.float32)
-            parts.append(self._lens.bend(np.asarray(mean), rows))
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        if len(pictures) == 1 or len(self._bands) <= 1:
+            return self._lens.bend(_mean(pictures))
+        light = np.zeros((*self._size, 3), np.float32)
+        for rows, weights, taken in self._bands:
+            mean = _mean([pictures[i] for i in taken])
+            light[rows] += weights * self._lens.bend(mean, rows)
+        return light
 
     def _adapt(self, level: float, share: float) -> None:
         """Take the gain a share of the way to where the picture is as bright as the first one."""
         if self._level is None:
             self._level = level
         self._gain = float(np.clip(self._gain * (self._level / level) ** share, *GAINS))
+
+
+def _mean(pictures: Sequence[Image]) -> NDArray[np.float32]:
+    return np.asarray(np.mean(pictures, axis=0, dtype=np.float32))

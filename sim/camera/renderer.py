@@ -165,6 +165,58 @@ class OpenGLRenderer:
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
 
 
+class Supersampled:
+    """A renderer whose pixels are means of smaller ones, which another renderer makes."""
+
+    def __init__(
+        self, make: MakeRenderer, times: int, model: mujoco.MjModel, camera: str, view: Camera
+    ) -> None:
+        """Make the other renderer, whose pictures are so many times as wide, and as high."""
+        self._size = view.width, view.height
+        self._times = times
+        larger = Camera(
+            fx=times * view.fx,
+            fy=times * view.fy,
+            cx=times * view.cx,
+            cy=times * view.cy,
+            width=times * view.width,
+            height=times * view.height,
+        )
+        self._renderer = make(model, camera, larger)
+
+    def begin(self, data: mujoco.MjData) -> Promise:
+        picture = self._renderer.begin(data)
+        return lambda: self._reduced(picture())
+
+    def _reduced(self, picture: Image) -> Image:
+        return cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+
+    def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
+        middle = slice(self._times // 2, None, self._times)
+        return self._renderer.silhouette(data, geoms, alone=alone)[middle, middle]
+
+    def close(self) -> None:
+        self._renderer.close()
+
+
+class Unseen:
+    """A renderer for those who look at no picture: all are black, and take no time."""
+
+    def __init__(self, _model: mujoco.MjModel, _camera: str, view: Camera) -> None:
+        self._picture: Image = np.zeros((view.height, view.width, 3), np.uint8)
+
+    def begin(self, data: mujoco.MjData) -> Promise:
+        del data
+        return lambda: self._picture
+
+    def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
+        del data, geoms, alone
+        return np.zeros(self._picture.shape[:2], bool)
+
+    def close(self) -> None:
+        pass
+
+
 class Backdrop:
     """Tells where a scene's table fills the picture: a sky behind it need not be drawn, which takes
     a tenth of a picture's time.

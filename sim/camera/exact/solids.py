@@ -85,7 +85,7 @@ def texture_of(model: mujoco.MjModel, geom: int) -> int:
 
 
 def across(corners: Array) -> Array:
-    """Normals of triangles (n, 3), as long as twice their area [m^2]; their corners are (3 n, 3)."""
+    """Normals of triangles (n, 3), as long as twice their area [m^2], by corners (3 n, 3)."""
     a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.cross(b - a, c - a)
 

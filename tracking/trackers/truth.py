@@ -1,0 +1,94 @@
+"""The truth, with stated noise and dropouts: what a law does without a tracker's errors.
+
+Only a simulation has it, and it looks at no picture: the anchor that trackers are compared with,
+and the tracker of studies and environments that are about the law. A delay is that of any tracker,
+`run.tracker_ms`.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, final
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.types import Array, Frame, Truth
+from tracking.types import Estimate, Region, State, Status
+
+NO_TRUTH = "the tracker 'truth' is told where the target is by a simulation, and here is none"
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Errors of an ideal tracker: independent from picture to picture, normally distributed."""
+
+    noise: Annotated[float, Ge(0), Le(100)] = 0.0
+    """Standard deviation of each coordinate of the centre, and of each corner [px]."""
+    angle_noise_deg: Annotated[float, Ge(0), Le(90)] = 0.0
+    """Standard deviation of the angle [deg]."""
+    scale_noise_pct: Annotated[float, Ge(0), Le(50)] = 0.0
+    """Standard deviation of the size [%]."""
+    dropouts: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Share of the pictures in which it does not see the target."""
+    needs_pictures: ClassVar[bool] = False
+    corners: bool = False
+    """Report the four corners, as `tag` does, and not centre, angle and size alone."""
+
+    def build(self, rng: np.random.Generator) -> "Told":
+        """Return the tracker, which draws its errors from the generator."""
+        return Told(self, rng)
+
+
+@final
+class Told:
+    """Reports what it is told, where that is in the picture."""
+
+    def __init__(self, config: Config, rng: np.random.Generator) -> None:
+        self._config = config
+        self._rng = rng
+        self._truth: Truth | None = None
+
+    def give(self, truth: Truth) -> None:
+        """Take where the target is in the next picture that is shown."""
+        self._truth = truth
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Begin with the size that the target has in the first picture.
+
+        Raises:
+            ValueError: Nobody gave the truth.
+        """
+        del frame, region
+        if self._truth is None:
+            raise ValueError(NO_TRUTH)
+        self._first_size = self._truth.size
+        self._state = state
+
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Return the truth with its errors; LOST outside the picture, UNSURE in a dropout."""
+        assert self._truth is not None
+        c = self._config
+        truth = self._truth
+        errors = self._rng.normal(size=(6, 2))
+        size = frame.image.shape[1::-1]
+        inside = truth.depth > 0 and bool(((truth.centre >= 0) & (truth.centre <= size)).all())
+        dropped = self._rng.uniform() < c.dropouts
+        if not inside or dropped:
+            self._state = self._state.moved(ego)
+            status = Status.UNSURE if inside else Status.LOST
+            return Estimate(self._state, np.full((4, 4), np.nan), 1.0, status)
+        turn = np.radians(c.angle_noise_deg)
+        growth = c.scale_noise_pct / 100
+        x, y = truth.centre + c.noise * errors[0]
+        self._state = State(
+            float(x),
+            float(y),
+            truth.theta + turn * float(errors[1, 0]),
+            truth.size / self._first_size * float(np.exp(growth * errors[1, 1])),
+        )
+        return Estimate(
+            self._state,
+            np.diag([c.noise, c.noise, turn, growth]) ** 2,
+            0.0,
+            Status.LOCKED,
+            corners=truth.corners + c.noise * errors[2:] if c.corners else None,
+        )
