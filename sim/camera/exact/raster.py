@@ -5,7 +5,7 @@ The same scene gives the same bits on every machine: no fast-math, no sum whose 
 
 # pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false
 # numba's decorators have no types.
-from math import ceil, floor, hypot, sqrt
+from math import ceil, hypot, sqrt
 
 import numba
 import numpy as np
@@ -221,8 +221,6 @@ def fill(
     edges_of(corners, edges)
     gradients(corners, 1 if flat and plain else 4 if plain else 6, even)
     # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
-    turns_s = floor(min(corners[0, TEXTURE], corners[1, TEXTURE], corners[2, TEXTURE]))
-    turns_t = floor(min(corners[0, TEXTURE + 1], corners[1, TEXTURE + 1], corners[2, TEXTURE + 1]))
     top = max(ceil(min(corners[0, V], corners[1, V], corners[2, V]) - 0.5), 0)
     low = min(ceil(max(corners[0, V], corners[1, V], corners[2, V]) - 0.5), height)
     step = even[0, 1]
@@ -261,8 +259,8 @@ def fill(
                 level = level_of(ds, dt, s_down, t_down, levels)
                 start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
                 # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
-                x = int(((s - turns_s) * wide + 0.5) * 65536.0)
-                y = int(((t - turns_t) * tall + 0.5) * 65536.0)
+                x = int((s * wide + 0.5) * 65536.0)
+                y = int((t * tall + 0.5) * 65536.0)
                 dx = int(ds * wide * 65536.0)
                 dy = int(dt * tall * 65536.0)
                 turns = is_beyond(x, x + count * dx, wide) or is_beyond(y, y + count * dy, tall)
@@ -405,7 +403,7 @@ def draw(
     for body in order:
         R = rotations[body]
         middle = middles[body]
-        if is_outside(middle, radii[body], view, height, width):
+        if is_outside(middle, float(radii[body]), view, height, width):
             continue
         for k in range(3):
             eye[k] = -dot(R[:, k], middle)

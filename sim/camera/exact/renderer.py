@@ -45,25 +45,27 @@ class ExactRenderer:
         self._camera = int(model.camera(camera).id)
         self._view = np.array([view.fx, view.fy, view.cx, view.cy])
         sky = next(iter(np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)), -1)
-        side = int(model.tex_width[sky]) if sky >= 0 else 0
-        surfaces = [*solids_of(model), sky_of(side, model.vis.map.zfar * model.stat.extent)]
-        counts = np.array([len(s.corners) // 3 for s in surfaces])
-        bodies = np.repeat(np.arange(len(surfaces)), 3 * counts)
-        columns = [np.concatenate(c) for c in zip(*(s.columns for s in surfaces), strict=True)]
-        rows, numbers = np.unique(np.column_stack([bodies, *columns]), axis=0, return_inverse=True)
+        side = int(model.tex_width[sky]) if sky >= 0 else 1
+        solids = [*solids_of(model), sky_of(side, model.vis.map.zfar * model.stat.extent)]
+        counts = np.array([len(solid) // 3 for solid in solids])
+        every = np.concatenate(solids)
+        # Coordinates that begin near 0: a texture is left as seldom as can be.
+        every[:, 6:] -= np.floor(every[:, 6:].reshape(-1, 3, 2).min(axis=1)).repeat(3, axis=0)
+        bodies = np.repeat(np.arange(len(solids)), 3 * counts)
+        rows, numbers = np.unique(np.column_stack([bodies, every]), axis=0, return_inverse=True)
         self._rows = rows[:, 1:]
         """Corners that differ: place, normal, place in the texture (n, 8)."""
-        self._first_row = np.searchsorted(rows[:, 0], np.arange(len(surfaces) + 1))
+        self._first_row = np.searchsorted(rows[:, 0], np.arange(len(solids) + 1))
         self._faces = numbers.reshape(-1, 3)
         """Corners of each triangle."""
         self._first_face = np.concatenate([[0], np.cumsum(counts)])
-        plane = across(columns[0])
-        self._planes = np.column_stack([plane, np.sum(plane * columns[0][::3], axis=1)])
+        plane = across(every[:, :3])
+        self._planes = np.column_stack([plane, np.sum(plane * every[::3, :3], axis=1)])
         """Of each triangle's plane normal and distance, both times twice its area (n, 4)."""
-        self._radii = np.array([np.linalg.norm(s.corners, axis=1).max(initial=0) for s in surfaces])
+        self._radii = np.array([np.linalg.norm(s[:, :3], axis=1).max(initial=0) for s in solids])
         self._rgba, self._shine = _looks(model)
         visible = mujoco.MjvOption().geomgroup[model.geom_group] * model.geom_rgba[:, 3] > 0
-        self._is_shown = np.append(visible, True) & (counts > 0)
+        self._is_shown = np.append(visible, sky >= 0) & (counts > 0)
         self._texels, self._levels = _textures(model)
         self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1
         shape = (view.height, view.width)
@@ -211,15 +213,10 @@ def _textures(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int6
 
 
 def _levels(picture: Image) -> list[Image]:
-    """A picture and its halves down to one pixel, each the mean of four pixels of the last."""
+    """A picture and its halves down to one row or column, each with means of four pixels."""
     levels = [picture]
-    while max(levels[-1].shape[:2]) > 1:
-        last = levels[-1].astype(np.uint16)
-        rows, columns = (_pairs(size) for size in last.shape[:2])
-        total = last[rows].sum(axis=1)[:, columns].sum(axis=2)
-        levels.append(((total + 2) // 4).astype(np.uint8))
+    while min(levels[-1].shape[:2]) > 1:
+        rows, columns = (size // 2 for size in levels[-1].shape[:2])
+        fours = levels[-1][: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2, 3)
+        levels.append(((fours.sum(axis=(1, 3), dtype=np.uint16) + 2) // 4).astype(np.uint8))
     return levels
-
-
-def _pairs(size: int) -> NDArray[np.intp]:
-    return np.minimum(2 * np.arange(max(size // 2, 1))[:, None] + (0, 1), size - 1)

@@ -1,7 +1,5 @@
 """Triangles of a model's geoms and sky, as MuJoCo draws them, each in its own frame."""
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 
@@ -35,21 +33,10 @@ SKY = np.array(
 directions of its picture's rows and columns."""
 
 
-@dataclass(frozen=True, slots=True)
-class Solid:
-    """A surface as triangles: three rows for each, counter-clockwise as seen from outside."""
-
-    corners: Array
-    """(3 n, 3) [m]."""
-    normals: Array
-    """(3 n, 3), of length 1."""
-    texture: Array
-    """Place in the material's picture (3 n, 2), 0 to 1 in a picture that is not repeated."""
-
-    @property
-    def columns(self) -> tuple[Array, Array, Array]:
-        """Corners, normals, and places in the picture."""
-        return self.corners, self.normals, self.texture
+Solid = Array
+"""A surface as triangles, counter-clockwise as seen from outside: three rows for each with place,
+normal of length 1, and place in the material's picture, 0 to 1 where it is not repeated (3 n, 8)
+[m]."""
 
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
@@ -64,16 +51,14 @@ def sky_of(side: int, far: float) -> Solid:
     """The inside of a cube around the camera.
 
     Args:
-        side: Of its six pictures, which lie one under the other [px]; 0 where there is no sky.
+        side: Of its six pictures, which lie one under the other [px].
         far: Half a side of the cube [m].
     """
-    if side == 0:
-        return Solid(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)))
     corners = _split((SKY[:, :1] + TOP[:, :2] @ SKY[:, 1:]) * far)
     # From the middle of a border pixel to that of the other: a face's neighbours are other faces.
     across = 0.5 + (0.5 - 0.5 / side) * TOP[:, :2]
     places = np.stack([across + (0, k) for k in range(len(SKY))]) / (1, len(SKY))
-    return Solid(corners, -corners / far, _split(places))
+    return np.column_stack([corners, -corners / far, _split(places)])
 
 
 def texture_of(model: mujoco.MjModel, geom: int) -> int:
@@ -119,7 +104,7 @@ def _primitive(model: mujoco.MjModel, geom: int) -> Solid:
             corners, normals = _turned(ends, arc, slices)
         case _:
             corners = normals = np.zeros((0, 3))
-    return Solid(corners, normals, _mapped(model, geom, size, corners))
+    return np.column_stack([corners, normals, _mapped(model, geom, size, corners)])
 
 
 Surface = tuple[Array, Array]
@@ -177,13 +162,13 @@ def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
     start = int(model.mesh_texcoordadr[mesh])
     if start >= 0:
         places = model.mesh_facetexcoord[faces].ravel() + start
-        return Solid(corners, normals, model.mesh_texcoord[places].astype(float))
+        return np.column_stack([corners, normals, model.mesh_texcoord[places]])
     flat = np.repeat(across(corners), 3, axis=0)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     differs = np.sum(flat * normals, axis=1, keepdims=True) < FLAT
     size = model.geom_size[geom].astype(float)
     normals = np.where(differs, flat, normals)
-    return Solid(corners, normals, _mapped(model, geom, size, corners))
+    return np.column_stack([corners, normals, _mapped(model, geom, size, corners)])
 
 
 def _mapped(model: mujoco.MjModel, geom: int, size: Array, corners: Array) -> Array:
