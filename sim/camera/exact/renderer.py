@@ -69,7 +69,7 @@ class ExactRenderer:
         self._texels, self._levels = _textures(model)
         self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1
         shape = (view.height, view.width)
-        self._nearness = np.empty(shape)
+        self._nearness = np.empty(shape, np.float32)
         self._shown = np.empty(shape, np.int16)
 
     def close(self) -> None:

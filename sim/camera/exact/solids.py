@@ -172,11 +172,13 @@ def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
 
 
 def _mapped(model: mujoco.MjModel, geom: int, size: Array, corners: Array) -> Array:
-    """Texture coordinates by the place on the body: the picture lies across its x and y."""
+    """Texture coordinates by the place on the body: the picture begins where x is
+    least and y greatest.
+    """
     if texture_of(model, geom) < 0:
         return np.zeros((len(corners), 2))
     material = model.geom_matid[geom]
     repeat = model.mat_texrepeat[material].astype(float)
     if model.mat_texuniform[material]:
         repeat = repeat * size[:2]
-    return 0.5 * repeat * corners[:, :2] / size[:2] * (1.0, -1.0) - 0.5
+    return 0.5 * repeat * (1.0 + corners[:, :2] / size[:2] * (1.0, -1.0))
