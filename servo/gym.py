@@ -1,4 +1,6 @@
-"""A run as an environment of Gymnasium: import this, then `gymnasium.make("servobench/Servo-v0")`.
+"""A run as an environment of Gymnasium: `gymnasium.make("servo.gym:servobench/Line-v0")`.
+
+Each shipped scenario has an id, its name in capitals, and `servobench/Servo-v0` takes any.
 
 | choice | meaning |
 |---|---|
@@ -26,6 +28,7 @@ from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
 from servo.scenario.arguments import each_once, numbers, one_of, texts
+from servo.scenario.catalogue import shipped
 from servo.scenario.keywords import own_parts
 from servo.scenario.load import parse
 from servo.scenario.toml import with_settings
@@ -66,6 +69,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         reach: tuple[float, float] = (0.2, 0.5),
         dof: Sequence[str] | None = None,
         render_mode: str | None = None,
+        goal_picture: bool = False,
         **settings: Any,
     ) -> None:
         """Prepare; nothing is rendered before `reset`.
@@ -78,6 +82,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             reach: What an action of 1 means, for speeds [m/s] and angular speeds [rad/s].
             dof: Parts of the twist that an action has; by default those that the law moves.
             render_mode: "rgb_array", "human" (a window) or None.
+            goal_picture: Whether `reset` tells the picture that the camera takes at the goal, as
+                info["goal_picture"]. It is taken first, so noise of the sensor is drawn anew.
             **settings: As for `servo.load`, such as gain=1.0 or vary={}.
 
         Raises:
@@ -90,6 +96,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             raise Mistake("render_mode='human': there is no display here; use 'rgb_array'")
         self.render_mode = render_mode
         self._observation = observation
+        self._goal_picture = goal_picture
         self._residual = action == "residual"
         self._given = scenario, texts(overrides), settings
         self._base = load(*self._given[:2], **settings)
@@ -139,15 +146,23 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         scenario = self._scenario(drawn, options or {})
         if scenario.run.seed != drawn:
             raise Mistake("options: the seed of a run is given as reset(seed=...)")
-        seen = self._observation != "features" or self.render_mode is not None
-        self._episode = Episode(scenario, steered=True, seen=seen, kept=self._kept)
+        self._episode = Episode(
+            scenario,
+            steered=True,
+            seen=self._observation != "features" or self.render_mode is not None,
+            shows_goal=self._goal_picture,
+            kept=self._kept,
+        )
         self._action = np.zeros(len(self._moves))
         step = self._look()
         seen = self._observed(step)
         if seen not in self.observation_space:
             self._end()
             raise Mistake("options: observations would have another shape; make an environment")
-        return seen, self._info(step) | {"seed": drawn, "drawn": scenario.drawn}
+        info = self._info(step) | {"seed": drawn, "drawn": scenario.drawn}
+        if self._goal_picture:
+            info["goal_picture"] = self._episode.goal_picture
+        return seen, info
 
     def _scenario(self, seed: int, options: Any) -> Scenario:
         """Return the scenario with a seed's draws."""
@@ -180,8 +195,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
-        off = float(np.hypot(*(step.truth.corners - step.goal_corners).T).mean())
-        reward = 1.0 / (1.0 + off / CONVERGED_PX)
+        reward = 1.0 / (1.0 + _distance(step) / CONVERGED_PX)
         seen = self._observed(step)
         if lost or over:
             self._end()
@@ -207,8 +221,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return bool(step.estimate.status is Status.LOST or not inside)
 
     def _info(self, step: Step) -> dict[str, Any]:
+        distance = _distance(step)
         return {
             "time_s": step.frame.time,
+            "distance_px": distance,
+            "is_success": distance <= CONVERGED_PX,
             "servo_error_px": step.servo_error,
             "tracking_error_px": step.tracking_error,
             "status": step.estimate.status.name,
@@ -258,5 +275,26 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._window = None
 
 
-if ID not in gymnasium.registry:
-    gymnasium.register(id=ID, entry_point="servo.gym:ServoEnv")
+def _distance(step: Step) -> float:
+    """Return the mean distance of the target's true corners from their goals [px]."""
+    return float(np.hypot(*(step.truth.corners - step.goal_corners).T).mean())
+
+
+def environment_id(scenario: str) -> str:
+    """Return the id of a shipped scenario's environment.
+
+    >>> environment_id("arm7_line")
+    'servobench/Arm7Line-v0'
+    """
+    return f"servobench/{scenario.title().replace('_', '')}-v0"
+
+
+def _register() -> None:
+    entry_point = "servo.gym:ServoEnv"
+    if ID not in gymnasium.registry:
+        gymnasium.register(id=ID, entry_point=entry_point)
+        for name in shipped():
+            gymnasium.register(environment_id(name), entry_point, kwargs={"scenario": name})
+
+
+_register()

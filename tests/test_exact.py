@@ -168,7 +168,7 @@ def test_without_opengl_a_line_says_so_and_the_exact_renderer_is_used(monkeypatc
     monkeypatch.setenv(gl.WITHOUT, "")
     monkeypatch.delenv(gl.WITHOUT)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    assert versions()["renderer"] == "as set"
+    assert versions()["pictures"] == "as set"
     gl.is_there.cache_clear()
     assert renderer_of("exact") is ExactRenderer
     assert capsys.readouterr().err == ""
@@ -180,7 +180,7 @@ def test_without_opengl_a_line_says_so_and_the_exact_renderer_is_used(monkeypatc
         "servobench: The OpenGL library libEGL.so.1 is missing on this machine: run "
         f'{gl.INSTALL}. camera.renderer = "exact" is used.\n'
     )
-    assert versions()["renderer"] == "exact, without OpenGL"
+    assert versions()["pictures"] == "exact, without OpenGL"
 
 
 def test_lens_shutter_and_visible_share_work_with_it():

@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
+from servo.scenario.catalogue import shipped  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 PAGE = Path(__file__).parents[1] / "servo" / "tutorials" / "learn_a_residual.md"
@@ -262,3 +263,30 @@ def test_settings_and_draws_reach_a_law_of_ones_own():
         gains.append(env._episode.scenario.controller.gain)
     env.close()
     assert gains == [2, 7.0, 2, 5.0]
+
+
+def test_each_shipped_scenario_has_an_id_that_needs_no_import():
+    code = (
+        "import gymnasium; env = gymnasium.make('servo.gym:servobench/Arm7Line-v0'); "
+        "print(env.unwrapped._base.name)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "arm7_line\n"
+    ids = {servo.gym.environment_id(name) for name in shipped()}
+    assert ids <= gymnasium.registry.keys()
+
+
+def test_reset_tells_the_picture_at_the_goal():
+    """It is the picture of a run that begins there."""
+    told = made(scenario="still", goal_picture=True).reset(seed=0)[1]["goal_picture"]
+    there = made(scenario="still", start={}, vary={}, observation="picture").reset(seed=0)[0]
+    np.testing.assert_array_equal(told, there)
+    assert "goal_picture" not in made().reset(seed=0)[1]
+
+
+def test_success_is_a_mean_distance_of_the_corners_within_ten_pixels():
+    env = made(scenario="still", overrides=["run.duration=3"])
+    infos = [i for _, _, i in steps_of(env, [np.zeros(4)] * 60, seed=0)]
+    assert [i["is_success"] for i in infos] == [i["distance_px"] <= 10 for i in infos]
+    assert not infos[0]["is_success"]
+    assert infos[-1]["is_success"]

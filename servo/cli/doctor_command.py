@@ -13,6 +13,8 @@ from servo.scenario import load as scenarios
 from sim.camera import gl
 from tracking.wrapped.cv2_tracker import running
 
+WAITS = "run.latency=0"
+"""With this a run waits for each picture, and makes none meanwhile."""
 FINE = "All is well. To begin with: servobench run reversal"
 
 
@@ -20,7 +22,7 @@ def examine() -> int:
     """Print back end, renderer, versions and speed of this machine; the exit code."""
     console = Console()
     opengl = gl.is_there()
-    scenario = scenarios.load("still")
+    scenario = scenarios.load("still", [WAITS])
     with Episode(scenario) as episode:
         seconds = median(step.seconds.render for step in episode)
     camera = scenario.camera

@@ -61,6 +61,7 @@ class Episode:
         *,
         steered: bool = False,
         seen: bool = True,
+        shows_goal: bool = False,
         kept: dict[str, tuple[Any, Any]] | None = None,
     ) -> None:
         """Prepare a run.
@@ -71,6 +72,7 @@ class Episode:
             steered: Whether `move` will be given twists.
             seen: Whether somebody else than the loop looks at the pictures: they are black where
                 nobody does.
+            shows_goal: Whether the picture at the goal is taken, also if the loop needs none.
             kept: Robot and target of an earlier episode, used again where their settings are the
                 same, else replaced by this one's.
         """
@@ -79,14 +81,16 @@ class Episode:
         self._kept = {} if kept is None else kept
         with ExitStack() as unless_ready:
             unless_ready.callback(self.close)  # the caller has nothing to close
-            self.world = self._build_world(renderer, seen=seen)
+            self.world = self._build_world(renderer, seen=seen or shows_goal)
             true = self.world.camera
             outline = self.world.outline
             with self._refusals():
                 self.loop = Loop(scenario, self.world.camera_believed, outline, true)
             self.goal = Goal(scenario.goal, outline, true, true)
             """How the true camera shall see the target."""
-            goal = self._picture_at_goal() if self.loop.uses_pictures else None
+            goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
+            self.goal_picture = goal
+            """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
             self._place_camera(scenario.start)
             moment = self.world.moment()
             first = moment.picture()
@@ -96,7 +100,9 @@ class Episode:
             """How the world has moved on from the last picture."""
             self._truths = {first.index: moment.truth}
             """The truth of each picture from the one last decided on."""
-            self._start_loop(first, moment.truth, goal, steered=steered)
+            self._start_loop(
+                first, moment.truth, goal if self.loop.uses_pictures else None, steered=steered
+            )
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:

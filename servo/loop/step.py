@@ -21,6 +21,7 @@ class Seconds:
     """Wall-clock time of the stages of one step [s]."""
 
     render: float
+    """Waiting for the picture and beginning the next one, most of which is made meanwhile."""
     track: float
     control: float
     physics: float

@@ -34,7 +34,7 @@ ENDINGS = (".py", ".xml", ".png", ".obj")
 PICTURES = "pictures"
 """Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
-RENDERER = "renderer"
+PICTURES_BY = "pictures"
 DIGITS = 12
 
 
@@ -44,10 +44,10 @@ def versions() -> dict[str, str]:
 
     Packages that bring kinds by entry points are named too.
     """
-    renderer = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
+    pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     there = [name for name in VERSIONED if name not in OPENCV or is_installed(name)]
     found = {name: metadata.version(name) for name in there}
-    own = {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), RENDERER: renderer}
+    own = {VERSIONED[0]: found.pop(VERSIONED[0]), SOURCE: source_digest(), PICTURES_BY: pictures}
     return {**own, **found, **packages()}
 
 

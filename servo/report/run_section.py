@@ -61,9 +61,9 @@ def section(folder: Path) -> Section:
         Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome),
         facts,
         [
-            _bounds(run),
-            Block("Over time", figures=_figures(folder, run)),
             _pictures(folder),
+            Block("Over time", figures=_figures(folder, run)),
+            _bounds(run),
             _scenario(folder, run),
             again(run),
         ],

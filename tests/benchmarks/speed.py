@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import atan, degrees
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import cv2
@@ -31,6 +31,8 @@ from tracking.types import Region, State
 
 CAR_LENGTH = 0.2
 """Length of the target's reference rectangle [m]."""
+ROUNDS = 100
+"""Pictures that rendering alone is timed on."""
 WARM = 5
 """Number of first frames that do not count, because caches are still empty."""
 
@@ -111,6 +113,8 @@ class LoopTimes:
 
     step: float
     """Time from frame to frame, with everything."""
+    cpu: float
+    """Time of all threads from frame to frame."""
     render: float
     track: float
     control: float
@@ -127,18 +131,32 @@ def times_of(episode: Episode, add: Callable[[Step], None] | None = None) -> Loo
     """Times of a new episode, with `add` called for each step, such as that of a recording."""
     stages: list[Seconds] = []
     walls: list[float] = []
+    cpus: list[float] = []
+    cpu = process_time()
     began = perf_counter()
     for step in episode:
         if add is not None:
             add(step)
         walls.append(perf_counter() - began)
+        cpus.append(process_time() - cpu)
         stages.append(step.seconds)
+        cpu = process_time()
         began = perf_counter()
     each = (
         1e3 * median(getattr(s, name) for s in stages[WARM:])
         for name in ("render", "track", "control", "physics")
     )
-    return LoopTimes(1e3 * median(walls[WARM:]), *each)
+    return LoopTimes(1e3 * median(walls[WARM:]), 1e3 * median(cpus[WARM:]), *each)
+
+
+def rendering() -> tuple[float, float]:
+    """Time of a picture alone, and its CPU time [ms]."""
+    with Episode(load("line")) as episode:
+        world = episode.world
+        pictures = [world.look] * ROUNDS
+        cpu = process_time()
+        wall = _median_ms(pictures)
+        return wall, 1e3 * (process_time() - cpu) / ROUNDS
 
 
 def _median_ms(calls: list[Callable[[], Any]]) -> float:
@@ -164,17 +182,18 @@ def recorded() -> tuple[LoopTimes, float]:
 def main() -> None:
     """Print the table of this machine, after half a minute."""
     console = Console()
+    alone, alone_cpu = rendering()
     loop = loop_times()
     with_recording, size = recorded()
     law = law_ms()
     cv2.setNumThreads(1)
     shown = film(LENGTH)
     times = {kind: tracker_ms(kind, shown) for kind in TIMED}
-    ratio = loop.step / loop.render
     more = with_recording.step / loop.step
     rows = [
-        ["render", f"{loop.render:.2f}"],
-        ["step of the loop (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{ratio:.2f}"],
+        ["render", f"{alone:.2f}"],
+        ["step (line, pf_ssd)", f"{loop.step:.2f}", "render", f"{loop.step / alone:.2f}"],
+        ["CPU of a step", f"{loop.cpu:.2f}", "of rendering", f"{loop.cpu / alone_cpu:.2f}"],
         ["step with a recording", f"{with_recording.step:.2f}", "without", f"{more:.2f}"],
         ["features, control law, Kalman filter", f"{law:.3f}"],
         *(

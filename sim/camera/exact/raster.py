@@ -15,6 +15,7 @@ from sim.types import Array, Image
 
 Indices = NDArray[np.int64]
 Numbers = NDArray[np.int16]
+Singles = NDArray[np.float32]
 
 SEGMENT = 32
 """Pixels of a row between which texture coordinates go evenly; a division for each pixel costs
@@ -194,7 +195,7 @@ def fill(
     texels: Indices,
     levels: Indices,
     image: Image,
-    nearness: Array,
+    nearness: Singles,
     shown: Numbers,
 ) -> None:
     """Draw a triangle with its texture, between the four nearest pixels of the fitting level.
@@ -389,7 +390,7 @@ def draw(
     texels: Indices,
     levels: Indices,
     image: Image,
-    nearness: Array,
+    nearness: Singles,
     shown: Numbers,
 ) -> None:
     """Draw bodies one after the other; the arrays are those of `ExactRenderer`."""

@@ -53,7 +53,7 @@ class ExactRenderer:
         every[:, 6:] -= np.floor(every[:, 6:].reshape(-1, 3, 2).min(axis=1)).repeat(3, axis=0)
         bodies = np.repeat(np.arange(len(solids)), 3 * counts)
         rows, numbers = np.unique(np.column_stack([bodies, every]), axis=0, return_inverse=True)
-        self._rows = rows[:, 1:]
+        self._rows = rows[:, 1:].astype(float)
         """Corners that differ: place, normal, place in the texture (n, 8)."""
         self._first_row = np.searchsorted(rows[:, 0], np.arange(len(solids) + 1))
         self._faces = numbers.reshape(-1, 3)
