@@ -29,7 +29,7 @@ from servo import notebook
 from servo.loop.episode import Episode
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
-from servo.mistake import Mistake, Refused
+from servo.mistake import Mistake, Refused, unwritable
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
@@ -165,6 +165,7 @@ class Run(Sequence[Step]):
     def frame(self, time: float) -> Pillow.Image:
         """The picture nearest to a time [s], with truth (white), goal (red) and estimate."""
         times = np.array([s.frame.time for s in self._light])
+        (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
         if not times[0] <= time <= times[-1]:
             raise Mistake(f"frame({time:g}): the run goes from 0 to {times[-1]:.2f} s")
         return Pillow.fromarray(annotated(self[int(np.abs(times - time).argmin())]))
@@ -220,8 +221,16 @@ class Clip:
     mp4: bytes = field(repr=False)
 
     def save(self, path: str | Path) -> None:
-        """Write it to a file."""
-        Path(path).write_bytes(self.mp4)
+        """Write it to a file.
+
+        Raises:
+            Mistake: Its place is wrong.
+            Refused: The disk is full.
+        """
+        try:
+            Path(arguments.name(path, "film")).write_bytes(self.mp4)
+        except OSError as error:
+            raise unwritable(path, error, "this film") from None
 
     def _repr_html_(self) -> str:
         return notebook.html_film(self.mp4)

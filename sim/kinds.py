@@ -236,6 +236,27 @@ def kind_of(config: object) -> str:
     return next(filter(None, (each.kind_at(path) for each in _REGISTERED.values())), path)
 
 
+def checked(config: Config, place: str) -> Config:
+    """Return settings that were made in Python with the types and ranges of their annotations,
+    which the compiled loops trust.
+
+    Raises:
+        ValueError: A setting has a wrong type, or is out of range.
+    """
+    from pydantic import PydanticUserError, TypeAdapter, ValidationError  # takes a while
+
+    of: Any = config
+    given = {f.name: getattr(of, f.name) for f in dataclasses.fields(of) if f.init}
+    try:
+        return TypeAdapter(type(config)).validate_python(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(first["loc"][0])
+        raise ValueError(f"{place}.{name} = {given[name]!r}: {first['msg']}") from None
+    except (PydanticUserError, NameError):  # a part of one's own, with types of its own
+        return config
+
+
 def _check_config(config: type[Any], name: str) -> None:
     if not dataclasses.is_dataclass(config):
         raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")

@@ -13,7 +13,7 @@ from servo.scenario.load import load
 from sim.kinematics import drives
 from sim.kinematics.inverse_kinematics import reach
 from sim.kinematics.model import FARTHEST, mount_pose
-from sim.kinematics.robot import Inversion
+from sim.kinematics.robot import STOP_MARGIN, Inversion
 from sim.robots import mjcf
 from sim.types import Pose
 
@@ -146,14 +146,30 @@ def test_a_redundant_arm_moves_away_from_its_limits_without_moving_the_camera(se
 
 def test_centring_gives_way_where_it_would_slow_the_camera(seven):
     robot, model, data = built(Inversion(centring=100.0), model=str(seven))
-    plain, _, _ = built(Inversion(centring=0.0), model=str(seven))
     data.qpos[:] = [0.3, 0.6, 0.8, -2.2, 0.5, 2.0, 2.0]
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     twist = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.1])
     rates, limited = robot.rates(data, twist)
     assert not limited
-    np.testing.assert_allclose(rates, plain.rates(data, twist)[0], atol=1e-12)
+    assert np.all((rates >= robot.slowest) & (rates <= robot.fastest))
+    np.testing.assert_allclose(robot.jacobian(data) @ rates, twist, atol=1e-4)
+
+
+def test_the_other_joints_go_on_where_one_is_at_its_limit(seven):
+    """A twist that would push a joint against its stop is made by the six others."""
+    robot, model, data = built(model=str(seven))
+    data.qpos[:] = [0.3, 0.6, 0.8, -1.6, 0.5, 2.0, 2.0]
+    data.qpos[0] = robot.upper[0] - STOP_MARGIN
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    J = robot.jacobian(data)
+    twist = 0.05 * J[:, 0] + 0.02 * J[:, 3]
+    assert (np.linalg.pinv(J) @ twist)[0] > 0.01  # the least rates need it
+    rates, limited = robot.rates(data, twist)
+    assert not limited
+    assert rates[0] <= 1e-9
+    np.testing.assert_allclose(J @ rates, twist, atol=1e-4)
 
 
 def test_a_start_pose_is_inside_the_limits_and_exact(seven):

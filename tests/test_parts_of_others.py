@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from servo.cli import list_command, schema_command
+from servo.cli import doctor_command, list_command, schema_command
 from servo.mistake import Mistake
 from servo.output.versions import versions
 from servo.scenario.load import load, parse
@@ -117,6 +117,14 @@ def test_a_kind_of_an_installed_package_stands_beside_ours(package):
     assert parse({"tracker": {"kind": "calm"}}, "a", "a.toml").tracker.least == 3
     assert versions()["pkg-a"] == "1.5"
     assert dataclasses.asdict(load("still", ["tracker.kind=pkg-a:calm"]).tracker) == {"least": 3}
+
+
+def test_the_doctor_names_kinds_that_cannot_be_imported(package):
+    package("pkg-a", calm="Config", lame="Nobody")
+    assert doctor_command._broken() == [
+        "the kind 'lame' of pkg-a 1.5: 'pkg_a:Nobody' cannot be imported: module 'pkg_a' has no "
+        "attribute 'Nobody'"
+    ]
 
 
 def test_names_that_two_packages_use_are_written_with_the_package(package):

@@ -1,10 +1,12 @@
 """Cameras and streams: the newest picture wins, and losses and ends are sentences."""
 
+import itertools
 import json
 import threading
 import time
 from contextlib import nullcontext
 
+import cv2
 import numpy as np
 import pytest
 from serving import film, served
@@ -209,6 +211,31 @@ def test_a_silent_address_is_a_sentence_soon(monkeypatch):
             next(iter(source_of(address, 30.0)))
     assert str(refused.value) == f"{address}: cannot open this stream: nothing came for 0.5 s"
     assert time.monotonic() - began < 8
+
+
+def test_few_pictures_are_read_before_the_first_one_is_given():
+    """What is read to detect the format comes at once afterwards, and most of it is replaced."""
+    given, in_time = threading.Event(), []
+
+    def parts():
+        yield from film(8)
+        in_time.append(given.wait(3))
+
+    with served(parts()) as address:
+        assert next(iter(source_of(address, 30.0))).image.shape == (100, 160, 3)
+        given.set()
+    assert in_time == [True]
+
+
+def test_pictures_without_stamps_have_the_times_at_which_they_come(monkeypatch):
+    clock = itertools.count()
+    monkeypatch.setattr(stream, "time", type("Clock", (), {"monotonic": lambda: next(clock)}))
+    jpeg = cv2.imencode(".jpg", IMAGE)[1].tobytes()
+    head = b"--eye\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
+    with served(9 * [head + jpeg + b"\r\n"], gap=0.02) as address:
+        found = [(p.name, p.time) for p in source_of(address, 30.0)]
+    assert found[-1] == ("frame 8", 8.0)
+    assert found == [(f"frame {time:.0f}", time) for _, time in found]
 
 
 def test_a_playlist_at_an_address_opens_nothing(tmp_path):

@@ -272,6 +272,7 @@ def test_the_law_learns_how_long_the_first_of_its_pending_commands_still_acts():
     assert PendingCommands(0).coming(posture, T) == []
 
 
-def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other():
+@pytest.mark.parametrize("frames", [1, 2])  # also the default, where it is written
+def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other(frames):
     with pytest.raises(Mistake, match=r"run: latency_ms takes the place of latency; leave latency"):
-        load("line", ["run.latency_ms=80", "run.latency=2"])
+        load("line", ["run.latency_ms=80", f"run.latency={frames}"])

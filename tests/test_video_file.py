@@ -10,6 +10,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from tracked import image
 
 from sim.files import picture_file
 from tracking.sequences.sequence import source_of
@@ -30,6 +31,7 @@ CODECS = {
     "gif": "gif",
     "yuv4mpegpipe": "rawvideo",
     "webm": "libvpx",
+    "ogg": "libvpx",
 }
 
 
@@ -167,6 +169,8 @@ def test_the_missing_frames_of_a_cut_video_are_none(tmp_path):
         ("gif", {}, 0.6),
         ("yuv4mpegpipe", {}, 0.7),
         ("avi", {}, 0.7),
+        ("ogg", {"page_duration": "200000"}, 0.5),
+        ("ogg", {}, 0.9),
     ],
 )
 def test_a_cut_video_says_so_whatever_its_format(tmp_path, form, options, part):
@@ -208,6 +212,39 @@ def test_pictures_that_ffmpeg_has_mended_are_counted(tmp_path):
     assert re.fullmatch(rf"{path}: \d of {FRAMES} pictures are damaged", video.end.sentence)
 
 
+@pytest.mark.parametrize(
+    ("form", "codec", "least"),
+    [
+        ("flv", "libx264", 18),
+        ("mpegts", "libx264", 7),
+        ("asf", "mpeg4", 12),
+        ("matroska", "ffv1", 19),
+    ],
+)
+def test_damage_that_ffmpeg_prints_and_hides_is_said(tmp_path, form, codec, least):
+    """Holes of 200 bytes at 19 places; some decode as if they were pictures."""
+    path, data = tmp_path / "film", io.BytesIO()
+    with av.open(data, mode="w", format=form) as container:
+        stream = container.add_stream(codec, rate=25, options={"threads": "1"})
+        stream.width, stream.height, stream.pix_fmt = 160, 100, "yuv420p"
+        for k in range(2 * FRAMES):
+            picture = np.ascontiguousarray(image(k)[..., ::-1])
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode(None))
+    whole = data.getvalue()
+    path.write_bytes(whole)
+    video = Video.of(path)
+    assert len(list(video)) == 2 * FRAMES
+    assert video.end is None
+    said = 0
+    for at in np.linspace(0.25, 0.8, 19) * len(whole):
+        path.write_bytes(whole[: round(at)] + bytes(200) + whole[round(at) + 200 :])
+        video = Video.of(path)
+        assert sum(picture.image is not None for picture in video) > 0
+        said += video.end is not None
+    assert said >= least
+
+
 def test_a_codec_that_ffmpeg_lacks_is_one_sentence(tmp_path):
     path = tmp_path / "film.mkv"
     path.write_bytes(film("matroska").replace(b"V_MPEG4/ISO/ASP", b"V_MPEG4/ISO/XXX"))
@@ -247,9 +284,9 @@ def test_a_video_that_says_how_to_turn_it_is_turned_as_opencv_does(tmp_path):
     with av.open(data, mode="w", format="mp4") as container:
         stream = container.add_stream("mpeg4", rate=Fraction(25))
         stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-        image[:16, :16] = 255
-        container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        corner = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+        corner[:16, :16] = 255
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(corner, format="rgb24")))
         container.mux(stream.encode(None))
     content = data.getvalue()
     at = content.index(b"tkhd")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sim.installed import Trusted
+from sim.kinds import checked
 from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     Raises:
         UnknownKind: There is no such kind or preset; the message lists what there is.
         TypeError: There is no such setting.
+        ValueError: A setting has a wrong type, or is out of range.
 
     Example:
         >>> import numpy as np
@@ -43,7 +45,8 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
-    return KINDS.config(Trusted(kind), preset, **settings).build(np.random.default_rng(seed))
+    config = checked(KINDS.config(Trusted(kind), preset, **settings), kind)
+    return config.build(np.random.default_rng(seed))
 
 
 def __getattr__(name: str) -> Any:

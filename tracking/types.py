@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
+from numbers import Real
 from typing import Protocol, runtime_checkable
 
 import cv2
@@ -211,8 +212,9 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
 def _check_numbers(region: Region, state: State) -> None:
     """Refuse numbers that are not finite or far too large, and a scale out of range."""
     numbers = (region.width, region.height, state.x, state.y, state.theta)
-    if not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
-        given = ", ".join(f"{number:.6g}" for number in numbers)
+    plain = all(isinstance(number, Real) for number in (*numbers, state.scale))
+    if not plain or not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
+        given = ", ".join(f"{number:.6g}" if plain else repr(number) for number in numbers)
         raise ValueError(
             f"the region's width, height, x, y, theta are {given}; the limit is {FARTHEST:g}"
         )

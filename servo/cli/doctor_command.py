@@ -10,7 +10,10 @@ from servo.loop.episode import Episode
 from servo.output.versions import clash, versions
 from servo.report.words import Table
 from servo.scenario import load as scenarios
+from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.fill import form
 from sim.camera import gl
+from sim.kinds import UnknownKind
 from tracking.wrapped.cv2_tracker import running
 
 WAITS = "run.latency=0"
@@ -35,8 +38,23 @@ def examine() -> int:
         **versions(),
     }
     print_table(console, Table(("what", "found"), list(rows.items()), words=range(2)))
+    found = _broken()
     if sentence := clash():
-        complain(f"{sentence}; OpenCV {running()} is used")
-        return 1
-    plain(console, FINE)
-    return 0
+        found.append(f"{sentence}; OpenCV {running()} is used")
+    for sentence in found:
+        complain(sentence)
+    if not found:
+        plain(console, FINE)
+    return bool(found)
+
+
+def _broken() -> list[str]:
+    """Return why kinds of installed packages cannot be used."""
+    reasons: list[str] = []
+    for kinds in [registry for registry, _ in PLUGINS.values()] + list(LISTS.values()):
+        for kind in filter(kinds.package_of, kinds.names()):
+            try:
+                form(kinds.config_of(kind))
+            except UnknownKind as error:
+                reasons.append(str(error))
+    return reasons

@@ -63,10 +63,6 @@ class RunConfig:
     """Give the tracker the motion of the target's image that the measured camera motion caused: its
     prediction then covers the target's own motion only."""
 
-    def __post_init__(self) -> None:
-        if self.latency_ms is not None and self.latency != LATENCY:
-            raise ValueError("latency_ms takes the place of latency; leave latency out")
-
     def frames_late(self, period: float) -> float:
         """Return how many frame intervals [s] pass from an estimate until its command acts."""
         return self.latency if self.latency_ms is None else 1e-3 * self.latency_ms / period

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
 from sim.installed import Trusted
-from sim.kinds import Kinds, UnknownKind, field_docs, kind_of
+from sim.kinds import Kinds, UnknownKind, checked, field_docs, kind_of
 
 Config = TypeVar("Config")
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
@@ -174,7 +174,10 @@ def fill_plugin(
     if own is not None and kind != kind_of(own):
         own = None
     if own is not None and not given:
-        return own
+        try:
+            return checked(own, place)
+        except ValueError as error:
+            raise WrongSetting(str(error), place) from None
     preset = given.pop("preset", None) if own is None else None
     if kind == "" and "kind" not in table:
         raise WrongSetting(f"{place} needs a kind: one of {', '.join(kinds.names())}", place)

@@ -162,6 +162,7 @@ def parse(
             fixed = with_settings(fixed, drawn, place)
             changed = {section_of(key) for key in drawn}
             values |= {key: _filled(key, fixed, own) for key in changed}
+        _check_latency(fixed.get("run", {}))
     except WrongSetting as error:
         # What a calibration gives is wrong where the calibration is named.
         named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
@@ -209,6 +210,13 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any
             except WrongSetting as error:
                 raise WrongSetting(f"{at}: {error}", at) from error.__cause__
     return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
+
+
+def _check_latency(run: Table) -> None:
+    """Refuse a latency that is written in frames and in milliseconds."""
+    if {"latency", "latency_ms"} <= run.keys():
+        sentence = "run: latency_ms takes the place of latency; leave latency out"
+        raise WrongSetting(sentence, "run.latency")
 
 
 def _check_frames(run: RunConfig, rate: float, place: str) -> None:

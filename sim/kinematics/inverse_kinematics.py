@@ -25,7 +25,7 @@ NEAR = 1e-3
 """Steps of the search, and the error at which the damped iteration takes over."""
 LEAST_COST = 1e-4
 """Weight of a step's size, which keeps it small in singular poses."""
-COMFORT = 0.5
+COMFORT = 1.0
 """Room before a limit beyond which more does not count [rad or m]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
+import daqp
 import mujoco
 import numpy as np
 from annotated_types import Ge, Le
@@ -33,6 +34,13 @@ TOLERANCE = 1e-10
 DAMPING = 1e-3
 """Steps of Newton's method, the error at which it ends [m, rad], which leaves starts exact to
 rounding, and its damping; chosen by hand."""
+SECOND_TASK = 1e-8
+"""Weight of rates that are liked against the camera's twist: the twist then errs by less than
+`EXACT` wherever the arm is not near a singular pose."""
+EXACT = 1e-4
+"""A twist that differs by less than this [m/s, rad/s] is the one asked for."""
+UNLIMITED = 1e6
+"""A rate that no joint has: DAQP takes no infinities."""
 HALF_TURN = np.pi - 1e-5
 """Angle beyond which a rotation has no clear axis, and Newton's method no direction [rad]."""
 
@@ -215,6 +223,9 @@ class Robot:
             centred = wanted + self._centring(data, J)
             if self._slowed(data, centred) == 1.0:
                 return centred, False
+            within = self._within_limits(data, J, twist, centred)
+            if np.abs(J @ within - J @ wanted).max() < EXACT:
+                return within, False
         factor = self._slowed(data, wanted)
         return wanted * factor, factor < 1.0
 
@@ -243,6 +254,25 @@ class Robot:
             if abs(rate) > most:
                 factor = min(factor, most / abs(rate))
         return factor
+
+    def _within_limits(self, data: mujoco.MjData, J: Array, twist: Array, liked: Array) -> Array:
+        """Return the rates (n,) inside the limits of all joints whose camera twist is nearest to
+        the one asked for, and of those the ones nearest to some rates that are liked.
+
+        A quadratic programme, solved by DAQP (Arnstrom, Bemporad and Axehill, A dual active-set
+        solver for embedded quadratic programming using recursive LDL^T updates, IEEE TAC 2022).
+        """
+        low, high, slowest, fastest = map(np.array, self._bounds)
+        q = data.qpos[self.qpos]
+        upper = np.minimum(fastest, STOP_GAIN * np.maximum(high - q, 0.0))
+        lower = np.maximum(slowest, -STOP_GAIN * np.maximum(q - low, 0.0))
+        n = len(q)
+        H = J.T @ J + SECOND_TASK * np.eye(n)
+        f = -(J.T @ twist + SECOND_TASK * liked)
+        none = np.zeros((0, n))
+        limits = np.clip(upper, -UNLIMITED, UNLIMITED), np.clip(lower, -UNLIMITED, UNLIMITED)
+        found, _, _, _ = daqp.solve(H, f, none, *limits, np.zeros(n, np.intc))
+        return found
 
     def _centring(self, data: mujoco.MjData, J: Array) -> Array:
         """Rates (n,) towards the middles between the limits that do not move the camera.

@@ -46,9 +46,12 @@ STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 """Formats that FFmpeg may detect: no playlists, which name other addresses and files."""
 PATIENCE = 5.0
 """Longest time without an answer or a picture [s]."""
-OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000"}
-"""No "nobuffer": it throws away what was read to detect the format, and so the first key frame and
-all pictures up to the next one."""
+OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000", "fpsprobesize": "2"}
+"""Two pictures show the rate: the 20 that FFmpeg reads come at once afterwards, most are replaced,
+and the target is elsewhere. No "nobuffer": it throws away what was read to detect the format, and
+so the first key frame and all pictures up to the next one."""
+UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
+"""Formats without stamps, for which FFmpeg counts at 25 Hz; a picture's arrival is its time."""
 WAKE = 0.1
 """Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
 Stamped = tuple[float | None, Image | None]
@@ -199,8 +202,10 @@ def _stream(address: str) -> Generator[Feed]:
 
 
 def _pictures(container: InputContainer, video: av.VideoStream) -> Iterator[Stamped]:
+    is_stamped = container.format.name not in UNSTAMPED
     try:
-        yield from ((frame.stamp, frame.image) for frame in decoded(container, video))
+        for frame in decoded(container, video):
+            yield frame.stamp if is_stamped else time.monotonic(), frame.image
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
 

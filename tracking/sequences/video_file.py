@@ -42,6 +42,12 @@ LAST_SHOWN = 1.0
 """Longest time that the last frame of a whole video is shown [s]."""
 PACKETS = (188, 192, 204)
 """Lengths of the packets of MPEG-TS, of which a whole file has a whole number [bytes]."""
+PAGE = 65_307
+"""Longest page of Ogg [bytes]."""
+PAGE_HEAD = 27
+"""Length of a page's head, whose last byte is the number of lengths that follow [bytes]."""
+LAST_PAGE = 4
+"""Flag of the last page of a stream in Ogg."""
 BOX_HEAD = 8
 """Length of a box's own length and name in MP4 [bytes]."""
 PREMATURE = "File ended prematurely"
@@ -100,16 +106,19 @@ class Video:
             reading.opened(self.path, "video") as file,
             _container(file) as container,
             suppress(FFmpegError, OSError),
+            _printed(av.logging.ERROR) as printed,
         ):
             for frame in decoded(container, only_video(container)):
                 failures = failures + 1 if frame.image is None else 0
                 if failures > GIVEN_UP:
                     break
-                damaged += frame.damaged
+                damaged += frame.damaged or bool(printed)
                 stated = None if frame.stamp is None else round(frame.stamp * SECOND)
                 time = times.since_first(frame.stamp)
                 yield Picture(f"frame {index}", time, frame.image, stamp=stated)
+                printed.clear()  # also what a film that is written meanwhile has printed
                 index += 1
+        damaged += bool(printed)
         if self.is_cut:
             sentence = f"{self.path}: {index} pictures, then this video breaks off"
             self.end = End(sentence, lost=True)
@@ -136,10 +145,12 @@ def _described(path: Path, container: InputContainer, file: BinaryIO) -> Video:
     if not count:
         count, end, is_cut = _counted(container, stream)
     size = file.seek(0, os.SEEK_END)
-    file.seek(-1, os.SEEK_END)
+    file.seek(-min(size, PAGE), os.SEEK_END)
+    tail = file.read()
     is_whole = {
         "mpegts": not all(size % packet for packet in PACKETS),
-        "gif": file.read() == b";",
+        "gif": tail.endswith(b";"),
+        "ogg": _is_last_page(tail[tail.rfind(b"OggS") :]),
         "yuv4mpegpipe": size == end,
         "mov,mp4,m4a,3gp,3g2,mj2": size == _end_of_boxes(file, size),
     }
@@ -160,6 +171,13 @@ def _end_of_boxes(file: BinaryIO, size: int) -> int:
             return size if len(head) >= BOX_HEAD else -1
         at += length
     return at
+
+
+def _is_last_page(page: bytes) -> bool:
+    """Return whether a page of Ogg is whole and the last one (RFC 3533)."""
+    *_, count = page[:PAGE_HEAD]
+    lengths = page[PAGE_HEAD : PAGE_HEAD + count]
+    return len(page) == PAGE_HEAD + count + sum(lengths) and bool(page[5] & LAST_PAGE)
 
 
 def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]:
@@ -190,11 +208,11 @@ def _rgb(frame: av.VideoFrame) -> Image | None:
 
 
 @contextmanager
-def _printed() -> Generator[list[tuple[int, str, str]]]:
-    """Collect what FFmpeg prints: level, name, text."""
+def _printed(lowest: int = av.logging.WARNING) -> Generator[list[tuple[int, str, str]]]:
+    """Collect what FFmpeg prints from a level on, and does not return: level, name, text."""
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()
-    av.logging.set_level(av.logging.WARNING)
+    av.logging.set_level(lowest)
     av.logging.set_skip_repeated(False)
     try:
         with av.logging.Capture(local=False) as printed:
@@ -251,16 +269,17 @@ def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, int, 
                 end = (packet.pos or 0) + packet.size
                 last = max(last, float((packet.pts or 0) * (stream.time_base or 0)))
                 is_cut = packet.is_corrupt
-    return count, end, is_cut or last < _stated(stream)
+    return count, end, is_cut or last < _stated(container, stream)
 
 
-def _stated(stream: VideoStream) -> float:
+def _stated(container: InputContainer, stream: VideoStream) -> float:
     """Return the time after which a frame must come in a whole file [s], by its stream's length.
 
-    Matroska and WebM may state it; 0 where it is not known.
+    Matroska, WebM and FLV may state it; 0 where it is not known.
     """
     found = LENGTH.fullmatch(stream.metadata.get("DURATION", ""))
     if found is None:
-        return 0.0
+        length = container.duration if container.format.name == "flv" else None
+        return (length or 0) / av.time_base - LAST_SHOWN
     hours, minutes, seconds = map(float, found.groups())
     return 3600 * hours + 60 * minutes + seconds - LAST_SHOWN
