@@ -264,7 +264,7 @@ def sweep(
     out = None if out is None else arguments.name(out, "folder")
     plan = parse.load(study, overrides, seeds)
     jobs = list(plan.jobs())
-    gl.backend()
+    gl.is_there()
     command = command_line("sweep", study, set=list(overrides), seeds=seeds)
     failed = list[str]()
     with ExitStack() as stack:

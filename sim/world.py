@@ -12,14 +12,9 @@ from annotated_types import Ge, Le
 
 from sim import placement
 from sim.camera.camera import CameraConfig, camera_of
+from sim.camera.choice import renderer_of
 from sim.camera.lens import Lens, Sensor
-from sim.camera.renderer import (
-    MakeRenderer,
-    OpenGLRenderer,
-    Promise,
-    Supersampled,
-    camera_pose,
-)
+from sim.camera.renderer import MakeRenderer, Promise, Supersampled, camera_pose
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
 from sim.kinematics.robot import CAMERA, Design, Robot
@@ -98,7 +93,7 @@ class World:
         parts: WorldParts,
         rng: np.random.Generator,
         encoders: np.random.Generator | None = None,
-        renderer: MakeRenderer = OpenGLRenderer,
+        renderer: MakeRenderer | None = None,
     ) -> None:
         """Put the parts together.
 
@@ -106,7 +101,7 @@ class World:
             parts: What to put together.
             rng: Draws the noise of the camera's sensor.
             encoders: Draws the noise of the robot's encoders; needed where they have any.
-            renderer: Makes the renderer of the camera.
+            renderer: Makes the renderer of the camera; by default that of its settings.
 
         Raises:
             ValueError: A part does not fit the others; the sentence says which.
@@ -132,9 +127,10 @@ class World:
         self._stage = Stage(self.model, parts.motion, parts.disturbances)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
+        make = renderer or renderer_of(camera.renderer)
         if camera.supersample > 1:
-            renderer = partial(Supersampled, renderer, camera.supersample)
-        self._renderer = renderer(self.model, CAMERA, self._lens.view)
+            make = partial(Supersampled, make, camera.supersample)
+        self._renderer = make(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)
         self._exposed_at = {k for band in bands for k in band.steps} - {steps}

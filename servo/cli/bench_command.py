@@ -120,7 +120,7 @@ def _closed_loop(request: BenchRequest, console: Console) -> int:
     chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
     study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
     workers = Workers(request.workers)
-    gl.backend()
+    gl.is_there()
     return run_study(
         study, request.command, workers, request.folder, console, dry_run=request.dry_run
     )

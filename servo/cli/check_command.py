@@ -114,7 +114,7 @@ def check_scenarios(
             again = command_line("run", name, set=list(changes), seed=s)
             jobs.append(Job(len(jobs), LoadedScenario(load(name, changes, s)), s, command=again))
             ended(name)
-    gl.backend()
+    gl.is_there()
     if dry_run:
         return print_estimate(jobs, workers, console)
     if len(jobs) > 1:

@@ -24,14 +24,14 @@ FINE = "All is well. To begin with: servobench run reversal"
 def examine() -> int:
     """Print back end, renderer, versions and speed of this machine; the exit code."""
     console = Console()
-    backend = gl.backend()
+    opengl = gl.is_there()
     scenario = scenarios.load("still", [WAITS])
     with Episode(scenario) as episode:
         seconds = median(step.seconds.render for step in episode)
     camera = scenario.camera
     rows = {
-        "OpenGL back end": backend,
-        "renderer": gl.describe(),
+        "OpenGL back end": gl.backend() if opengl else "none",
+        "renderer": gl.describe() if opengl else "exact",
         "frames a second": f"{1 / seconds:.0f} at {camera.width} x {camera.height}",
         "OpenCV": running(),
         "Python": platform.python_version(),

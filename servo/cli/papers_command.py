@@ -64,7 +64,7 @@ def run(
     runs = {job.key for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}
     if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
-        gl.backend()  # it says in one sentence where this machine cannot render
+        gl.is_there()  # it says in one sentence where this machine has none
     if dry_run:
         every = {job.key: job for some in jobs.values() for job in some}
         return print_estimate(list(every.values()), workers, console, Store(folder))

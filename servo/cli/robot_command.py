@@ -18,7 +18,7 @@ from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
 from servo.scenario.fill import fill
 from sim.camera.camera import CameraConfig, pinhole
-from sim.camera.renderer import OpenGLRenderer
+from sim.camera.choice import renderer_of
 from sim.geometry import tilt
 from sim.kinematics.chain import Chain, flanges
 from sim.kinematics.drives import drive_of, kind_of_joint, random_joints, wrong_drive
@@ -113,7 +113,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     world = World(WorldParts(design, target, still.Config().build(rng), camera=PICTURE), rng)
     size = PICTURE.width, PICTURE.height
     room, eye = (
-        OpenGLRenderer(world.model, name, pinhole(world.model, name, *size))
+        renderer_of("opengl")(world.model, name, pinhole(world.model, name, *size))
         for name in ("room", CAMERA)
     )
     try:

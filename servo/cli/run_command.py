@@ -48,7 +48,7 @@ def run_scenario(
     scenario = load(name, changes, seed)
     outputs.check()
     again = command_line("run", name, set=list(changes), seed=scenario.run.seed, no_rerun=not rerun)
-    gl.backend()
+    gl.is_there()
     console = Console(quiet=quiet)
     name = f"{scenario.name}-{scenario.run.seed}"
     try:

@@ -50,7 +50,7 @@ def run(
         parsed = load(study, changes, seeds)
     chosen = None if measures is None else _measures(measures)
     if scheduler is None:
-        gl.backend()
+        gl.is_there()
     again = command_line("sweep", study, set=list(changes), seeds=seeds)
     pool = Workers(workers, scheduler)
     return run_study(parsed, again, pool, out, console, dry_run=dry_run, measures=chosen)

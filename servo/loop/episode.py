@@ -21,7 +21,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.types import Sight
-from sim.camera.renderer import MakeRenderer, OpenGLRenderer, Unseen
+from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -57,7 +57,7 @@ class Episode:
     def __init__(
         self,
         scenario: Setup,
-        renderer: MakeRenderer = OpenGLRenderer,
+        renderer: MakeRenderer | None = None,
         *,
         steered: bool = False,
         seen: bool = True,
@@ -68,7 +68,7 @@ class Episode:
 
         Args:
             scenario: Its settings.
-            renderer: Makes what renders the pictures.
+            renderer: Makes what renders the pictures; by default what the camera's settings name.
             steered: Whether `move` will be given twists.
             seen: Whether somebody else than the loop looks at the pictures: they are black where
                 nobody does.
@@ -115,7 +115,7 @@ class Episode:
 
     __exit__ = close
 
-    def _build_world(self, renderer: MakeRenderer, *, seen: bool) -> World:
+    def _build_world(self, renderer: MakeRenderer | None, *, seen: bool) -> World:
         s = self.scenario
         motion = self._build(Part("motion", s.motion))
         robot = self._build(Part("robot", s.robot))

@@ -5,7 +5,7 @@ from math import radians, tan
 import mujoco
 import numpy as np
 
-from sim.camera.renderer import OpenGLRenderer
+from sim.camera.choice import renderer_of
 from sim.models.quaternion import matrix_of
 from sim.types import Array, Camera, Image
 
@@ -35,7 +35,7 @@ class RoomView:
         self._id = model.camera(CAMERA).id
         before = quality.offsamples
         quality.offsamples = SMOOTH
-        self._renderer = OpenGLRenderer(model, CAMERA, view)
+        self._renderer = renderer_of("opengl")(model, CAMERA, view)
         quality.offsamples = before
         mujoco.mj_forward(model, self._data)
         self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])

@@ -2,8 +2,10 @@
 
 import functools
 import hashlib
+import os
 from importlib import metadata, resources
 
+from sim.camera import gl
 from sim.installed import packages
 
 OPENCV = (
@@ -32,15 +34,18 @@ ENDINGS = (".py", ".xml", ".png", ".obj")
 PICTURES = "pictures"
 """Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
+PICTURES_BY = "pictures"
 DIGITS = 12
 
 
 def versions() -> dict[str, str]:
-    """Version by package, and the digest of our own source, which changes with any edit.
+    """Version by package, and the digest of our own source, which changes with any edit, and
+    whether pictures are made without OpenGL, whatever the settings name.
 
     Packages that bring kinds by entry points are named too.
     """
-    return {**_own(), **packages()}
+    pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
+    return {**_own(), PICTURES_BY: pictures, **packages()}
 
 
 @functools.cache  # reading them takes 17 ms, as much as a short run

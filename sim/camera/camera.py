@@ -1,7 +1,7 @@
 """The camera of the robot: its settings, and the intrinsics that they and the model give."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import mujoco
 import numpy as np
@@ -15,6 +15,8 @@ FOVY = 45.0
 """Vertical field of view of a camera of which nothing is given [deg]."""
 SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
+Kind = Literal["opengl", "exact"]
+"""Renderers."""
 Focal = Annotated[float, Ge(1), Le(100_000)]
 Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
@@ -63,6 +65,10 @@ class CameraConfig:
     bands: Annotated[int, Ge(2), Le(64)] = 8
     """Pictures that are rendered for a rolling shutter, at the nearest physics steps; rows between
     two of them are their mean."""
+    renderer: Kind = "opengl"
+    """What renders: "opengl", with MuJoCo's renderer and this machine's driver; or "exact", which
+    needs none, gives the same pictures on every machine, and draws no shadows, reflections or
+    translucence. Without OpenGL "exact" is used, and a line says so."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""

@@ -44,6 +44,8 @@ RENDERING: dict[int, ThreadPoolExecutor] = {}
 """The thread that renders, by process: a forked one does not have its parent's."""
 Result = TypeVar("Result")
 
+WITHOUT = "SERVOBENCH_WITHOUT_OPENGL"
+"""Set where there is no OpenGL, and this was said: processes that are started say it no more."""
 MESA_THREADS = "LP_NUM_THREADS"
 """Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
 them for ever, so by default there are none; pictures of 320 x 240 px lose no time by it."""
@@ -87,6 +89,21 @@ def backend() -> str:
     return "egl"
 
 
+@functools.cache
+def is_there() -> bool:
+    """Return whether this machine has OpenGL; print a line where it has none."""
+    try:
+        backend()
+        if sys.platform != "linux":  # it is known only when a context is made
+            call(int).result()
+    except NoRenderer as error:
+        if WITHOUT not in os.environ:
+            os.environ[WITHOUT] = "1"
+            sys.stderr.write(f'servobench: {error} camera.renderer = "exact" is used.\n')
+        return False
+    return True
+
+
 def check_environment() -> None:
     """Check what MuJoCo and PyOpenGL read when they are imported, and would fail on.
 
@@ -115,8 +132,12 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
         done: Future[Result] = Future()
         done.set_result(_with_context(function, *args))
         return done
-    rendering = RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
-    return rendering.submit(_with_context, function, *args)
+    return rendering().submit(_with_context, function, *args)
+
+
+def rendering() -> ThreadPoolExecutor:
+    """The thread of this process that makes pictures; a fork waits until it is idle."""
+    return RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
 
 
 def _with_context(function: Callable[..., Result], *args: object) -> Result:

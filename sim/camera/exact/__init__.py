@@ -1,0 +1,1 @@
+"""A renderer that gives the same pictures on every machine."""

@@ -1,0 +1,429 @@
+"""Triangles into a picture, with IEEE arithmetic in a fixed order.
+
+The same scene gives the same bits on every machine: no fast-math, no sum whose order may change.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false
+# numba's decorators have no types.
+from math import ceil, hypot, sqrt
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array, Image
+
+Indices = NDArray[np.int64]
+Numbers = NDArray[np.int16]
+Singles = NDArray[np.float32]
+
+SEGMENT = 32
+"""Pixels of a row between which texture coordinates go evenly; a division for each pixel costs
+twice as much, and nothing is to be seen of the difference."""
+NO_AREA = 1e-9
+"""A triangle below this covers no pixel's middle, but by rounding [px^2]."""
+
+# Columns of a corner: its place in the camera's frame, its colour, its place in the texture, where
+# it is seen in the picture, and 1 / z [m, px, 1/m].
+COLOUR = 3
+TEXTURE = 6
+U = 8
+V = 9
+NEARNESS = 10
+CORNER = 11
+
+# Columns of a light: its place or the direction to it, whether it is near, where it shines to, its
+# ambient, diffuse and specular colours, how it fades, its cone's cosine and exponent.
+NEAR = 3
+ALONG = 4
+AMBIENT = 7
+DIFFUSE = 10
+SPECULAR = 13
+FADING = 16
+CONE = 19
+EXPONENT = 20
+
+compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@compiled
+def dot(a: Array, b: Array) -> float:
+    """The scalar product of the first three entries, in this order."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
+    """Colour a corner with the sum of what the lights give, at most 1 a channel.
+
+    Args:
+        corner: (11,); its colour is written.
+        normal: In the camera's frame (3,).
+        rgba: Colour of the body (4,).
+        shine: Its emission, specular reflection, and exponent of that (3,).
+        lights: A row for each (n, 21), in the camera's frame.
+    """
+    for k in range(3):
+        corner[COLOUR + k] = shine[0] * rgba[k]
+    for light in lights:
+        x = light[0] - light[NEAR] * corner[0]
+        y = light[1] - light[NEAR] * corner[1]
+        z = light[2] - light[NEAR] * corner[2]
+        far = sqrt(x * x + y * y + z * z)
+        strength = 1.0 / (light[FADING] + far * (light[FADING + 1] + far * light[FADING + 2]))
+        along = -(x * light[ALONG] + y * light[ALONG + 1] + z * light[ALONG + 2]) / far
+        if along < light[CONE]:
+            continue
+        if light[EXPONENT] > 0.0:
+            strength *= along ** light[EXPONENT]
+        facing = max((x * normal[0] + y * normal[1] + z * normal[2]) / far, 0.0)
+        gloss = 0.0
+        if shine[1] > 0.0 and facing > 0.0 and light[SPECULAR : SPECULAR + 3].any():
+            # The half-way vector between the light and the eye, as OpenGL has it.
+            away = sqrt(corner[0] ** 2 + corner[1] ** 2 + corner[2] ** 2)
+            half = np.array([x, y, z]) / far - corner[:3] / away
+            gloss = shine[1] * (max(dot(half, normal), 0.0) / sqrt(dot(half, half))) ** shine[2]
+        for k in range(3):
+            given = light[AMBIENT + k] + facing * light[DIFFUSE + k]
+            corner[COLOUR + k] += strength * (rgba[k] * given + gloss * light[SPECULAR + k])
+    for k in range(COLOUR, TEXTURE):
+        corner[k] = min(corner[k], 1.0)
+
+
+@compiled
+def project(corner: Array, view: Array) -> None:
+    """Write where a corner in front of the camera is seen.
+
+    Args:
+        corner: (11,).
+        view: Focal lengths and principal point (4,) [px].
+    """
+    corner[NEARNESS] = 1.0 / corner[2]
+    corner[U] = view[0] * corner[0] * corner[NEARNESS] + view[2]
+    corner[V] = view[1] * corner[1] * corner[NEARNESS] + view[3]
+
+
+@compiled
+def may_cover(corners: Array, height: int, width: int) -> bool:
+    """Whether a triangle may cover a pixel's middle.
+
+    Args:
+        corners: In front of the camera (3, 11).
+        height: Of the picture [px].
+        width: Of the picture [px].
+    """
+    u = corners[:, U]
+    v = corners[:, V]
+    left = min(u[0], u[1], u[2])
+    right = max(u[0], u[1], u[2])
+    top = min(v[0], v[1], v[2])
+    low = max(v[0], v[1], v[2])
+    if right < 0.5 or low < 0.5 or left > width - 0.5 or top > height - 0.5:
+        return False
+    if ceil(top - 0.5) >= ceil(low - 0.5) or ceil(left - 0.5) >= ceil(right - 0.5):
+        return False
+    area = (u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0])
+    return abs(area) > NO_AREA
+
+
+@compiled
+def gradients(corners: Array, count: int, found: Array) -> None:
+    """Write what changes evenly over the picture: 1 / z, and a corner's values over z.
+
+    Args:
+        corners: (3, 11).
+        count: How many: 1 / z alone, with the colour 4, and with the texture 6.
+        found: Value at the first corner, and its change by u and by v (count, 3).
+    """
+    ax = corners[1, U] - corners[0, U]
+    ay = corners[1, V] - corners[0, V]
+    bx = corners[2, U] - corners[0, U]
+    by = corners[2, V] - corners[0, V]
+    part = 1.0 / (ax * by - bx * ay)
+    for k in range(count):
+        first = corners[0, NEARNESS]
+        a = corners[1, NEARNESS]
+        b = corners[2, NEARNESS]
+        if k > 0:
+            first *= corners[0, COLOUR - 1 + k]
+            a *= corners[1, COLOUR - 1 + k]
+            b *= corners[2, COLOUR - 1 + k]
+        found[k, 0] = first
+        found[k, 1] = ((a - first) * by - (b - first) * ay) * part
+        found[k, 2] = ((b - first) * ax - (a - first) * bx) * part
+
+
+@compiled
+def edges_of(corners: Array, found: Array) -> None:
+    """Write of each edge the row where it begins, where it ends, the column where it begins, and
+    its change by row (3, 4); both triangles that share an edge find the same.
+    """
+    for i in range(3):
+        a = i
+        b = i + 1 if i < 2 else 0
+        if corners[a, V] > corners[b, V]:
+            a, b = b, a
+        found[i, 0] = corners[a, V]
+        found[i, 1] = corners[b, V]
+        found[i, 2] = corners[a, U]
+        found[i, 3] = (corners[b, U] - corners[a, U]) / (corners[b, V] - corners[a, V])
+
+
+@compiled
+def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
+    """First column of a triangle in a row, and the one after the last: of two triangles that share
+    an edge, none overlap, and no gap is left between them.
+    """
+    left = np.inf
+    right = -np.inf
+    for i in range(3):
+        if edges[i, 0] <= middle < edges[i, 1]:
+            at = edges[i, 2] + (middle - edges[i, 0]) * edges[i, 3]
+            left = min(left, at)
+            right = max(right, at)
+    if not left < right:
+        return 0, 0
+    return int(ceil(max(left, 0.5) - 0.5)), int(ceil(min(right, width + 0.0) - 0.5))  # noqa: RUF046
+
+
+@compiled
+def fill(
+    corners: Array,
+    edges: Array,
+    even: Array,
+    body: int,
+    texels: Indices,
+    levels: Indices,
+    image: Image,
+    nearness: Singles,
+    shown: Numbers,
+) -> None:
+    """Draw a triangle with its texture, between the four nearest pixels of the fitting level.
+
+    A colour alone is a texture of one pixel.
+
+    Args:
+        corners: (3, 11).
+        edges: Room for its edges (3, 4).
+        even: Room for what changes evenly (6, 3).
+        body: Its number.
+        texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
+            pixel from its other side.
+        levels: Of this texture: place in `texels`, width, height, and how many there are (n, 4).
+        image: The picture (H, W, 3).
+        nearness: 1 / z of what is nearest (H, W) [1/m].
+        shown: Numbers of the bodies (H, W).
+    """
+    height, width = nearness.shape
+    flat = True
+    for k in range(COLOUR, TEXTURE):
+        flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
+    plain = levels[0, 3] == 1
+    edges_of(corners, edges)
+    gradients(corners, 1 if flat and plain else 4 if plain else 6, even)
+    # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
+    top = max(ceil(min(corners[0, V], corners[1, V], corners[2, V]) - 0.5), 0)
+    low = min(ceil(max(corners[0, V], corners[1, V], corners[2, V]) - 0.5), height)
+    step = even[0, 1]
+    mixed = texels[levels[0, 0]] * 4096
+    x = y = dx = dy = start = wide = tall = 0
+    turns = False
+    red = int(4096.0 * corners[0, COLOUR] + 0.5)
+    green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
+    blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
+    for v in range(int(top), int(low)):
+        first, end = row_of(edges, v + 0.5, width)
+        dv = v + 0.5 - corners[0, V]
+        row_near = even[0, 0] + dv * even[0, 2]
+        row_s = even[4, 0] + dv * even[4, 2]
+        row_t = even[5, 0] + dv * even[5, 2]
+        for begin in range(first, end, SEGMENT):
+            count = min(SEGMENT, end - begin)
+            near_row = nearness[v, begin : begin + count]
+            du = begin + 0.5 - corners[0, U]
+            near = row_near + du * step
+            ending = near + count * step
+            nearest = max(near, ending)
+            # Most of what lies behind others is left here: this loop takes many pixels at a time.
+            is_seen = False
+            for c in range(count):
+                is_seen |= nearest > near_row[c]
+            if not is_seen:
+                continue
+            if not plain:
+                s = (row_s + du * even[4, 1]) / near
+                t = (row_t + du * even[5, 1]) / near
+                ds = ((row_s + (du + count) * even[4, 1]) / ending - s) / count
+                dt = ((row_t + (du + count) * even[5, 1]) / ending - t) / count
+                s_down = (even[4, 2] - s * even[0, 2]) / near
+                t_down = (even[5, 2] - t * even[0, 2]) / near
+                level = level_of(ds, dt, s_down, t_down, levels)
+                start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
+                # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
+                x = int((s * wide + 0.5) * 65536.0)
+                y = int((t * tall + 0.5) * 65536.0)
+                dx = int(ds * wide * 65536.0)
+                dy = int(dt * tall * 65536.0)
+                turns = is_beyond(x, x + count * dx, wide) or is_beyond(y, y + count * dy, tall)
+            pitch = wide + 2
+            shown_row = shown[v, begin : begin + count]
+            image_row = image[v, begin : begin + count]
+            for c in range(count):
+                if near > near_row[c]:
+                    if not plain:
+                        column = x >> 16
+                        row = y >> 16
+                        if turns:
+                            column %= wide
+                            row %= tall
+                        p = (x >> 10) & 63
+                        q = (y >> 10) & 63
+                        upper = start + row * pitch + column
+                        lower = upper + pitch
+                        over_it = texels[upper] * (64 - p) + texels[upper + 1] * p
+                        under = texels[lower] * (64 - p) + texels[lower + 1] * p
+                        mixed = over_it * (64 - q) + under * q
+                    if not flat:
+                        over = 4096.0 / near
+                        red = int((even[1, 0] + dv * even[1, 2] + (du + c) * even[1, 1]) * over)
+                        green = int((even[2, 0] + dv * even[2, 2] + (du + c) * even[2, 1]) * over)
+                        blue = int((even[3, 0] + dv * even[3, 2] + (du + c) * even[3, 1]) * over)
+                    image_row[c, 0] = ((mixed & 0x1FFFFF) * red + (1 << 23)) >> 24
+                    image_row[c, 1] = (((mixed >> 21) & 0x1FFFFF) * green + (1 << 23)) >> 24
+                    image_row[c, 2] = ((mixed >> 42) * blue + (1 << 23)) >> 24
+                    near_row[c] = near
+                    shown_row[c] = body
+                near += step
+                x += dx
+                y += dy
+
+
+@compiled
+def is_beyond(first: int, last: int, size: int) -> bool:
+    """Whether texture coordinates, in 1 / 65536, leave a level of this many pixels."""
+    return min(first, last) < 0 or max(first, last) > size << 16
+
+
+@compiled
+def level_of(s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices) -> int:
+    """The level of a texture whose pixels are nearest in size to the picture's.
+
+    Args:
+        s_right: Change of the first texture coordinate from a pixel to the next.
+        t_right: Likewise of the second.
+        s_down: Change of the first to the next row.
+        t_down: Likewise of the second.
+        levels: As for `fill` (n, 4).
+    """
+    wide, tall = levels[0, 1], levels[0, 2]
+    right = (s_right * wide) ** 2 + (t_right * tall) ** 2
+    down = (s_down * wide) ** 2 + (t_down * tall) ** 2
+    spread = max(right, down)
+    level = 0
+    # The middle between two levels is a factor of the square root of 2.
+    while spread > 2.0 and level < levels[0, 3] - 1:
+        spread /= 4.0
+        level += 1
+    return level
+
+
+@compiled
+def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
+    """Write the part of a triangle that is in front of the camera; return its number of corners.
+
+    Args:
+        seen: Corners (n, 11).
+        faces: Numbers of the corners of triangles (n, 3).
+        face: Number of the triangle.
+        near: Least z that is drawn [m].
+        view: As for `project`.
+        found: Room for four corners (4, 11).
+    """
+    count = 0
+    for k in range(3):
+        a = faces[face, k]
+        b = faces[face, k + 1 if k < 2 else 0]
+        is_inside = seen[a, 2] > near
+        if is_inside:
+            for i in range(CORNER):
+                found[count, i] = seen[a, i]
+            count += 1
+        if is_inside != (seen[b, 2] > near):
+            part = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
+            found[count] = seen[a] + part * (seen[b] - seen[a])
+            project(found[count], view)
+            count += 1
+    return count
+
+
+@compiled
+def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
+    """Whether a ball in the camera's frame lies beside the picture or behind the camera."""
+    x, y, z = middle
+    fx, fy, cx, cy = view
+    return (
+        z < -radius
+        or -(fx * x + cx * z) > radius * hypot(fx, cx)
+        or fx * x - (width - cx) * z > radius * hypot(fx, width - cx)
+        or -(fy * y + cy * z) > radius * hypot(fy, cy)
+        or fy * y - (height - cy) * z > radius * hypot(fy, height - cy)
+    )
+
+
+@compiled
+def draw(
+    order: Indices,
+    first_row: Indices,
+    rows: Array,
+    first_face: Indices,
+    faces: Indices,
+    planes: Array,
+    rotations: Array,
+    middles: Array,
+    radii: Array,
+    rgba: Array,
+    shine: Array,
+    textures: Indices,
+    lights: Array,
+    near: float,
+    view: Array,
+    texels: Indices,
+    levels: Indices,
+    image: Image,
+    nearness: Singles,
+    shown: Numbers,
+) -> None:
+    """Draw bodies one after the other; the arrays are those of `ExactRenderer`."""
+    height, width = nearness.shape
+    seen = np.empty((len(rows), CORNER))
+    part = np.empty((4, CORNER))
+    edges = np.empty((3, 4))
+    even = np.empty((6, 3))
+    normal = np.empty(3)
+    eye = np.empty(3)
+    for body in order:
+        R = rotations[body]
+        middle = middles[body]
+        if is_outside(middle, float(radii[body]), view, height, width):
+            continue
+        for k in range(3):
+            eye[k] = -dot(R[:, k], middle)
+        for row in range(first_row[body], first_row[body + 1]):
+            corner = seen[row]
+            for i in range(3):
+                corner[i] = dot(R[i], rows[row]) + middle[i]
+                normal[i] = dot(R[i], rows[row, 3:])
+            for i in range(TEXTURE, U):
+                corner[i] = rows[row, i]
+            lit(corner, normal, rgba[body], shine[body], lights)
+            if corner[2] > near:
+                project(corner, view)
+        for face in range(first_face[body], first_face[body + 1]):
+            if dot(planes[face], eye) <= planes[face, 3]:
+                continue
+            for k in range(cut(seen, faces, face, near, view, part) - 2):
+                if k > 0:
+                    part[1:3] = part[2:4]
+                if may_cover(part, height, width):
+                    table = levels[textures[body]]
+                    fill(part, edges, even, body, texels, table, image, nearness, shown)

@@ -1,0 +1,222 @@
+"""The renderer that needs no graphics driver, and gives the same pictures on every machine.
+
+It draws what MuJoCo's own renderer draws of geoms and sky, with its shapes, lights and textures,
+but for shadows, reflections, haze and translucence. A triangle's colour is that of its corners, as
+there.
+"""
+
+from concurrent.futures import Future
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera import gl
+from sim.camera.exact import raster
+from sim.camera.exact.solids import across, sky_of, solids_of, texture_of
+from sim.camera.renderer import Promise, camera_pose
+from sim.types import Array, Camera, Image
+
+DEFAULT_SHINE = (0.0, 0.5, 0.5)
+"""MuJoCo's emission, specular reflection and shininess of a body without a material."""
+DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
+"""A body of this colour has that of its material: MuJoCo's rule."""
+HARDEST = 128.0
+"""OpenGL's exponent of the specular reflection where MuJoCo's shininess is 1."""
+FULL = (1.0, 0.0, 0.0)
+"""Attenuation of a lamp that does not fade."""
+CHANNEL = 21
+"""Bits for a colour's channel in a texel; sums with weights up to 4096 fit."""
+NO_BODY = -1
+
+
+class ExactRenderer:
+    """Draws a model's camera with IEEE arithmetic in a fixed order; see `Renderer`.
+
+    The sky is a body after all geoms, which shines by itself, and moves with the camera.
+
+    Raises:
+        ValueError: The model has bodies that it cannot draw.
+    """
+
+    def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
+        _check(model)
+        self._model = model
+        self._camera = int(model.camera(camera).id)
+        self._view = np.array([view.fx, view.fy, view.cx, view.cy])
+        sky = next(iter(np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)), -1)
+        side = int(model.tex_width[sky]) if sky >= 0 else 1
+        solids = [*solids_of(model), sky_of(side, model.vis.map.zfar * model.stat.extent)]
+        counts = np.array([len(solid) // 3 for solid in solids])
+        every = np.concatenate(solids)
+        # Coordinates that begin near 0: a texture is left as seldom as can be.
+        every[:, 6:] -= np.floor(every[:, 6:].reshape(-1, 3, 2).min(axis=1)).repeat(3, axis=0)
+        bodies = np.repeat(np.arange(len(solids)), 3 * counts)
+        rows, numbers = np.unique(np.column_stack([bodies, every]), axis=0, return_inverse=True)
+        self._rows = rows[:, 1:].astype(float)
+        """Corners that differ: place, normal, place in the texture (n, 8)."""
+        self._first_row = np.searchsorted(rows[:, 0], np.arange(len(solids) + 1))
+        self._faces = numbers.reshape(-1, 3)
+        """Corners of each triangle."""
+        self._first_face = np.concatenate([[0], np.cumsum(counts)])
+        plane = across(every[:, :3])
+        self._planes = np.column_stack([plane, np.sum(plane * every[::3, :3], axis=1)])
+        """Of each triangle's plane normal and distance, both times twice its area (n, 4)."""
+        self._radii = np.array([np.linalg.norm(s[:, :3], axis=1).max(initial=0) for s in solids])
+        self._rgba, self._shine = _looks(model)
+        visible = mujoco.MjvOption().geomgroup[model.geom_group] * model.geom_rgba[:, 3] > 0
+        self._is_shown = np.append(visible, sky >= 0) & (counts > 0)
+        self._texels, self._levels = _textures(model)
+        self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1
+        shape = (view.height, view.width)
+        self._nearness = np.empty(shape, np.float32)
+        self._shown = np.empty(shape, np.int16)
+
+    def close(self) -> None:
+        """Do nothing: it holds arrays alone."""
+
+    def begin(self, data: mujoco.MjData) -> Promise:
+        """Begin a picture of the scene as it is, which may change afterwards; see `Renderer`."""
+        return self._draw(data, self._is_shown).result
+
+    def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
+        """Return a mask of the pixels that show one of the geoms; see `Renderer`."""
+        wanted = np.append(geoms, False)
+        self._draw(data, self._is_shown & wanted if alone else self._is_shown).result()
+        return np.append(wanted, False)[self._shown]
+
+    def _draw(self, data: mujoco.MjData, drawn: NDArray[np.bool_]) -> Future[Image]:
+        """Begin a picture of some bodies as they are."""
+        eye = camera_pose(data, self._camera)
+        chosen = np.flatnonzero(drawn)
+        to_camera = eye.rotation.T
+        rotations = np.concatenate([data.geom_xmat.reshape(-1, 3, 3), np.eye(3)[None]])
+        middles = (np.vstack([data.geom_xpos, eye.translation]) - eye.translation) @ eye.rotation
+        # The nearest first: what lies behind others then costs a comparison a pixel. The sky, in
+        # whose middle the camera is, comes last.
+        depth = np.where(chosen < self._model.ngeom, middles[chosen, 2], np.inf)
+        return gl.rendering().submit(
+            self._fill,
+            chosen[np.argsort(depth, kind="stable")],
+            to_camera @ rotations,
+            middles,
+            _lights(self._model, data, to_camera, eye.translation),
+        )
+
+    def _fill(
+        self, order: NDArray[np.intp], rotations: Array, middles: Array, lights: Array
+    ) -> Image:
+        image = np.zeros((*self._shown.shape, 3), np.uint8)
+        self._nearness.fill(0.0)
+        self._shown.fill(NO_BODY)
+        raster.draw(
+            order,
+            self._first_row,
+            self._rows,
+            self._first_face,
+            self._faces,
+            self._planes,
+            rotations,
+            middles,
+            self._radii,
+            self._rgba,
+            self._shine,
+            self._textures,
+            lights,
+            self._model.vis.map.znear * self._model.stat.extent,
+            self._view,
+            self._texels,
+            self._levels,
+            image,
+            self._nearness,
+            self._shown,
+        )
+        return image
+
+
+def _check(model: mujoco.MjModel) -> None:
+    for count, name in (
+        (model.nhfield, "height fields"),
+        (model.nflex, "soft bodies (flex)"),
+        (model.nskin, "skins"),
+    ):
+        if count:
+            raise ValueError(
+                f'the renderer "exact" does not draw {name}; camera.renderer = "opengl" does'
+            )
+
+
+def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """Colours (n, 4), and emission, specular reflection and its exponent (n, 3), of all bodies."""
+    rgba = model.geom_rgba.astype(float)
+    shine = np.tile(DEFAULT_SHINE, (len(rgba), 1))
+    has = model.geom_matid >= 0
+    own = model.geom_matid[has]
+    shine[has] = np.column_stack([model.mat_emission, model.mat_specular, model.mat_shininess])[own]
+    taken = has & (model.geom_rgba == np.array(DEFAULT_RGBA, np.float32)).all(axis=1)
+    rgba[taken] = model.mat_rgba[model.geom_matid[taken]]
+    shine = np.vstack([shine, (1.0, 0.0, 0.0)]) * (1.0, 1.0, HARDEST)
+    return np.vstack([rgba, np.ones(4)]), shine
+
+
+def _lights(model: mujoco.MjModel, data: mujoco.MjData, to_camera: Array, eye: Array) -> Array:
+    """Lights that are on, in the camera's frame: a row each, as `raster` has its columns."""
+    on = model.light_active.astype(bool)
+    is_near = model.light_type[on] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    along = data.light_xdir[on] @ to_camera.T
+    places = (data.light_xpos[on] - eye) @ to_camera.T
+    cosines = np.where(is_near, np.cos(np.radians(model.light_cutoff[on])), -np.inf)
+    lamps = np.column_stack(
+        [
+            np.where(is_near[:, None], places, -along),
+            is_near,
+            along,
+            model.light_ambient[on],
+            model.light_diffuse[on],
+            model.light_specular[on],
+            np.where(is_near[:, None], model.light_attenuation[on], FULL),
+            cosines,
+            np.where(is_near, model.light_exponent[on], 0.0),
+        ]
+    )
+    head = model.vis.headlight
+    colours = [*head.ambient, *head.diffuse, *head.specular]
+    own = np.array([[0, 0, -1, 0, 0, 0, 1, *colours, *FULL, -np.inf, 0]])
+    return np.concatenate([own, lamps]) if head.active else lamps
+
+
+def _picture(model: mujoco.MjModel, texture: int) -> Image:
+    """A texture's pixels (h, w, 3); a cube around a body is not drawn: its mean stands for it."""
+    shape = (model.tex_height[texture], model.tex_width[texture], model.tex_nchannel[texture])
+    start = int(model.tex_adr[texture])
+    picture = model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
+    if model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_CUBE:
+        picture = picture.mean(axis=(0, 1), keepdims=True).astype(np.uint8)
+    return np.broadcast_to(
+        picture[..., :1] if shape[2] < 3 else picture[..., :3], (*picture.shape[:2], 3)
+    )
+
+
+def _textures(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """White, then the model's pictures: their pixels, and a table of the levels of each."""
+    white = np.full((1, 1, 3), 255, np.uint8)
+    pictures = [white, *(_picture(model, k) for k in range(model.ntex))]
+    texels = list[NDArray[np.int64]]()
+    table = np.zeros((len(pictures), max(max(p.shape) for p in pictures).bit_length(), 4), np.int64)
+    for k, picture in enumerate(pictures):
+        levels = _levels(picture)
+        for i, level in enumerate(levels):
+            table[k, i] = (sum(map(len, texels)), level.shape[1], level.shape[0], len(levels))
+            bordered = np.pad(level, ((1, 1), (1, 1), (0, 0)), mode="wrap").astype(np.int64)
+            texels.append((bordered << (0, CHANNEL, 2 * CHANNEL)).sum(axis=2).ravel())
+    return np.concatenate(texels), table
+
+
+def _levels(picture: Image) -> list[Image]:
+    """A picture and its halves down to one row or column, each with means of four pixels."""
+    levels = [picture]
+    while min(levels[-1].shape[:2]) > 1:
+        rows, columns = (size // 2 for size in levels[-1].shape[:2])
+        fours = levels[-1][: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2, 3)
+        levels.append(((fours.sum(axis=(1, 3), dtype=np.uint16) + 2) // 4).astype(np.uint8))
+    return levels

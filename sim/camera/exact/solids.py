@@ -1,0 +1,184 @@
+"""Triangles of a model's geoms and sky, as MuJoCo draws them, each in its own frame."""
+
+import mujoco
+import numpy as np
+
+from sim.types import Array
+
+SHAPE = mujoco.mjtGeom
+FLAT = 0.8
+"""Cosine between a mesh's normal and its face's; where it is less, the face's is taken. This keeps
+the edges of meshes that have no normals of their own, and is MuJoCo's rule."""
+REACH = 2.0
+"""Half a side of what is drawn of an endless plane, of how far the camera sees."""
+NO_AREA = 1e-12
+"""Triangles at a pole have none [m^2]."""
+CYLINDER = np.array([[0, -1], [1, -1], [1, -1], [1, 1], [1, 1], [0, 1]], float)
+"""Radius and height of its profile, twice at an edge."""
+CYLINDER_NORMALS = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]], float)
+TOP = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float)
+"""The upper face of a box."""
+SKY = np.array(
+    [
+        [[1, 0, 0], [0, 1, 0], [0, 0, -1]],
+        [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
+        [[0, 0, 1], [1, 0, 0], [0, -1, 0]],
+        [[0, 0, -1], [1, 0, 0], [0, 1, 0]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, -1]],
+        [[0, 1, 0], [-1, 0, 0], [0, 0, -1]],
+    ],
+    float,
+)
+"""Of each face of the sky's cube, in the order of its pictures: where it is, and in the world the
+directions of its picture's rows and columns."""
+
+
+Solid = Array
+"""A surface as triangles, counter-clockwise as seen from outside: three rows for each with place,
+normal of length 1, and place in the material's picture, 0 to 1 where it is not repeated (3 n, 8)
+[m]."""
+
+
+def solids_of(model: mujoco.MjModel) -> list[Solid]:
+    """The surfaces of all geoms; a kind that is not drawn has no triangles."""
+    return [
+        _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)
+        for geom, kind in enumerate(model.geom_type)
+    ]
+
+
+def sky_of(side: int, far: float) -> Solid:
+    """The inside of a cube around the camera.
+
+    Args:
+        side: Of its six pictures, which lie one under the other [px].
+        far: Half a side of the cube [m].
+    """
+    corners = _split((SKY[:, :1] + TOP[:, :2] @ SKY[:, 1:]) * far)
+    # From the middle of a border pixel to that of the other: a face's neighbours are other faces.
+    across = 0.5 + (0.5 - 0.5 / side) * TOP[:, :2]
+    places = np.stack([across + (0, k) for k in range(len(SKY))]) / (1, len(SKY))
+    return np.column_stack([corners, -corners / far, _split(places)])
+
+
+def texture_of(model: mujoco.MjModel, geom: int) -> int:
+    """The picture of a geom's colour; -1 where it has none."""
+    material = model.geom_matid[geom]
+    if material < 0:
+        return -1
+    return int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+
+
+def across(corners: Array) -> Array:
+    """Normals of triangles (n, 3), as long as twice their area [m^2], by corners (3 n, 3)."""
+    a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
+
+
+def _primitive(model: mujoco.MjModel, geom: int) -> Solid:
+    kind = model.geom_type[geom]
+    size = model.geom_size[geom].astype(float)
+    slices = int(model.vis.quality.numslices)
+    quarter = np.pi / 2 * np.linspace(0, 1, int(model.vis.quality.numstacks) // 2 + 1)
+    angle = np.concatenate([-quarter[::-1], quarter])
+    arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    match kind:
+        case SHAPE.mjGEOM_PLANE:
+            far = REACH * model.vis.map.zfar * model.stat.extent
+            size = np.array([*np.where(size[:2] > 0, size[:2], far), 1.0])
+            corners, normals = (rows[:6] for rows in _box())
+            corners = (corners - (0, 0, 1)) * size
+        case SHAPE.mjGEOM_BOX:
+            corners, normals = _scaled(_box(), size)
+        case SHAPE.mjGEOM_SPHERE | SHAPE.mjGEOM_ELLIPSOID:
+            size = np.where(size > 0, size, size[0])
+            corners, normals = _scaled(_turned(arc, arc, slices), size)
+        case SHAPE.mjGEOM_CYLINDER:
+            size = size[[0, 0, 1]]
+            corners, normals = _scaled(_turned(CYLINDER, CYLINDER_NORMALS, slices), size)
+        case SHAPE.mjGEOM_CAPSULE:
+            # Two halves of a ball; the wall is what lies between their equators.
+            size = size[[0, 0, 1]]
+            apart = np.repeat([-size[2], size[2]], len(quarter))
+            ends = size[0] * arc + np.stack([0 * apart, apart], axis=1)
+            corners, normals = _turned(ends, arc, slices)
+        case _:
+            corners = normals = np.zeros((0, 3))
+    return np.column_stack([corners, normals, _mapped(model, geom, size, corners)])
+
+
+Surface = tuple[Array, Array]
+"""Corners (3 n, 3) and normals (3 n, 3)."""
+
+
+def _scaled(surface: Surface, size: Array) -> Surface:
+    corners, normals = surface
+    normals = normals / size
+    return corners * size, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _split(quads: Array) -> Array:
+    """Two triangles for each quadrilateral (n, 4, k)."""
+    return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, quads.shape[2])
+
+
+def _box() -> Surface:
+    """A cube with a half side of 1; its upper face comes first."""
+    upper = [np.roll(TOP, k, axis=1) for k in range(3)]
+    normals = np.roll(np.eye(3), 1, axis=0)[:, None] * np.ones((4, 1))
+    faces = np.array([*upper, *(-face[::-1] for face in upper)])
+    return _split(faces), _split(np.concatenate([normals, -normals]))
+
+
+def _turned(points: Array, normals: Array, slices: int) -> Surface:
+    """Turn a profile around the z axis.
+
+    Args:
+        points: Radius and height, upwards with the outside on the right (n, 2) [m].
+        normals: Of the profile there (n, 2).
+        slices: Pieces of a turn.
+    """
+    angle = 2 * np.pi / slices * np.arange(slices + 1)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    turned = list[Array]()
+    for profile in (points, normals):
+        grid = np.empty((len(profile), slices + 1, 3))
+        grid[..., :2] = profile[:, None, :1] * ring
+        grid[..., 2] = profile[:, None, 1]
+        quads = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
+        turned.append(_split(np.stack(quads, axis=2).reshape(-1, 4, 3)))
+    kept = np.repeat(np.linalg.norm(across(turned[0]), axis=1) > NO_AREA, 3)
+    return turned[0][kept], turned[1][kept]
+
+
+def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
+    mesh = int(model.geom_dataid[geom])
+    first = int(model.mesh_faceadr[mesh])
+    faces = slice(first, first + int(model.mesh_facenum[mesh]))
+    vertices = model.mesh_face[faces].ravel() + model.mesh_vertadr[mesh]
+    outward = model.mesh_facenormal[faces].ravel() + model.mesh_normaladr[mesh]
+    corners = model.mesh_vert[vertices].astype(float)
+    normals = model.mesh_normal[outward].astype(float)
+    start = int(model.mesh_texcoordadr[mesh])
+    if start >= 0:
+        places = model.mesh_facetexcoord[faces].ravel() + start
+        return np.column_stack([corners, normals, model.mesh_texcoord[places]])
+    flat = np.repeat(across(corners), 3, axis=0)
+    flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
+    differs = np.sum(flat * normals, axis=1, keepdims=True) < FLAT
+    size = model.geom_size[geom].astype(float)
+    normals = np.where(differs, flat, normals)
+    return np.column_stack([corners, normals, _mapped(model, geom, size, corners)])
+
+
+def _mapped(model: mujoco.MjModel, geom: int, size: Array, corners: Array) -> Array:
+    """Texture coordinates by the place on the body: the picture begins where x is
+    least and y greatest.
+    """
+    if texture_of(model, geom) < 0:
+        return np.zeros((len(corners), 2))
+    material = model.geom_matid[geom]
+    repeat = model.mat_texrepeat[material].astype(float)
+    if model.mat_texuniform[material]:
+        repeat = repeat * size[:2]
+    return 0.5 * repeat * (1.0 + corners[:, :2] / size[:2] * (1.0, -1.0))

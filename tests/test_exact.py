@@ -1,0 +1,190 @@
+"""The renderer without OpenGL: near OpenGL's pictures, and the same bits wherever it runs."""
+
+import hashlib
+import multiprocessing
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from servo.loop.episode import Episode
+from servo.output.versions import versions
+from servo.scenario.load import load
+from sim.camera import gl
+from sim.camera.choice import renderer_of
+from sim.camera.exact.renderer import ExactRenderer
+from sim.camera.renderer import OpenGLRenderer
+from sim.kinematics.robot import CAMERA
+from sim.types import Camera
+
+NEAR = 8
+"""Levels by which a pixel may differ from OpenGL's."""
+FIRST = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from test_exact import digest
+print(digest())
+"""
+APPROVED = "91ce67744ae98c3f0ce84344aadf96b5af5ff7400a04a1dc266098adeb6f7ec8"
+"""SHA-256 of the first picture of `BODIES`."""
+
+BODIES = """
+<mujoco>
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1=".3 .5 .7" rgb2=".9 .9 1" width="64"
+     height="64" mark="cross" markrgb="1 0 0"/>
+    <texture name="checks" type="2d" builtin="checker" rgb1=".2 .3 .4" rgb2=".8 .7 .6" width="64"
+     height="64"/>
+    <material name="checks" texture="checks" texrepeat="3 2" specular="0"/>
+    <material name="gloss" rgba=".2 .6 .3 1" specular="1" shininess=".3"/>
+    <mesh name="wedge" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .3"/>
+  </asset>
+  <visual><headlight ambient=".2 .2 .2" diffuse=".3 .3 .3" specular=".2 .2 .2"/>
+    <map znear=".01"/><quality offsamples="0"/><global offwidth="160" offheight="120"/></visual>
+  <worldbody>
+    <light type="directional" dir="-1 1 -2" diffuse=".4 .4 .3" specular=".3 .3 .3"
+     castshadow="false"/>
+    <geom type="plane" size="2 1.5 .1" material="checks"/>
+    <geom type="sphere" size=".2" pos="-.6 .3 .2" material="gloss"/>
+    <geom type="ellipsoid" size=".3 .15 .1" pos=".5 .4 .2" rgba=".8 .2 .1 1"/>
+    <geom type="capsule" size=".1 .2" pos="0 .5 .3" euler="60 20 0" rgba=".1 .2 .9 1"/>
+    <geom type="cylinder" size=".15 .1" pos="-.2 -.2 .1" rgba=".9 .9 .1 1"/>
+    <geom type="box" size=".1 .2 .1" pos=".5 -.3 .1" euler="0 0 30" rgba=".4 .2 .5 1"/>
+    <geom type="mesh" mesh="wedge" pos="-.7 -.5 0" rgba=".6 .6 .6 1"/>
+    <geom type="box" size=".1 .1 .1" pos="0 -.9 .6" rgba="1 0 1 0"/>
+    <camera name="eye" pos="0 -1.6 1.1" xyaxes="1 0 0 0 .6 .8" fovy="60"/>
+    <camera name="up" pos="0 -1.6 .4" xyaxes="1 .2 0 0 -.3 1" fovy="80"/>
+    <camera name="close" pos=".4 -.3 .25" xyaxes="1 0 0 0 .5 1" fovy="80"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def share_near(a, b):
+    """Share of the pixels that are near each other in all channels."""
+    return float((np.abs(a.astype(int) - b).max(axis=2) <= NEAR).mean())
+
+
+def both(episode):
+    world = episode.world
+    return [make(world.model, CAMERA, world._lens.view) for make in (OpenGLRenderer, ExactRenderer)]
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("line", []),
+        ("mesh_circle", []),
+        ("fisheye", []),
+        ("arm_line", ["camera.width=161", "camera.height=119"]),
+        ("plate_line", ["disturbances=[{kind='spot', start=0.0}]"]),
+    ],
+)
+def test_pictures_and_silhouettes_are_near_those_of_opengl(name, changes):
+    with Episode(load(name, changes)) as episode:
+        data = episode.world.data
+        model = episode.world.model
+        opengl, exact = both(episode)
+        assert share_near(opengl.begin(data)(), exact.begin(data)()) > 0.99
+        own = model.body_rootid[model.geom_bodyid] == model.body("target").id
+        for alone in (True, False):
+            wanted, found = (r.silhouette(data, own, alone=alone) for r in (opengl, exact))
+            assert wanted.sum() > 300
+            assert (wanted != found).sum() <= 3
+        opengl.close()
+
+
+@pytest.mark.parametrize(("name", "least"), [("eye", 0.97), ("up", 0.97), ("close", 0.95)])
+def test_every_shape_light_and_texture_is_near_that_of_opengl(name, least):
+    """Gloss, repeated textures, the sky, and cuts at the near plane; a clear body is not drawn."""
+    model, data, view = scene(name)
+    opengl, exact = (make(model, name, view) for make in (OpenGLRenderer, ExactRenderer))
+    assert share_near(opengl.begin(data)(), exact.begin(data)()) > least
+    seen = np.arange(model.ngeom) == 5
+    wanted, found = (r.silhouette(data, seen, alone=False) for r in (opengl, exact))
+    assert (wanted != found).sum() <= 3
+    opengl.close()
+
+
+def test_what_cannot_be_drawn_is_refused():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>'
+        '<geom type="hfield" hfield="h"/><camera name="eye"/></worldbody></mujoco>'
+    )
+    with pytest.raises(ValueError, match=r'^the renderer "exact" does not draw height fields; '):
+        ExactRenderer(model, "eye", Camera(50.0, 50.0, 50.0, 50.0, 100, 100))
+
+
+def scene(name):
+    model = mujoco.MjModel.from_xml_string(BODIES)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    focal = 60 / np.tan(np.radians(model.cam_fovy[model.camera(name).id]) / 2)
+    return model, data, Camera(focal, focal, 80.0, 60.0, 160, 120)
+
+
+def digest():
+    model, data, view = scene("eye")
+    return hashlib.sha256(ExactRenderer(model, "eye", view).begin(data)().tobytes()).hexdigest()
+
+
+def forked(results):
+    results.put(digest())
+
+
+def test_bits_are_the_same_in_threads_and_after_a_fork():
+    with ThreadPoolExecutor(2) as pool:
+        assert {f.result() for f in [pool.submit(digest) for _ in range(4)]} == {APPROVED}
+    context = multiprocessing.get_context("fork")
+    results = context.SimpleQueue()
+    child = context.Process(target=forked, args=(results,))
+    child.start()
+    assert results.get() == APPROVED
+    child.join()
+
+
+@pytest.mark.processes
+def test_bits_are_the_same_with_a_plain_processor_and_without_opengl(tmp_path):
+    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "MUJOCO_GL": "off"}
+    environment = {**os.environ, **plain, "NUMBA_CACHE_DIR": str(tmp_path)}
+    answer = subprocess.run(
+        [sys.executable, "-c", FIRST, str(Path(__file__).parent)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (answer.stdout.strip(), answer.stderr) == (APPROVED, "")
+
+
+def test_without_opengl_a_line_says_so_and_the_exact_renderer_is_used(monkeypatch, capsys):
+    monkeypatch.setattr(gl, "_library", lambda _: None)
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    monkeypatch.setenv(gl.WITHOUT, "")
+    monkeypatch.delenv(gl.WITHOUT)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    assert versions()["pictures"] == "as set"
+    gl.is_there.cache_clear()
+    assert renderer_of("exact") is ExactRenderer
+    assert capsys.readouterr().err == ""
+    assert renderer_of("opengl") is ExactRenderer
+    gl.is_there.cache_clear()
+    assert renderer_of("opengl") is ExactRenderer
+    gl.is_there.cache_clear()
+    assert capsys.readouterr().err == (
+        "servobench: The OpenGL library libEGL.so.1 is missing on this machine: run "
+        f'{gl.INSTALL}. camera.renderer = "exact" is used.\n'
+    )
+    assert versions()["pictures"] == "exact, without OpenGL"
+
+
+def test_lens_shutter_and_visible_share_work_with_it():
+    changes = ["camera.renderer=exact", "camera.readout_ms=20", "world.visibility=true"]
+    with Episode(load("fisheye", changes)) as episode:
+        steps = [step for step, _ in zip(episode, range(3), strict=False)]
+    assert all(0.9 < step.truth.visible <= 1.0 for step in steps)
