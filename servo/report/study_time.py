@@ -54,7 +54,8 @@ def figures(study: StudyResults) -> list[Figure]:
     shown = dict(list(found.items())[:MOST_SERIES])
     note = cut(f"values of {study.compared}", list(found), MOST_SERIES) or ""
     if len(study.series) == MOST_OVER_TIME:
-        note = f"Of {MOST_OVER_TIME:,} runs drawn at random. {note}"
+        drawn_runs = "those of the first seed, and others drawn at random"
+        note = f"Of {MOST_OVER_TIME:,} runs: {drawn_runs}. {note}"
     drawn = [_errors(shown, name, title, note) for name, title in DISTANCES.items()]
     return [figure for figure in (*drawn, _survival(shown, note)) if figure is not None]
 
