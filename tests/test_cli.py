@@ -121,12 +121,14 @@ def test_without_a_gl_library_it_is_named_and_the_exact_renderer_is_used(
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setenv(gl.WITHOUT, "")  # the command sets it: it is taken back after the test
     monkeypatch.delenv(gl.WITHOUT)
+    gl.is_there.cache_clear()
     code, _, err = call(monkeypatch, capfd, *command)
     assert code == 0
     assert err == (
         "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
         f'run {gl.INSTALL}. camera.renderer = "exact" is used.\n'
     )
+    gl.is_there.cache_clear()
     if command[0] == "run":
         report = json.loads((elsewhere / "runs" / "still-0" / "report.json").read_text())
         assert report["versions"]["pictures"] == "exact, without OpenGL"
