@@ -1,8 +1,10 @@
 """Bags that are damaged, or made to fill the memory: each is refused or ends in one sentence."""
 
 import bz2
+import io
 import re
 import shutil
+from pathlib import Path
 
 import lz4.frame
 import numpy as np
@@ -115,6 +117,44 @@ def test_inverted_bytes_in_a_log_that_is_not_compressed_are_noticed(tmp_path):
     data[at : at + 500] = bytes([165]) * 500
     path.write_bytes(data)
     assert refusal(path) == f"{path}: this bag is damaged or incomplete"
+
+
+def test_a_file_that_is_compressed_whole_is_unpacked_up_to_a_limit(tmp_path, monkeypatch):
+    from rosbags.rosbag2 import CompressionMode
+
+    path = compressed_folder(tmp_path / "whole", CompressionMode.FILE)
+    assert len(list(Bag(path, None))) == FRAMES
+    monkeypatch.setattr(bag_file, "LARGEST_UNPACKED", LIMIT)
+    monkeypatch.setattr(bag_file, "PIECE", 1000)
+    monkeypatch.setattr(bag_file, "LARGEST_RATIO", 1)
+    assert refusal(path) == f"{path}: a file of this bag is compressed from over 100,000 bytes"
+    # A long recording is no bomb: it grows, but not by more than pictures do.
+    monkeypatch.setattr(bag_file, "LARGEST_UNPACKED", 2 * LIMIT)
+    monkeypatch.setattr(bag_file, "LARGEST_RATIO", 100_000)
+    assert len(list(Bag(path, None))) == FRAMES
+
+
+def test_a_full_temporary_disk_is_said():
+    with (
+        Path("/dev/full").open("r+b", buffering=0) as full,
+        pytest.raises(bag_file._Refused, match=r"^it cannot be unpacked in .*: No space left on"),
+    ):
+        bag_file._unpack_file(io.BytesIO(bytes(10)), full, 100)
+
+
+@pytest.mark.parametrize("name", ["log.mcap", "log_db3"])
+def test_a_message_that_is_too_large_is_refused_though_nothing_compresses_it(
+    tmp_path, monkeypatch, name
+):
+    path = tmp_path / name
+    if name == "log_db3":
+        bags.write(path, {"/eye": grey})
+    else:
+        store = bags.ROS2
+        rows = [(at, store.serialize_cdr(message, kind)) for at, kind, message in grey(store)]
+        bags.write_mcap(path, "cdr", "ros2msg", {"/eye": (bags.RAW, rows)}, compressed=False)
+    monkeypatch.setattr(bag_file, "LARGEST_UNPACKED", LIMIT)
+    assert refusal(path) == f"{path}: message 0 has over 100,000 bytes"
 
 
 def test_an_index_that_takes_long_to_parse_is_refused(tmp_path):

@@ -168,6 +168,19 @@ def test_the_age_is_a_mean_over_estimates():
     assert_allclose(found, 100.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("ms", [0, 100])
+def test_a_tracker_is_judged_by_each_estimate_once(ms):
+    """The frames that repeat an estimate say nothing more of it."""
+    changes = f"run.tracker_ms={ms}", "run.duration=1.0", "tracker.kind=mean_shift"
+    steps = stepped("line", *changes)
+    late = [s for s in steps if s.frame.time >= 0.5 and s.decided]
+    assert len(late) == (15 if ms == 0 else 5)
+    values = summarise(steps, MeasureConfig(after=0.5), T).measures
+    errors = np.array([s.tracking_error for s in late])
+    assert_allclose(values["tracking_rms_px"], np.sqrt(np.mean(errors**2)), rtol=1e-12)
+    assert_allclose(values["tracking_peak_px"], errors.max(), rtol=1e-12)
+
+
 def test_a_frame_that_is_not_later_is_refused():
     with Episode(load("line", ["run.duration=0.1"])) as episode:
         step = next(iter(episode))

@@ -75,7 +75,8 @@ MEANINGS = {
 """Unit and meaning of every measure; smaller is better for all.
 
 Those with `_rms_`, `_peak_`, `_off_` and `_held_` count from measure.after on (or in the last
-frame, where the run ends before); all others over the whole run, `settle_s` from its start.
+frame, where the run ends before); all others over the whole run, `settle_s` from its start. Those
+with `tracking_` count each estimate once, however long a slow tracker lets it stand.
 """
 TIMED = "step_ms"
 """The measure that differs from run to run."""
@@ -96,9 +97,10 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     servo = _series(counted, lambda s: s.servo_error)
     turned = np.degrees(_series(steps, _servo_angle))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
-    tracked = _series(counted, lambda s: s.tracking_error)
-    angle = np.degrees(_series(counted, _tracking_angle))
-    scale = 100 * _series(counted, _tracking_scale)
+    estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
+    tracked = _series(estimated, lambda s: s.tracking_error)
+    angle = np.degrees(_series(estimated, _tracking_angle))
+    scale = 100 * _series(estimated, _tracking_scale)
     late = slice(len(steps) - len(counted), None)
     values = {
         "servo_rms_px": _rms(servo),

@@ -10,7 +10,10 @@ from bz2 import BZ2Decompressor
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from tempfile import gettempdir
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, BinaryIO
 
 from sim.files import reading
@@ -41,6 +44,10 @@ LARGEST_RECORD = 1_000_000_000
 """Largest record of an MCAP file that is read into memory [bytes]."""
 LARGEST_UNPACKED = 400_000_000
 """Largest decompressed chunk or message [bytes]; chosen by hand: recorders write chunks of 4 MB."""
+LARGEST_RATIO = 100
+"""Most that a larger file that is compressed whole may grow: pictures shrink by 2 to 20 times."""
+PIECE = 1 << 20
+"""Bytes that are unpacked at a time."""
 MOST_NAMED = 8
 """Most topics in a message."""
 
@@ -118,6 +125,8 @@ class Bag:
                 decode = decoder_of(topic.kind, topic.serialization, topic.schema)
                 for recorded, data in bag.messages(topic.name):
                     name = f"message {index}"
+                    if len(data) > LARGEST_UNPACKED:
+                        raise _Refused(f"{name} has over {LARGEST_UNPACKED:,} bytes")
                     try:
                         stated, image = picture_of(decode, data)
                         stamp = recorded if stated is None else stated
@@ -217,12 +226,29 @@ def _unpacked(data: bytes, compression: str) -> bytes:
     return found
 
 
+def _unpack_file(packed: BinaryIO, unpacked: BinaryIO, most: int) -> None:
+    """Write a file that is compressed whole to the temporary disk, up to a size [bytes]."""
+    while piece := packed.read(PIECE):
+        if unpacked.tell() + len(piece) > most:
+            raise _Refused(f"a file of this bag is compressed from over {most:,} bytes")
+        try:
+            unpacked.write(piece)
+            unpacked.flush()
+        except OSError as error:
+            raise _Refused(f"it cannot be unpacked in {gettempdir()}: {error.strerror}") from None
+
+
 @contextmanager
 def _ros(path: Path, head: bytes) -> Generator[Contents]:
     from rosbags import rosbag1, rosbag2
     from rosbags.rosbag1 import reader as reader1
+    from rosbags.rosbag2 import reader as reader2
     from rosbags.rosbag2 import storage_mcap
 
+    largest = max((file.stat().st_size for file in path.glob("*")), default=0)
+    most = max(LARGEST_UNPACKED, LARGEST_RATIO * largest)
+    limited = SimpleNamespace(copyfileobj=partial(_unpack_file, most=most))
+    reader2.__dict__["shutil"] = limited  # in this module only
     for name in ("lz4", "bz2"):
         reader1.decompressors[name] = lambda data, name=name: _unpacked(data, name)
     for name in ("lz4", "zstd"):
