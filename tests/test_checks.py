@@ -51,6 +51,10 @@ class Dice(Good):
 
 
 class Identity(Good):
+    def start(self, frame, region, state):
+        super().start(frame, region, state)
+        vars(self).pop("before", None)
+
     def update(self, frame, ego=None):
         self.before = getattr(self, "before", frame.image)
         state = State(float(self.before is frame.image), float(self.before.sum()))
@@ -65,6 +69,32 @@ class Fragile(Good):
 class AnyRegion(Good):
     def start(self, frame, region, state):
         self.state = state
+
+
+class Counts(Good):
+    """It never begins to count anew."""
+
+    count = 0
+
+    def update(self, frame, ego=None):
+        self.count += 1
+        return dataclasses.replace(super().update(frame), state=State(self.count, 1.0))
+
+
+class Draws(Good):
+    """It draws from the generator of `build`, also when it starts."""
+
+    def __init__(self, rng):
+        self.rng = rng
+        self.moved = rng.random()
+
+    def start(self, frame, region, state):
+        super().start(frame, region, state)
+        self.first = self.rng.random()
+
+    def update(self, frame, ego=None):
+        state = State(self.first, self.rng.random() + self.moved)
+        return dataclasses.replace(super().update(frame), state=state)
 
 
 class Nothing(Good):
@@ -83,6 +113,7 @@ TRACKERS = {
     "the corners are not four points (4, 2)": changed(corners=np.zeros((4, 3))),
     "it writes into frame.image; work on a copy": Writes,
     "the same pictures gave other states the second time": Dice,
+    "a second start did not forget the first; reset in start all that a run changes": Counts,
     "the states differ where the caller uses one buffer for all pictures": Identity,
     "a black picture of 160 x 120 px made update raise ZeroDivisionError: ": Fragile,
     "the status is LOCKED two seconds after the target has gone": changed(status=Status.LOCKED),
@@ -98,6 +129,7 @@ class Namespace:
 def test_a_tracker_of_a_user_passes():
     check_tracker(config_for(Good))
     check_tracker(config_for(Good)())
+    check_tracker(config_for(Draws))
 
 
 @pytest.mark.parametrize("sentence", TRACKERS)

@@ -1,6 +1,7 @@
 """The contract checks of feature sets, laws, estimators and what is in the world."""
 
 import dataclasses
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,7 @@ from sim.robots import gantry
 from sim.targets import car
 from sim.types import Effect, Pose
 
+NUMBERS = itertools.count()
 FEATURES = {
     "names are ('x', 'x'); all must differ": {"names": ("x", "x")},
     "there are 2 names and 1 units": {"units": ("1",)},
@@ -27,6 +29,9 @@ FEATURES = {
     "error(s, s) is [1. 1.]; it should be zero": {"error": lambda self, s, g: np.ones(2)},
     "known returned bool; it should be (2,)": {"known": lambda self, sight: True},
     "scales returned [0. 0.]; all must be above 0": {"scales": lambda self, goal: np.zeros(2)},
+    "the same sight gave other values the second time": {
+        "values": lambda self, sight: np.full(2, float(next(NUMBERS)))
+    },
     "its values change by": {"matrix": lambda self, s: 1.01 * Centre.matrix(self, s)},
 }
 
@@ -115,3 +120,28 @@ def test_another_broken_part_gets_its_sentence(sentence):
     with pytest.raises(BrokenContract) as broken:
         check(config)
     assert sentence in str(broken.value)
+
+
+def counting(call, answer):
+    """A part whose answers grow from call to call, and which never begins anew."""
+
+    def make(rng):
+        numbers = itertools.count()
+        part = SimpleNamespace(start=lambda task: None, aim=lambda goal: None)
+        part.skip = lambda own, dt: Prediction.unmeasured(np.zeros(4), np.zeros(4))
+        setattr(part, call, lambda *given: answer(np.full(4, float(next(numbers)))))
+        return part
+
+    return config_for(make)
+
+
+@pytest.mark.parametrize(
+    ("check", "call", "answer"),
+    [
+        (check_estimator, "update", lambda n: Prediction.unmeasured(n, n)),
+        (check_controller, "command", lambda n: Command(np.resize(n, 6))),
+    ],
+)
+def test_a_second_start_has_to_forget_the_first(check, call, answer):
+    with pytest.raises(BrokenContract, match=r"^a second start did not forget the first; reset"):
+        check(counting(call, answer))

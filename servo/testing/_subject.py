@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.installed import Trusted
 from sim.kinds import UnknownKind
 
+T = TypeVar("T")
 REGISTRIES = {place: registry for place, (registry, _) in PLUGINS.items()} | LISTS
 """The kinds of each part, by its place in a scenario."""
+REMEMBERS = "a second start did not forget the first; reset in start all that a run changes"
 
 
 def contract(check: Callable[..., None]) -> Callable[..., None]:
@@ -66,3 +68,15 @@ def built(place: str, config: Any, given: Any = None) -> Any:
     found = config.build(np.random.default_rng(0) if given is None else given)
     check_built(place, found)
     return found if place in ("robot", "target") else guarded(found, place)
+
+
+def used_twice(place: str, config: Any, use: Callable[[Any], T]) -> tuple[T, T]:
+    """Return what a part gives when it is used, and used again as the loop does for a second run:
+    its generator of random numbers is then as it was after `build`.
+    """
+    rng = np.random.default_rng(0)
+    part = built(place, config, rng)
+    state = rng.bit_generator.state
+    first = use(part)
+    rng.bit_generator.state = state
+    return first, use(part)

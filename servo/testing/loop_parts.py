@@ -1,5 +1,6 @@
 """The contracts of feature sets, estimators and controllers."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,9 @@ import numpy as np
 from servo.contracts import require
 from servo.estimators.none import Config as NoEstimate
 from servo.features.moments import Config as MomentsConfig
-from servo.parts import FeatureSet, Task
+from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.testing._examples import CAMERA, DOWN, OUTLINE, posture, seen_from
-from servo.testing._subject import built, config_of, contract
+from servo.testing._subject import REMEMBERS, built, config_of, contract, used_twice
 from servo.types import DOF, OwnMotion, Sight
 from sim.geometry import exp_se3
 from sim.types import Array, Pose
@@ -50,6 +51,10 @@ def _check_matrix(features: FeatureSet, target: Pose) -> None:
     pixels = getattr(features, "uses_pictures", False)
     sight = _sight(target, pixels=pixels)
     values = features.values(sight)
+    require(
+        np.array_equal(values, features.values(sight), equal_nan=True),
+        "the same sight gave other values the second time; compute them from the sight alone",
+    )
     matrix = features.matrix(sight)
     features.known(sight)
     features.scales(values)
@@ -83,19 +88,19 @@ def check_estimator(estimator: Any) -> None:
         BrokenContract: It does not; the sentence says what to change.
     """
     config = config_of("estimator", estimator)
-    once, again = (_estimates(config) for _ in range(2))
+    once, restarted = used_twice("estimator", config, _estimates)
     require(
-        all(np.array_equal(a, b) for a, b in zip(once, again, strict=True)),
+        np.array_equal(once, _estimates(built("estimator", config))),
         "the same errors gave other estimates the second time; draw random numbers from the "
         "generator given to build(rng) only",
     )
+    require(np.array_equal(once, restarted), REMEMBERS)
 
 
-def _estimates(config: Any) -> list[Array]:
+def _estimates(estimator: Estimator) -> Array:
     features = MomentsConfig().build(OUTLINE)
     k = len(features.names)
     rng = np.random.default_rng(1)
-    estimator = built("estimator", config)
     estimator.start(features)
     rest = OwnMotion(np.zeros(k), np.zeros((0, k)))
     estimator.skip(rest, DT)  # before any update
@@ -106,7 +111,7 @@ def _estimates(config: Any) -> list[Array]:
         error[-1] = np.nan if i < 2 or i == 8 else error[-1]  # this feature was not measured
         prediction = estimator.skip(rest, DT) if hidden else estimator.update(error, rest, DT)
         found += [prediction.error, prediction.motion]
-    return found
+    return np.array(found)
 
 
 @contract
@@ -121,21 +126,21 @@ def check_controller(controller: Any) -> None:
     """
     config = config_of("controller", controller)
     for latency in (0, 2):
-        once, again = (_twists(config, latency) for _ in range(2))
+        once, restarted = used_twice("controller", config, partial(_twists, latency))
         require(
-            np.array_equal(once, again),
+            np.array_equal(once, _twists(latency, built("controller", config))),
             "the same sights gave other twists the second time; "
             "draw random numbers from the generator given to build(rng) only",
         )
+        require(np.array_equal(once, restarted), REMEMBERS)
 
 
-def _twists(config: Any, latency: int) -> Array:
+def _twists(latency: int, controller: Controller) -> Array:
     features = MomentsConfig().build(OUTLINE)
     estimator = built("estimator", NoEstimate())
     estimator.start(features)
     goal = _sight(Pose.planar(0.0, 0.0, 0.0))
     seen = _sight(Pose.planar(0.05, 0.02, 0.3))
-    controller = built("controller", config)
     controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
     controller.aim(goal)
     twists: list[Array] = []

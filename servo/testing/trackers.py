@@ -8,9 +8,9 @@ import numpy as np
 
 from servo.contracts import BrokenContract, require
 from servo.testing._examples import FIRST, film, region_of
-from servo.testing._subject import built, config_of, contract
+from servo.testing._subject import REMEMBERS, built, config_of, contract, used_twice
 from sim.types import Frame, Image
-from tracking.types import Estimate, Region, Status, Tracker
+from tracking.types import Estimate, Region, State, Status, Tracker
 
 ODD = {"black": ((120, 160, 3), 0), "white": ((120, 160, 3), 255), "tiny": ((7, 9, 3), 0)}
 """Pictures that come from any camera sooner or later: size and grey level."""
@@ -24,16 +24,19 @@ class _Subject:
     def film(self, count: int, gone_after: int | None = None) -> Iterator[Frame]:
         return film(count, gone_after, self.picture)
 
-    def begun(self, first: Frame) -> Tracker:
-        tracker = built("tracker", self.config)
-        tracker.start(first, region_of(self.picture), FIRST)
-        return tracker
+    def begun(self, first: Frame, tracker: Tracker | None = None) -> Tracker:
+        begun: Tracker = tracker or built("tracker", self.config)
+        begun.start(first, region_of(self.picture), FIRST)
+        return begun
 
-    def track(self, frames: Iterable[Frame]) -> Iterator[Estimate]:
+    def track(self, frames: Iterable[Frame], tracker: Tracker | None = None) -> Iterator[Estimate]:
         remaining = iter(frames)
-        tracker = self.begun(next(remaining))
+        tracker = self.begun(next(remaining), tracker)
         for frame in remaining:
             yield tracker.update(frame, np.zeros(4))
+
+    def states(self, tracker: Tracker) -> list[State]:
+        return [estimate.state for estimate in self.track(self.film(6), tracker)]
 
 
 @contract
@@ -66,12 +69,13 @@ def _check_pictures_are_kept(subject: _Subject) -> None:
 
 
 def _check_repetition(subject: _Subject) -> None:
-    once, again = ([e.state for e in subject.track(subject.film(6))] for _ in range(2))
+    once, restarted = used_twice("tracker", subject.config, subject.states)
     require(
-        once == again,
+        once == subject.states(built("tracker", subject.config)),
         "the same pictures gave other states the second time; draw random "
         "numbers from the generator given to build(rng) only",
     )
+    require(once == restarted, REMEMBERS)
 
 
 def _check_buffer(subject: _Subject) -> None:
