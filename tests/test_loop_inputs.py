@@ -1,10 +1,13 @@
 """Odd uses of the loop without a world: each is refused in one sentence, and changes nothing."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import servo
+import tracking
 from servo.loop.episode import Episode
 from servo.loop.loop import Loop
 from servo.mistake import Mistake
@@ -191,3 +194,24 @@ def test_a_second_start_gives_the_same_run_and_ends_the_first(loop, steps):
     with pytest.raises(ValueError) as refused:
         first.step(Frame(steps[0].frame.image, 99.0, 99), steps[0].posture)
     assert str(refused.value) == "this run is over: its loop was started again"
+
+
+@pytest.mark.parametrize("given", [None, "still", 5])
+def test_an_episode_of_something_else_is_a_sentence(given):
+    for begin in (servo.Episode, lambda scenario: next(servo.run(scenario))):
+        with pytest.raises(ValueError, match=r"^scenario: expected a Setup, got "):
+            begin(given)
+
+
+@pytest.mark.parametrize(
+    ("region", "state", "sentence"),
+    [
+        ((20, 20), State(30.0, 30.0), "expected a Region, got (20, 20)"),
+        (Region(20.0, 20.0), (30, 30), "expected a State, got (30, 30)"),
+        (None, State(30.0, 30.0), "expected a Region, got None"),
+    ],
+)
+def test_a_tuple_is_no_region_of_a_tracker_and_no_state(region, state, sentence):
+    frame = Frame(np.zeros((60, 80, 3), np.uint8), 0.0, 0)
+    with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
+        tracking.create("mk_ssd").start(frame, region, state)

@@ -182,8 +182,12 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
 
     Raises:
         ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
-            image is none, or absurdly large.
+            image is none, or absurdly large; or an argument is of another type.
     """
+    given: tuple[tuple[object, type], ...] = (region, Region), (state, State)
+    for value, kind in given:
+        if not isinstance(value, kind):
+            raise ValueError(f"expected a {kind.__name__}, got {value!r}")
     check_picture(frame.image)
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:

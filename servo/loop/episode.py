@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from servo.loop.goal import Goal
+from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
 from servo.loop.part_failures import Part, PartFailed
 from servo.loop.run_measures import Summary, summarise
@@ -76,6 +77,7 @@ class Episode:
             kept: Robot and target of an earlier episode, used again where their settings are the
                 same, else replaced by this one's.
         """
+        check_type("scenario", scenario, Setup)
         self.scenario = scenario
         self.frames = scenario.frames
         self._kept = {} if kept is None else kept

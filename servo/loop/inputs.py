@@ -22,8 +22,8 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
     Raises:
         ValueError: One of them is of another type, or has numbers without a meaning.
     """
-    _check_type("scenario", setup, Setup)
-    _check_type("camera", camera, Camera)
+    check_type("scenario", setup, Setup)
+    check_type("camera", camera, Camera)
     numbers = camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height
     _check_numbers("camera", numbers, (6,))
     if min(camera.fx, camera.fy, camera.width, camera.height) <= 0:
@@ -45,8 +45,8 @@ def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> N
         ValueError: One of them is of another type, or the picture is not the camera's.
     """
     check_frame(frame, camera)
-    _check_type("region", region, Region)
-    _check_type("state", state, State)
+    check_type("region", region, Region)
+    check_type("state", state, State)
 
 
 def check_frame(frame: Frame, camera: Camera) -> None:
@@ -55,7 +55,7 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     Raises:
         ValueError: It is none of this camera, or its stamp is not finite.
     """
-    _check_type("frame", frame, Frame)
+    check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
     if not isfinite(frame.time):
         raise ValueError(f"frame: expected a finite time, got {frame.time}")
@@ -79,9 +79,9 @@ def check_posture(posture: Posture) -> None:
     Raises:
         ValueError: A number is not finite, an array has another shape, or a rotation is none.
     """
-    _check_type("posture", posture, Posture)
+    check_type("posture", posture, Posture)
     p = posture
-    _check_type("posture.T_base_camera", p.T_base_camera, Pose)
+    check_type("posture.T_base_camera", p.T_base_camera, Pose)
     R = p.T_base_camera.rotation
     _check_numbers("posture.T_base_camera.rotation", R, (3, 3))
     _check_numbers("posture.T_base_camera.translation", p.T_base_camera.translation, (3,))
@@ -102,7 +102,12 @@ def check_posture(posture: Posture) -> None:
             _check_numbers(f"posture.{name}", twist, (6,))
 
 
-def _check_type(name: str, value: object, kind: type) -> None:
+def check_type(name: str, value: object, kind: type) -> None:
+    """Refuse an argument of another type.
+
+    Raises:
+        ValueError: It is; the sentence begins with its name.
+    """
     if not isinstance(value, kind):
         raise ValueError(f"{name}: expected a {kind.__name__}, got a {type(value).__name__}")
 
