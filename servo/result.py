@@ -282,7 +282,7 @@ def sweep(
             raise Refused(f"{lost}; give `out` to go on from what is finished") from None
         if not store.done:
             raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")
-        return Sweep(plan, store.table(), failed)
+        return Sweep(plan, store.records(jobs), store.table(), failed)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -290,8 +290,10 @@ class Sweep:
     """A study whose runs are done."""
 
     study: Study
+    records: Sequence[Record]
+    """The record of each run, as `Run.record`."""
     table: pa.Table
-    """A row for each run."""
+    """The same as a table: a row for each run."""
     failed: list[str]
     """A sentence for each run that failed, with the command that repeats it."""
 

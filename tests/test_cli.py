@@ -2,6 +2,7 @@
 behind.
 """
 
+import json
 import subprocess
 import sys
 
@@ -109,20 +110,28 @@ def test_a_mistake_is_one_sentence_exit_2_and_leaves_nothing(monkeypatch, capfd,
     assert sorted(p.name for p in elsewhere.rglob("*")) == before
 
 
-def test_a_missing_gl_library_is_named_before_anything_else(monkeypatch, capfd, elsewhere):
+@pytest.mark.parametrize("command", [["run", "still", *QUICK], ["check", "still"]])
+def test_without_a_gl_library_it_is_named_and_the_exact_renderer_is_used(
+    monkeypatch, capfd, elsewhere, command
+):
     from sim.camera import gl
 
     monkeypatch.setattr(gl, "_library", lambda name: None)
     monkeypatch.setattr(gl.sys, "platform", "linux")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    for command in (["run", "still"], ["check"], ["doctor"]):
-        code, _, err = call(monkeypatch, capfd, *command)
-        assert code == 2
-        assert err == (
-            "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
-            f"run {gl.INSTALL}.\n"
-        )
-    assert list(elsewhere.iterdir()) == []
+    monkeypatch.setenv(gl.WITHOUT, "")  # the command sets it: it is taken back after the test
+    monkeypatch.delenv(gl.WITHOUT)
+    gl.is_there.cache_clear()
+    code, _, err = call(monkeypatch, capfd, *command)
+    assert code == 0
+    assert err == (
+        "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
+        f'run {gl.INSTALL}. camera.renderer = "exact" is used.\n'
+    )
+    gl.is_there.cache_clear()
+    if command[0] == "run":
+        report = json.loads((elsewhere / "runs" / "still-0" / "report.json").read_text())
+        assert report["versions"]["pictures"] == "exact, without OpenGL"
 
 
 def test_runs_never_overwrite_each_other(monkeypatch, capfd, elsewhere):

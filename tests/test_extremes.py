@@ -211,7 +211,8 @@ def anything(config, at):
     every = [
         (f"{at}.{name}", values)
         for _, name, values in settings_of(config)
-        if name
+        if values
+        and name
         not in (
             "particles",
             "density",

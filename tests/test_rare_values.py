@@ -122,6 +122,8 @@ def test_a_frame_is_turned_as_its_file_says_or_none():
 class Packets:
     """A stream that ends, or breaks off."""
 
+    format = SimpleNamespace(name="matroska")
+
     def __init__(self, sizes, error=None):
         self.sizes, self.error = sizes, error
 

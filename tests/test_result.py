@@ -164,6 +164,8 @@ def test_a_study_gives_its_tables(tmp_path):
     assert swept.cells["runs"].tolist() == [2, 2]
     assert repr(swept) == "Sweep(mine: 4 runs, 2 cells, 0 failed)"
     assert swept._repr_html_().count("<tr>") == 3
+    rms = [record.measures["servo_rms_px"] for record in swept.records]
+    assert rms == swept.runs["servo_rms_px"].tolist()
     again = servo.sweep(str(study), ["run.duration=0.3"], workers=1, out=tmp_path / "out")
     assert again.runs.equals(swept.runs)  # times too: nothing was done again
 

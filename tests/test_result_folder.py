@@ -65,11 +65,11 @@ def test_a_folder_of_something_else_is_refused(monkeypatch, capfd, place):
 
 def test_a_description_of_another_format_is_refused(monkeypatch, capfd, place):
     path = place / "out" / "study.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 2}))
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 3}))
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
         2,
-        "servobench: out/study.json: this file has format 2, and this version of servobench "
-        "reads format 1; choose another folder with --out\n",
+        "servobench: out/study.json: this file has format 3, and this version of servobench "
+        "reads format 2; choose another folder with --out\n",
     )
 
 

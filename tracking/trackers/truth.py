@@ -6,7 +6,7 @@ and the tracker of studies and environments that are about the law. A delay is t
 """
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, final
+from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -29,7 +29,7 @@ class Config:
     """Standard deviation of the size [%]."""
     dropouts: Annotated[float, Ge(0), Le(1)] = 0.0
     """Share of the pictures in which it does not see the target."""
-    needs_pictures: ClassVar[bool] = False
+    needs_pictures = False
     corners: bool = False
     """Report the four corners, as `tag` does, and not centre, angle and size alone."""
 
