@@ -3,11 +3,15 @@
 import re
 import subprocess
 import sys
+import webbrowser
+from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from click.testing import CliRunner
 
 from servo.cli import docs_command
+from servo.cli.main import app
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS, shipped
 
@@ -65,3 +69,17 @@ def test_an_installed_package_has_no_manuals(monkeypatch, tmp_path):
     monkeypatch.setattr(docs_command, "ROOT", tmp_path)
     with pytest.raises(Mistake, match=r"^docs needs a checkout of servobench"):
         docs_command.build(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "opened"), [([], ["file:///a/index.html"]), (["--no-open"], [])]
+)
+def test_the_page_is_opened_unless_that_is_not_wanted(monkeypatch, options, opened):
+    shown, given = [], []
+    monkeypatch.setattr(
+        docs_command, "build", lambda out: given.append(out) or Path("/a/index.html")
+    )
+    monkeypatch.setattr(webbrowser, "open", shown.append)
+    assert CliRunner().invoke(app, ["docs", *options]).output == "/a/index.html\n"
+    assert shown == opened
+    assert given == [Path("runs/docs")]

@@ -265,12 +265,14 @@ def doctor() -> None:
 @click.option("--no-open", is_flag=True, help="Only build the pages.")
 def docs(out: Path | None, no_open: bool) -> None:
     """Open the documentation in a browser; build it first."""
+    import webbrowser
+
     from servo.cli.docs_command import build
 
     page = build(out or Path("runs/docs")).resolve()
     click.echo(page)
     if not no_open:
-        click.launch(page.as_uri())
+        webbrowser.open(page.as_uri())
 
 
 @app.command()
