@@ -32,6 +32,7 @@ extensions = [
 ]
 html_theme = "furo"
 html_title = "servobench"
+html_show_copyright = False
 html_show_sourcelink = False
 myst_heading_anchors = 4
 autodoc_member_order = "groupwise"
