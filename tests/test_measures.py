@@ -131,6 +131,33 @@ def test_a_joints_range_and_the_cameras_speed_at_the_end(steps):
     assert made[7].margins[3] == np.inf
 
 
+def test_effort_is_how_much_commands_and_speed_change(steps):
+    """Every second command is 30 mm/s and 0.2 rad/s more; the camera gains 0.1 m/s at once."""
+    made = []
+    for s in steps:
+        k = s.frame.index
+        twist = np.array([0.03, 0.0, 0.0, 0.0, 0.0, 0.2]) * (k % 2)
+        at = replace(s.posture, twist=np.array([0.1 * (k >= 60), 0, 0, 0, 0, 0]))
+        made.append(replace(s, command=replace(s.command, twist=twist), posture=at, decided=True))
+    measures = report(made).measures
+    assert measures["effort_rms_mm_s"] == pytest.approx(30.0)
+    assert measures["effort_rms_deg_s"] == pytest.approx(np.degrees(0.2))
+    assert measures["acceleration_peak_m_s2"] == pytest.approx(0.1 * 30)
+    repeated = [replace(s, decided=s.frame.index % 2 == 0) for s in made]
+    assert report(repeated).measures["effort_rms_mm_s"] == 0.0
+    assert report(made, after=3.0).measures["acceleration_peak_m_s2"] == 0.0
+
+
+def test_the_way_of_the_joints_is_over_their_ranges(steps):
+    """One of three joints with limits goes through half its range and back."""
+    at = steps[0].posture
+    span = at.upper[0] - at.lower[0]
+    limited = np.isfinite(at.upper - at.lower).sum()
+    there = replace(at, joints=at.joints + np.eye(6)[0] * span / 2)
+    made = [replace(s, posture=there if s.frame.index == 7 else at) for s in steps]
+    assert report(made).measures["joint_way_pct"] == pytest.approx(100 / limited)
+
+
 def test_outcomes(steps):
     near, far, out = ([off(s, pixels) for s in steps] for pixels in (5.0, 40.0, 400.0))
     assert report(near).outcome is Outcome.CONVERGED

@@ -65,6 +65,10 @@ MEANINGS = {
     "end_position_mm": ("mm", "camera against its goal, seen from the target, at the end"),
     "end_rotation_deg": ("deg", "camera's orientation against the goal's, at the end"),
     "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
+    "effort_rms_mm_s": ("mm/s", "commanded velocity, change from one command to the next, rms"),
+    "effort_rms_deg_s": ("deg/s", "commanded turn rate, change from one command to the next, rms"),
+    "acceleration_peak_m_s2": ("m/s2", "acceleration of the camera, mean over a frame, largest"),
+    "joint_way_pct": ("%", "way of the joints with limits over their ranges, mean of these joints"),
     "saturated_pct": ("%", "frames in which a limit slowed the camera"),
     "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
     "lost_pct": ("%", "frames in which the tracker reported LOST"),
@@ -119,6 +123,8 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
         "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
         "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
+        **_effort(counted, period),
+        "joint_way_pct": _joint_way(steps),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
         "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
@@ -157,6 +163,35 @@ def _final(steps: Sequence[Step]) -> list[Step]:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _effort(steps: Sequence[Step], period: float) -> dict[str, float]:
+    """Measures of control effort: how much the commands change, and the camera's speed does."""
+    commands = np.array([s.command.twist for s in steps if s.decided]).reshape(-1, 6)
+    linear, angular = np.hsplit(np.diff(commands, axis=0), 2)
+    speeds = np.array([s.posture.twist[:3] for s in steps])
+    accelerations = np.linalg.norm(np.diff(speeds, axis=0), axis=1) / period
+    return {
+        "effort_rms_mm_s": 1e3 * _rms_length(linear),
+        "effort_rms_deg_s": float(np.degrees(_rms_length(angular))),
+        "acceleration_peak_m_s2": float(accelerations.max(initial=0.0)),
+    }
+
+
+def _rms_length(vectors: Array) -> float:
+    """Root mean square of the lengths of vectors (n, 3); 0 where there is none."""
+    return float(np.sqrt(np.square(vectors).sum() / max(len(vectors), 1)))
+
+
+def _joint_way(steps: Sequence[Step]) -> float:
+    """How far the joints with limits have moved over their ranges, in their mean [%]."""
+    posture = steps[0].posture
+    span = posture.upper - posture.lower
+    limited = np.isfinite(span) & (span > 0)
+    if not limited.any():
+        return 0.0
+    joints = np.array([s.posture.joints for s in steps])[:, limited]
+    return float(100 * np.mean(np.abs(np.diff(joints, axis=0)).sum(axis=0) / span[limited]))
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
