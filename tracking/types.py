@@ -177,6 +177,11 @@ def check_picture(image: object) -> None:
         )
 
 
+def _check_type(value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"expected a {kind.__name__}, got {value!r}")
+
+
 def check_region(frame: Frame, region: Region, state: State) -> None:
     """Refuse an impossible region.
 
@@ -184,10 +189,8 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
         ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
             image is none, or absurdly large; or an argument is of another type.
     """
-    given: tuple[tuple[object, type], ...] = (region, Region), (state, State)
-    for value, kind in given:
-        if not isinstance(value, kind):
-            raise ValueError(f"expected a {kind.__name__}, got {value!r}")
+    _check_type(region, Region)
+    _check_type(state, State)
     check_picture(frame.image)
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:
