@@ -78,7 +78,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 )
 @click.option(
     "--tracker",
-    default="annealed:video",
+    default="annealed",
     show_default=True,
     help="Which (servobench list), such as kams or kams:paper.",
 )
