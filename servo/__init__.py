@@ -1,6 +1,6 @@
 """Closing the loop: features, control laws, estimators, scenarios, runs, and the command line.
 
-What a user imports is offered here and imported when it is first used:
+What a user imports is offered here and imported when it is first used::
 
     import servo
 

@@ -3,9 +3,11 @@
 import os
 import subprocess
 import sys
+import tomllib
 import zipfile
 
 import pytest
+import yaml
 from commands import one_by_one
 
 pytestmark = pytest.mark.processes
@@ -60,5 +62,8 @@ def test_an_editable_install_offers_no_package_of_tests(tmp_path):
     assert ended.stdout == "False None\n"
 
 
-def test_the_package_is_not_uploaded_by_mistake(root):
-    assert '"Private :: Do Not Upload"' in (root / "pyproject.toml").read_text()
+def test_the_authors_are_those_of_the_citation(root):
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    citation = yaml.safe_load((root / "CITATION.cff").read_text())
+    assert project["authors"] == citation["authors"]
+    assert project["version"] == citation["version"]

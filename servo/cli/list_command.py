@@ -72,7 +72,7 @@ def _show_kind(part: str, kind: str) -> None:
     from servo.scenario.fill import form  # it takes time to import
 
     folder = FOLDERS[part]
-    settings = _rows(part, form(folder.config_of(kind), described=True))
+    settings = settings_rows(part, form(folder.config_of(kind), described=True))
     _show_settings(f'{part}.kind = "{kind}"', folder.summary(kind), settings)
     for name, changed in folder.presets(kind).items():
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
@@ -91,7 +91,9 @@ def _show_section(name: str) -> None:
     }
     if name in SECTIONS:
         config = SECTIONS[name]
-        _show_settings(f"[{name}]", config.__doc__ or "", _rows(name, form(config, described=True)))
+        _show_settings(
+            f"[{name}]", config.__doc__ or "", settings_rows(name, form(config, described=True))
+        )
     elif name in tables:
         table = tables[name]()
         rows = [
@@ -112,13 +114,13 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
     print_table(console, words.Table(("setting", "default", "meaning"), rows, words=range(3)))
 
 
-def _rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
+def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
     """Return name, default and meaning of every setting, including those of nested tables."""
     rows = list[tuple[str, str, str]]()
     for name, field in settings.model_fields.items():
         default = field.default
         if hasattr(default, "model_fields_set"):  # a table inside the table
-            rows += _rows(f"{prefix}.{name}", type(default))
+            rows += settings_rows(f"{prefix}.{name}", type(default))
         else:
             shown = str(getattr(default, "value", default))
             rows.append((f"{prefix}.{name}", shown, field.description or ""))

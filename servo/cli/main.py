@@ -261,6 +261,21 @@ def doctor() -> None:
 
 
 @app.command()
+@opt.out_option("runs/docs")
+@click.option("--no-open", is_flag=True, help="Only build the pages.")
+def docs(out: Path | None, no_open: bool) -> None:
+    """Open the documentation in a browser; build it first."""
+    import webbrowser
+
+    from servo.cli.docs_command import build
+
+    page = build(out or Path("runs/docs")).resolve()
+    click.echo(page)
+    if not no_open:
+        webbrowser.open(page.as_uri())
+
+
+@app.command()
 @click.argument("model", type=opt.SOURCE, help="Its file, MJCF or URDF, or a shipped one's name.")
 @click.option("--flange", default="", help="The body or site that carries the camera.")
 @click.option(

@@ -1,0 +1,28 @@
+"""What `servobench docs` does: build the documentation's pages from a checkout."""
+
+from pathlib import Path
+
+import servo
+from servo.mistake import Mistake
+
+ROOT = Path(servo.__file__).parents[1]
+EXTRA = "docs needs the extra 'docs': pip install 'servobench[docs]'"
+CHECKOUT = "docs needs a checkout of servobench: this is an installed package, without the manuals"
+
+
+def build(out: Path) -> Path:
+    """Build what is missing or has changed; return the first page.
+
+    Raises:
+        Mistake: There are no manuals here, Sphinx is missing, or a page has a wrong link.
+    """
+    if not (ROOT / "CONTRIBUTING.md").is_file():
+        raise Mistake(CHECKOUT)
+    try:
+        from sphinx.cmd.build import build_main
+    except ImportError:
+        raise Mistake(EXTRA) from None
+    options = ["-q", "--fail-on-warning", "--keep-going", "-c", str(ROOT / "servo" / "docs")]
+    if build_main([*options, str(ROOT), str(out)]):
+        raise Mistake("the documentation has mistakes, which Sphinx names above")
+    return out / "index.html"

@@ -1,0 +1,40 @@
+"""Settings of Sphinx for the documentation: its sources are the manuals where they stand.
+
+The source folder is the repository, so that links and pictures between manuals work as they do in
+a checkout: `sphinx-build -c servo/docs . OUT`.
+"""
+
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))  # where the extension `pages` is
+
+project = "servobench"
+author = "The servobench developers"
+release = installed("servobench")
+root_doc = "servo/docs/index"
+include_patterns = [
+    "*.md",
+    "scenes/*.md",
+    "servo/**.md",
+    "tests/benchmarks/README.md",
+    "tracking/*.md",
+]
+exclude_patterns = [".*", "runs", "dist", "servo/cli/templates", "servo/docs/paper.md"]
+extensions = [
+    "myst_parser",
+    "pages",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_click",
+    "sphinx_copybutton",
+]
+html_theme = "furo"
+html_title = "servobench"
+html_show_copyright = False
+html_show_sourcelink = False
+myst_heading_anchors = 4
+autodoc_member_order = "groupwise"
+autodoc_typehints = "description"
+copybutton_exclude = ".linenos, .gp, .go"
