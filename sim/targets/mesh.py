@@ -135,6 +135,9 @@ def read_mesh(path: Path) -> Triangles:
             found = trimesh().load_mesh(file, suffix[1:], process=False, skip_materials=True)
             vertices, same = np.unique(found.vertices, axis=0, return_inverse=True)
             faces = same.reshape(-1)[found.faces]
+            if suffix == ".stl" and not len(faces):
+                file.seek(0)
+                file.read().decode("ascii")  # where it is no text, trimesh may take it for one
         except Exception:  # trimesh's readers raise what they meet in a broken file
             raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
     places: Array | None = getattr(found.visual, "uv", None)
