@@ -117,6 +117,7 @@ class OpenGLRenderer:
             self._process = 0  # they are given back once
             with suppress(RuntimeError):  # a program that ends gives everything back
                 gl.call(_give_back, self._whole, self._context).result()
+            self._whole = np.empty(0, np.uint8)  # megabytes that a dead run need not hold
 
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)

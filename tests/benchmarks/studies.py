@@ -19,7 +19,7 @@ from servo.study.parse import load
 from servo.study.store import StudyFile
 
 MEGA = 2**20
-SHORT = ["run.duration=0.2", "tracker.kind=frozen"]
+SHORT = ["run.duration=0.2"]
 
 
 def say(line):
