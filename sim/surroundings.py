@@ -116,7 +116,7 @@ class Surroundings:
         Raises:
             ValueError: A picture cannot be read, or a colour is none.
         """
-        if self.ground != GroundConfig():
+        if self.ground.kind != WOOD:
             _cover(room, self.ground)
         if self.light != LightConfig():
             _light(room, self.light)
@@ -140,8 +140,7 @@ def _cover(room: mujoco.MjSpec, ground: GroundConfig) -> None:
     texture.data = picture.tobytes()
     material = room.material(WOOD)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = GROUND
-    if ground.kind != WOOD:
-        material.texrepeat = 2 * room.geom(TABLE).size[:2] / ground.tile
+    material.texrepeat = 2 * room.geom(TABLE).size[:2] / ground.tile
 
 
 def _light(room: mujoco.MjSpec, light: LightConfig) -> None:
