@@ -10,4 +10,4 @@ benchmark = load(sys.argv[1])
 found = {"settings": benchmark.settings(), "rendering": ""}
 path = Path("scenes/benchmarks") / f"{benchmark.name}.json"
 path.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
-print(path, load(benchmark.name).hash)
+sys.stdout.write(f"{path} {load(benchmark.name).hash}\n")
