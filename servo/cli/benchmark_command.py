@@ -86,13 +86,7 @@ def run(request: BenchmarkRequest) -> int:
     gl.is_there()
     if request.verify is not None:
         return _verify(benchmark, request.verify, chosen if request.given else None, console)
-    if request.submit is not None and len(chosen) != 1:
-        raise Mistake("--submit takes the row of one contestant: name one with --contestant")
-    if request.sealed is not None and len(chosen) != 1:
-        raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
-    band = Band("v1" if request.band == "v1" else "dev")
-    if request.sealed is not None:
-        band = Band("sealed", request.sealed, chosen[0].digest)
+    band = _band(request, chosen)
     worlds = benchmark.every_world(band, QUICK if request.quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
         benchmark.scenario_of(worlds[0], one.settings)
@@ -104,25 +98,46 @@ def run(request: BenchmarkRequest) -> int:
         return print_estimate(jobs, common.workers, console, Store(common.folder))
     workers = Workers(common.workers)
     again = go_on(request.command, common.out)
-    title = f"bench {benchmark.name}"
     plain(console, f"{benchmark.name} {benchmark.hash}, worlds: {band.name}")
     with opened(common.folder, _described(request, benchmark, every, len(jobs))) as store, workers:
         store.find(jobs)
+        title = f"bench {benchmark.name}"
         failed = complete_jobs(jobs, store, workers, console, title, again)
         records = store.records(jobs)
         rows = known + _rows(benchmark, band, every, worlds, records, request.command)
-        for row in rows:
-            atomic.folder(store.folder, benchmark_section.ROWS)
-            name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
-            store.write(name, row.text().encode())
-        if records:
-            store.write(RESULTS, parquet(store.table()))
+        _keep(store, rows)
         _print(console, benchmark, worlds, rows)
         if request.submit is not None and not failed:
             _submit(request.submit, rows[-1], records)
             plain(console, f"  {request.submit}")
         plain(console, f"for a page, run: servobench report {store.folder}")
     return 1 if failed else 0
+
+
+def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
+    """Return the worlds that are asked for.
+
+    Raises:
+        Mistake: There are several contestants where only one may be.
+    """
+    several = len(chosen) != 1
+    if request.submit is not None and several:
+        raise Mistake("--submit takes the row of one contestant: name one with --contestant")
+    if request.sealed is None:
+        return Band("v1" if request.band == "v1" else "dev")
+    if several:
+        raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
+    return Band("sealed", request.sealed, chosen[0].digest)
+
+
+def _keep(store: Store, rows: Sequence[Row]) -> None:
+    """Write the rows, and the table of all runs."""
+    atomic.folder(store.folder, benchmark_section.ROWS)
+    for row in rows:
+        name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
+        store.write(name, row.text().encode())
+    if store.done:
+        store.write(RESULTS, parquet(store.table()))
 
 
 def _scale_rows(benchmark: Benchmark) -> list[Row]:
