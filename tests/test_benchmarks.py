@@ -287,9 +287,9 @@ def test_wrong_options_end_in_a_sentence(monkeypatch, capfd, tmp_path, arguments
 def test_rows_and_their_parts_are_made_of_all_worlds():
     loop = load("loop-v1")
     record = Record(
-        subject="plain",
+        subject="reversal",
         seed=0,
-        settings={PICTURE: "", "contestant": "a", "world": "plain-00", "slow": 0.0},
+        settings={PICTURE: "", "contestant": "a", "world": "reversal-00", "slow": 0.0},
         outcome="CONVERGED",
         success=True,
         measures={"track_ms": 2.0},
@@ -300,4 +300,4 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
     found = row_of(loop, Band(), one, [record, late], "")
     assert found.slow == {"0": 0.0, "33": 0.0}
     assert found.curve[10] == pytest.approx(1 / 3, abs=1e-4)
-    assert found.worlds["plain-00"].area == pytest.approx((0.75 + 0.5) / 3)
+    assert found.worlds["reversal-00"].area == pytest.approx((0.75 + 0.5) / 3)
