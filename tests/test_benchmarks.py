@@ -148,14 +148,15 @@ def test_holding_and_arriving_are_judged_from_a_record():
         settings={PICTURE: "ab" * 32},
         outcome="CONVERGED",
         success=True,
-        measures={"end_position_mm": 9.0, "end_rotation_deg": 0.5},
+        measures={"end_position_mm": 9.0, "end_rotation_deg": 0.5, "out_of_view_pct": 0.0},
         series={ERROR: errors},
     )
     held = won(load("loop-v1"), record)
     assert held == Won(pytest.approx(0.94 * 0.75 + 0.06 * 0.25), held=False, picture="ab" * 6)
     assert won(load("servo-v1"), record).held
-    turned = replace(record, measures={"end_position_mm": 9.0, "end_rotation_deg": 1.5})
-    assert won(load("servo-v1"), turned) == Won(0.0, held=False, picture="ab" * 6)
+    for name, value in (("end_rotation_deg", 1.5), ("out_of_view_pct", 0.4)):
+        missed = replace(record, measures=record.measures | {name: value})
+        assert won(load("servo-v1"), missed) == Won(0.0, held=False, picture="ab" * 6)
 
 
 def test_a_row_of_another_version_is_refused(public):

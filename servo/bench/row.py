@@ -114,14 +114,16 @@ def won(benchmark: Benchmark, record: Record) -> Won:
     """Return what a contestant reached by the record of its run.
 
     Holding counts the area of `within`; arriving counts 1 for a camera that ends within 10 mm and
-    1 degree of its goal.
+    1 degree of its goal, and never had a corner of the target outside its picture: no detector
+    would have seen it.
     """
     picture = record.settings[PICTURE][:DIGITS]
     if benchmark.score == "held":
         errors = np.asarray(record.series[ERROR], float)
         held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
         return Won(within(errors, FARTHEST), held, picture)
-    arrived = is_within(record, ARRIVED_MM, ARRIVED_DEG)
+    seen = record.measures["out_of_view_pct"] == 0.0
+    arrived = seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
     return Won(float(arrived), arrived, picture)
 
 
