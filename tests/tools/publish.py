@@ -1,0 +1,62 @@
+"""Take rows into the package, and write the tables of the manuals: python tests/tools/publish.py [ROW.json ...]."""
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from servo.bench.benchmark import NAMES, load
+from servo.bench.row import Row, check_version, file_name, shipped_rows
+from servo.report.benchmark_section import difficulty_of, published
+from servo.report.words import Table
+
+PAGES = (Path("scenes/benchmarks/README.md"), Path("README.md"))
+FOLDER = Path("scenes/benchmarks")
+
+
+def markdown(table: Table) -> str:
+    """Return a table as Markdown."""
+    lines = [table.head, ["---" if i in table.words else "---:" for i in range(len(table.head))]]
+    lines += [[str(cell) for cell in row] for row in table.rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def block(name: str) -> str:
+    """Return what the manuals say of a benchmark's rows."""
+    benchmark = load(name)
+    rows = shipped_rows(benchmark)
+    if not rows:
+        return ""
+    text = f"{name} `{benchmark.hash}`, band v1, pictures `{benchmark.rendering or '-'}`."
+    table = published(name)
+    return f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
+
+
+def with_tables(text: str) -> str:
+    """Return a page with the present tables between its marks."""
+    for name in NAMES:
+        mark = re.compile(rf"(<!-- table of {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        text = mark.sub(lambda found, of=name: f"{found[1]}{block(of)}{found[2]}", text)
+    return text
+
+
+def take(path: Path) -> None:
+    """Copy a row into the package; its pictures are the frozen ones, where none were before."""
+    row = Row.read(path)
+    benchmark = load(row.benchmark)
+    check_version(benchmark, row)
+    folder = FOLDER / "rows" / row.benchmark
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(path, folder / file_name(row.contestant))
+    if row.rendering and not benchmark.rendering:
+        frozen = FOLDER / f"{row.benchmark}.json"
+        table = json.loads(frozen.read_text()) | {"rendering": row.rendering}
+        frozen.write_text(json.dumps(table, indent=1, sort_keys=True) + "\n")
+
+
+if __name__ == "__main__":
+    for given in sys.argv[1:]:
+        take(Path(given))
+    for page in PAGES:
+        page.write_text(with_tables(page.read_text()))
