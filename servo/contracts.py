@@ -135,8 +135,7 @@ def check_names(features: FeatureSet) -> None:
     right = len(features.units) == k
     require(right, "there are {} names and {} units", k, len(features.units))
     require(set(features.feed_forward) <= {*names}, "feed_forward names features that are none")
-    sole = features.sole_dof
-    right = set(sole) <= {*names} and set(sole.values()) <= {*DOF}
+    right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
     require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
     right = _is_array(features.noise, (k,)) and (features.noise > 0).all()
     require(right, "noise is not {} numbers above 0", k)
@@ -184,8 +183,7 @@ def check_command(command: object, *_: object) -> None:
         command.twist,
     )
     kind = type(command.trace)
-    right = kind in (Trace, type(None))
-    require(right, "the trace is {}; use a Trace or None", kind.__name__)
+    require(kind in (Trace, type(None)), "the trace is {}; use a Trace or None", kind.__name__)
 
 
 def check_pose(pose: object, time: float) -> None:
@@ -343,5 +341,4 @@ def guarded(
             it may turn an exception into one that names the part.
         checked: Whether what the methods return is checked too.
     """
-    checks = _checks_of(place, part) if checked else {}
-    return cast(Built, _Guarded(part, checks, naming))
+    return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, naming))

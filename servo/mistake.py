@@ -35,8 +35,7 @@ class Mistake(ValueError):
 
     def _render_traceback_(self) -> list[str]:
         """What a notebook shows: the sentence, and where it has a cause, the cause's traceback."""
-        cause = self.__cause__
-        raised = [] if cause is None else traceback.format_exception(cause)
+        raised = [] if self.__cause__ is None else traceback.format_exception(self.__cause__)
         return [*"".join(raised).splitlines(), f"{type(self).__name__}: {self}"]
 
 

@@ -79,8 +79,7 @@ class TextTable:
     def __repr__(self) -> str:
         rows = [self.arrow.column_names, *self._rows()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
-        return "\n".join(lines)
+        return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
     def _repr_html_(self) -> str:
         return html_table(Table(self.arrow.column_names, self._rows()))

@@ -135,8 +135,7 @@ def _write(runs: list[CheckedRun], junit: Path | None, json: Path | None, comman
     if junit is not None:
         _write_file(junit, _junit(runs))
     if json is not None:
-        found = CheckFile(command=command, versions=versions(), runs=runs)
-        _write_file(json, found.text())
+        _write_file(json, CheckFile(command=command, versions=versions(), runs=runs).text())
 
 
 def _check_changes(changes: Sequence[str]) -> None:

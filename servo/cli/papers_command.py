@@ -76,8 +76,7 @@ def run(
             store.find(jobs[claim.name])
             if complete_jobs(jobs[claim.name], store, pool, console, claim.name, GOES_ON):
                 continue
-            records = store.records(jobs[claim.name])
-            verdict = claim.judge(Evidence(records, effort, folder))
+            verdict = claim.judge(Evidence(store.records(jobs[claim.name]), effort, folder))
             if verdict.figure is not None:
                 save(verdict.figure, atomic.folder(folder, FIGURES), f"{claim.name}.png")
             verdicts[claim.name] = verdict

@@ -198,11 +198,10 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
         robot: The robot.
         height: Where the camera shall be over the table [m].
     """
-    model = robot.model
-    data = mujoco.MjData(model)
+    data = mujoco.MjData(robot.model)
     rows: list[list[float]] = []
     far = 0.0
-    for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
+    for q in random_joints(robot.model, robot.ids, np.random.default_rng(0), SAMPLES):
         data.qpos[robot.qpos] = q
         robot.refresh(data)
         eye = robot.eye(data)

@@ -128,7 +128,6 @@ class _Json(GenerateJsonSchema):
     """Writes schemas as TOML needs them: without null, and without titles that repeat the key."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
-        del schema
         return False
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> Schema:

@@ -132,10 +132,9 @@ class Step:
 
     def light(self) -> Step:
         """Return the same without pixels and particles, to keep thousands of them."""
-        blank = np.broadcast_to(np.uint8(0), self.frame.image.shape)
         return replace(
             self,
-            frame=replace(self.frame, image=blank),
+            frame=replace(self.frame, image=np.broadcast_to(np.uint8(0), self.frame.image.shape)),
             estimate=replace(self.estimate, particles=None),
         )
 

@@ -101,8 +101,7 @@ def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
     features = steps[0].scene.features
     for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
         error = [s.error[i] for s in steps]
-        colour = CURVES[i % len(CURVES)]
-        axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
+        axes[0].plot(time, error, color=CURVES[i % len(CURVES)], lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")

@@ -159,7 +159,6 @@ def heat(
         if len(columns) <= MOST_NUMBERED_COLUMNS:
             for (row, column), value in np.ndenumerate(values):
                 if np.isfinite(value):
-                    ink = "white" if norm(value) < DARK_BELOW else "black"
                     axes.text(
                         column + 0.5,
                         row + 0.5,
@@ -167,7 +166,7 @@ def heat(
                         ha="center",
                         va="center",
                         fontsize=8,
-                        color=ink,
+                        color="white" if norm(value) < DARK_BELOW else "black",
                     )
         angle = 60 if sum(map(len, columns)) > WIDEST_NAMES else 0
         axes.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=angle)
@@ -197,8 +196,7 @@ def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x"
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]
     if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
-        low = max(above.min(), above.max() / DEEPEST)
-        limits = (low / MARGIN, above.max() * MARGIN)
+        limits = (max(above.min(), above.max() / DEEPEST) / MARGIN, above.max() * MARGIN)
         axes.set(**{f"{which}scale": "log", f"{which}lim": limits})
         plain_logarithm(axes.xaxis if which == "x" else axes.yaxis)
     elif scale.low is not None or scale.high is not None:

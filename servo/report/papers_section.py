@@ -31,9 +31,8 @@ def section(folder: Path) -> Section:
     ]
     rows = [[name, _badge(c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()]
     head = ("claim", "", "the paper says", "effect, 95 % interval, units", "measured")
-    summary = Table(head, rows, words=range(5))
     blocks = [
-        Block("Claims", tables=[summary]),
+        Block("Claims", tables=[Table(head, rows, words=range(5))]),
         *(_claim(folder, name, claim) for name, claim in papers.claims.items()),
         again(papers),
     ]

@@ -97,8 +97,7 @@ def load(folder: Path) -> StudyResults:
         for record in batch.values():
             if TIME in record.series:
                 length = len(record.series[TIME])
-                long = {n: v for n, v in record.series.items() if len(v) == length}
-                series[record.number] = long
+                series[record.number] = {n: v for n, v in record.series.items() if len(v) == length}
             if record.sheet is not None:
                 pictured.add(record.number)
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]

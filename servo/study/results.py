@@ -69,8 +69,7 @@ class Units:
         if not scores:
             return None
         least = -np.inf if name in SIGNED else 0.0
-        most = 1.0 if name == SUCCESS else np.inf
-        return mean_of(np.array(scores), least=least, most=most)
+        return mean_of(np.array(scores), least=least, most=1.0 if name == SUCCESS else np.inf)
 
 
 def values(rows: Iterable[Row], name: str) -> Array:

@@ -76,12 +76,10 @@ def _contender(table: Any, place: str) -> Contender:
         raise Mistake(f"{place} should be a table with a kind, not {table!r}")
     kind = table.get("kind")
     preset = table.get("preset")
-    usual = f"{kind}-{preset}" if preset else str(kind)
-    label = table.get("label", usual)
+    label = table.get("label", f"{kind}-{preset}" if preset else str(kind))
     if not isinstance(label, str):
         raise Mistake(f"{place}.label = {label!r}: this should be a text")
-    settings = {k: v for k, v in table.items() if k != "label"}
-    config = fill_plugin(TRACKERS, settings, place)
+    config = fill_plugin(TRACKERS, {k: v for k, v in table.items() if k != "label"}, place)
     try:
         return Contender(label, config)
     except ValueError as error:

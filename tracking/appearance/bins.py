@@ -125,8 +125,7 @@ class LabelledImage:
         """
         last = self._last
         if last is None or not last[0].holds(Window.around(states, radius, self.image, more)):
-            reach = max(radius, self._farthest)
-            window = Window.around(states, reach, self.image, more)
+            window = Window.around(states, max(radius, self._farthest), self.image, more)
             last = self._last = window, self.bins.label(self.image, window)
         held, labels = last
         return labels, held.left, held.top

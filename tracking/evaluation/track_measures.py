@@ -67,13 +67,12 @@ class Comparison:
         true = truth[present]
         a = boxes(seen)
         b = boxes(true)
-        centres = a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2
         return Comparison(
             track,
             truth,
             None if states is None else states[:count],
             present,
-            centres,
+            a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2,
             b[:, 2:],
             box_overlaps(a, b),
             turned_overlaps(seen, true),
@@ -149,8 +148,7 @@ def lost_signal(c: Comparison) -> float:
         return float("nan")
     from scipy import stats  # takes a second
 
-    rank = stats.mannwhitneyu(doubt[off], doubt[~off]).statistic
-    return float(rank / (off.sum() * (~off).sum()))
+    return float(stats.mannwhitneyu(doubt[off], doubt[~off]).statistic / (off.sum() * (~off).sum()))
 
 
 def _state_rmse(c: Comparison, column: int) -> float:
@@ -170,8 +168,7 @@ def _shown(c: Comparison) -> NDArray[np.bool_]:
     """Return for each frame whether the tracker was asked: the first one is given, and a picture
     that cannot be read is not shown.
     """
-    spent = c.track.milliseconds
-    return (spent > 0) & (np.arange(len(spent)) > 0)
+    return (c.track.milliseconds > 0) & (np.arange(len(c.track.milliseconds)) > 0)
 
 
 H = Better.HIGHER

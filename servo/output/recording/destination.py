@@ -34,15 +34,12 @@ class Recording(Protocol):
         Raises:
             Refused: It cannot.
         """
-        ...
 
     def close(self) -> None:
         """Send the last data, and end; errors are those of `flush`."""
-        ...
 
     def abandon(self) -> None:
         """Leave everything as it is, without waiting for anything."""
-        ...
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
