@@ -1,7 +1,5 @@
 """The command `servobench check`: test scenarios against their bounds, also for other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,7 +49,7 @@ class CheckedRun:
     """Why there is no outcome, in a sentence."""
 
     @staticmethod
-    def of(job: Job, end: Record | Failure) -> CheckedRun:
+    def of(job: Job, end: Record | Failure) -> "CheckedRun":
         """How a job ended."""
         if isinstance(end, Failure):
             return CheckedRun(

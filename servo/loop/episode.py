@@ -1,7 +1,5 @@
 """One run: a world and the loop that watches and steers in it, as steps, and what they measure."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
@@ -111,7 +109,7 @@ class Episode:
         if hasattr(self, "world"):
             self.world.close()
 
-    def __enter__(self) -> Episode:
+    def __enter__(self) -> "Episode":
         return self
 
     __exit__ = close

@@ -7,8 +7,6 @@ It serves a simulated or a real camera and robot alike:
     command = running.step(frame, posture)      # for each picture, the first included
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -140,7 +138,7 @@ class Loop:
         goal: Image | None = None,
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
-    ) -> Running:
+    ) -> "Running":
         """Show the target to the tracker in the first picture, and begin the task.
 
         Args:

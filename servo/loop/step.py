@@ -1,7 +1,5 @@
 """Everything about one frame of a run, as a value."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,7 +128,7 @@ class Step:
             f"{self.estimate.status.name}, {self.command.mode.name})"
         )
 
-    def light(self) -> Step:
+    def light(self) -> "Step":
         """Return the same without pixels and particles, to keep thousands of them."""
         return replace(
             self,

@@ -1,7 +1,5 @@
 """The parts of a page as values, and the template that turns them into HTML."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -94,12 +92,12 @@ class PageImage:
     """A contact sheet keeps a minimum width; a plot fits the page."""
 
     @staticmethod
-    def read(path: Path, title: str = "", *, sheet: bool = False) -> PageImage:
+    def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
         """Return the image in a file; errors are those of `of`."""
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
-    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> PageImage:
+    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
         """Return the image of a PNG or JPEG file; a sheet becomes a JPEG.
 
         Raises:

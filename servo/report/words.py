@@ -1,7 +1,5 @@
 """Values as text, badges and tables, for a page or a terminal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +29,7 @@ class Badge:
     tone: Tone
 
     @staticmethod
-    def of(held: bool, good: str, bad: str | None = None) -> Badge:
+    def of(held: bool, good: str, bad: str | None = None) -> "Badge":
         """Return a good or a bad badge; without `bad`, both have the same text."""
         return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
 

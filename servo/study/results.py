@@ -5,8 +5,6 @@ is the scenario; else the seed, which decides the draws in all cells. Seeds that
 that all runs of a cell are alike, are one observation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +45,7 @@ class Units:
     rows: dict[Any, list[Row]]
 
     @staticmethod
-    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> Units:
+    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
         """The units of rows.
 
         Args:
@@ -106,7 +104,7 @@ class Cell:
     """Number of those runs by measure."""
 
     @staticmethod
-    def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> Cell:
+    def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> "Cell":
         """The cell of some rows, at least one; `drawn`: whether the seeds draw settings."""
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}

@@ -1,7 +1,5 @@
 """The report of a run: its record with all settings, for the page about it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -50,7 +48,7 @@ class RunReport(Made):
     """Why there is no verdict, where the bounds are made for another tracker."""
 
     @staticmethod
-    def of(record: Record, scenario: Scenario, scene: Scene) -> RunReport:
+    def of(record: Record, scenario: Scenario, scene: Scene) -> "RunReport":
         """The report of a run."""
         settings = scenario.settings()
         if "outline" in settings["target"]:  # by default it is measured on the model

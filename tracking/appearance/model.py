@@ -15,8 +15,6 @@ The distance is the mean over the nine parts, not the sum: the sum is the same l
 times gamma, under which 300 particles leave an effective sample of two.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +72,7 @@ class AppearanceSettings:
         """
         return ColourBins(self.levels)
 
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+    def model(self, image: Image, region: Region, state: State) -> "SampledModel":
         """Return the target's appearance in the first picture, RGB (H, W, 3)."""
         return SampledModel(image, region, state, self)
 

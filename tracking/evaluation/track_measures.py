@@ -1,7 +1,5 @@
 """Measures of a track against the truth, each with its name, unit and better direction."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -59,7 +57,7 @@ class Comparison:
     """Intersection over union (m,) of the rotated rectangles."""
 
     @staticmethod
-    def of(track: Track, truth: Array, states: Array | None = None) -> Comparison:
+    def of(track: Track, truth: Array, states: Array | None = None) -> "Comparison":
         """Compare a track with its truth, up to the length of the shorter one."""
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])

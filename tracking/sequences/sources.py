@@ -1,7 +1,5 @@
 """Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -116,7 +114,7 @@ class Folder:
     end: End | None = None
 
     @staticmethod
-    def of(folder: Path, rate: float = RATE) -> Folder:
+    def of(folder: Path, rate: float = RATE) -> "Folder":
         """The images of a folder.
 
         Raises:

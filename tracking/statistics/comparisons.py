@@ -1,7 +1,5 @@
 """Statistics of comparisons: McNemar's test, intervals of means, and Holm's correction."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -29,7 +27,7 @@ class McNemar:
     """Number of sequences on which both or neither succeeded; the test does not use them."""
 
     @staticmethod
-    def of(first: Array, second: Array) -> McNemar:
+    def of(first: Array, second: Array) -> "McNemar":
         """Return the test of two scores (n,) of the same sequences; the higher score is a success.
 
         >>> McNemar.of(np.array([1, 1, 1, 1, 0]), np.array([0, 0, 0, 0, 1])).p

@@ -2,8 +2,6 @@
 resample.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
@@ -55,7 +53,7 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
         """Parts of the filter: by default those of Condensation."""
         return CloudMethod()
 
-    def build(self, rng: np.random.Generator) -> ParticleTracker:
+    def build(self, rng: np.random.Generator) -> "ParticleTracker":
         """Return the tracker; its samples are drawn from the generator."""
         return CloudTracker(self, DISC_LIMITS, rng)
 

@@ -1,7 +1,5 @@
 """Kernel mean shift on a colour histogram (Comaniciu, Ramesh, Meer 2003)."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, final
@@ -56,7 +54,7 @@ class ClimbSettings(AppearanceSettings):
     def climb(self) -> Climb:
         """The search."""
 
-    def build(self, rng: np.random.Generator) -> MeanShift:
+    def build(self, rng: np.random.Generator) -> "MeanShift":
         """Return the tracker; it draws nothing."""
         return MeanShift(self)
 
