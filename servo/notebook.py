@@ -107,14 +107,12 @@ def _text(cell: Cell) -> str:
 
 def html_picture(png: bytes) -> str:
     """Return a PNG picture as HTML."""
-    return f'<img style="max-width:100%" src="data:image/png;base64,{_base64(png)}">'
+    return (
+        f'<img style="max-width:100%" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+    )
 
 
 def html_film(mp4: bytes) -> str:
     """Return a film as HTML."""
-    source = f"data:video/mp4;base64,{_base64(mp4)}"
+    source = f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
     return f'<video controls loop style="max-width:100%" src="{source}"></video>'
-
-
-def _base64(raw: bytes) -> str:
-    return base64.b64encode(raw).decode()

@@ -13,7 +13,6 @@ from servo.study.results import SUCCESS, Cell, Units, values
 from servo.study.run import Row, key_of
 from servo.study.store import FAILURES, FailureFile, Store, StudyFile
 from sim.types import Array
-from tracking.statistics.comparisons import Interval
 
 TIME = "time_s"
 MOST_OVER_TIME = 4000
@@ -55,10 +54,6 @@ class StudyResults:
     def units(self, rows: list[Row]) -> Units:
         """Return the units over which the intervals of these rows are."""
         return Units.of(rows, self.axes, bool(self.plan.draws))
-
-    def interval(self, rows: list[Row], name: str) -> Interval | None:
-        """Return the mean of a measure over the units; None if no run has it."""
-        return self.units(rows).mean(name)
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
         """Return the rows by value of an axis, in its order; one group if there is no axis."""

@@ -78,6 +78,7 @@ class RerunLog:
         self._every = Every(every)
         self._ways_due = Every()
         self._file = recording
+        self.abandon = recording.abandon
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
@@ -116,10 +117,6 @@ class RerunLog:
         self._send()
         self._log_ways()
         self._file.close()
-
-    def abandon(self) -> None:
-        """Leave the recording as it is; nothing more is logged."""
-        self._file.abandon()
 
     def _log_scene(self) -> None:
         camera = self._episode.world.camera
