@@ -22,8 +22,6 @@ ABOVE: dict[str, Any] = {
     "frameon": False,
 }
 """A legend above its axes, where it hides no curve."""
-MOTION = "target_motion.png"
-ERRORS = "errors.png"
 MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot shows; outliers may be outside."""
 
@@ -40,8 +38,8 @@ def figure(steps: Sequence[Step], title: str) -> Drawing:
 def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
     """Write both plots of a run as PNG files into a folder; their paths."""
     title = literal(title)
-    motion = save(motion_figure(steps, title), folder, MOTION)
-    return [motion, save(error_figure(steps, title), folder, ERRORS)]
+    motion = save(motion_figure(steps, title), folder, "target_motion.png")
+    return [motion, save(error_figure(steps, title), folder, "errors.png")]
 
 
 def motion_figure(steps: Sequence[Step], title: str) -> Drawing:

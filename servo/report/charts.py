@@ -40,7 +40,6 @@ MOST_NUMBERED_COLUMNS = 10
 """Most columns of a heat map with numbers in its cells."""
 WIDEST_NAMES = 45
 """Most characters in the names of all columns; longer names are turned."""
-COLOUR_MAP = "viridis"
 DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
@@ -155,7 +154,7 @@ def heat(
     row_height = max(0.3, min(0.5, 3.0 / len(rows)))
     with _canvas(FRAME_HEIGHT + row_height * max(3, len(rows))) as (figure, axes):
         axes.grid(visible=False)
-        axes.pcolormesh(values, norm=norm, cmap=COLOUR_MAP)
+        axes.pcolormesh(values, norm=norm, cmap="viridis")
         if len(columns) <= MOST_NUMBERED_COLUMNS:
             for (row, column), value in np.ndenumerate(values):
                 if np.isfinite(value):

@@ -45,7 +45,6 @@ DARK = (
     "#eb8bf5",
 )
 """Colours of the series of a figure, on light and on dark ground."""
-TEMPLATE = "page.html.jinja"
 JPEG_QUALITY = 82
 MOST_ROWS = 500
 
@@ -170,5 +169,5 @@ def render(sections: Sequence[Section]) -> str:
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = resources.files("servo.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    text = resources.files("servo.report").joinpath("page.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(text).render(sections=sections, light=LIGHT, dark=DARK)

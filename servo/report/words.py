@@ -9,8 +9,6 @@ from typing import Any
 from tracking.statistics.comparisons import Interval
 
 NOTHING = "\N{EN DASH}"
-LARGE = 100
-HUGE = 1e6
 
 
 class Tone(Enum):
@@ -57,7 +55,7 @@ def shown(value: Any) -> str:
         return str(value)
     if not math.isfinite(value):
         return NOTHING
-    return f"{value:,.0f}" if LARGE <= abs(value) < HUGE else f"{value:.3g}"
+    return f"{value:,.0f}" if 100 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def spread(interval: Interval | None, units: int = 0) -> str:

@@ -136,19 +136,15 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 def digest_of(name: str) -> str:
     """Return the digest of a file, with those that a model names; MISSING where there is none."""
+    from sim.models.model_files import files_of  # only now: it imports MuJoCo
+
     path = Path(name)
     try:
-        files = sorted(_parts(path)) if path.suffix.lower() in MODELS else [path]
+        files = sorted(files_of(path)) if path.suffix.lower() in MODELS else [path]
         each = [_digest(f, f.stat().st_mtime_ns, f.stat().st_size) for f in files if f.is_file()]
     except (OSError, ValueError):
         return MISSING
     return hashlib.sha256(" ".join(each).encode()).hexdigest()[:DIGITS] if each else MISSING
-
-
-def _parts(model: Path) -> set[Path]:
-    from sim.models.model_files import files_of  # only now: it imports MuJoCo
-
-    return files_of(model)
 
 
 @functools.lru_cache(maxsize=1024)

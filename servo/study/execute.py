@@ -3,7 +3,8 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from functools import cached_property, partial
+from functools import cached_property
+from operator import methodcaller
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -102,11 +103,7 @@ def execute(
         ClusterLost: The workers are gone.
         Refused: The processes cannot be started.
     """
-    return workers.do(jobs, partial(_run, folder=folder))
-
-
-def _run(job: Job, folder: Path) -> Record:
-    return job.run(folder)
+    return workers.do(jobs, methodcaller("run", folder))
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
@@ -121,7 +118,7 @@ def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
     failed: list[tuple[Job, Failure]] = []
     before = time.monotonic()
     with TemporaryDirectory() as folder:
-        for job, end in _one_by_one([some[0], *some], partial(_run, folder=Path(folder))):
+        for job, end in _one_by_one([some[0], *some], methodcaller("run", Path(folder))):
             now = time.monotonic()
             spent.append(now - before)
             before = now

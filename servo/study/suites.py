@@ -16,11 +16,9 @@ from tracking.sequences.truth import Format
 from tracking.trackers import KINDS as TRACKERS
 from tracking.wrapped import OF_THE_USER
 
-CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
-HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]
 SUITES: dict[str, list[dict[str, Any]]] = {
-    "clutter": CLUTTER,
-    "hard_clutter": HARD_CLUTTER,
+    "clutter": [{"kind": "clutter", "level": level} for level in "abcd"],
+    "hard_clutter": [{"kind": "clutter", "level": level} for level in "efgh"],
     "similarity": [{"kind": "similarity"}],
     "texture": [{"kind": "texture"}],
     "camouflage": [{"kind": "camouflage"}],

@@ -78,11 +78,8 @@ class Times:
     def __init__(self, rate: float) -> None:
         self._gap = 1.0 / rate
         self._last = -self._gap
-        self._zero = None
-        self._stamp = None
-
-    _zero: float | None
-    _stamp: float | None
+        self._zero: float | None = None
+        self._stamp: float | None = None
 
     def since_first(self, stamp: float | None) -> float:
         """The time of the next picture.
