@@ -94,9 +94,8 @@ class Naming:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if error is None or isinstance(error, (Mistake, *ENDS)):
-            return
-        if self.refuses and isinstance(error, ValueError):
+        passing = (Mistake, *ENDS, ValueError) if self.refuses else (Mistake, *ENDS)
+        if error is None or isinstance(error, passing):
             return
         text = str(error)
         spoken = isinstance(error, ValueError | BrokenContract) and text
