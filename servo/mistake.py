@@ -3,7 +3,7 @@
 import difflib
 import errno
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
@@ -89,3 +89,22 @@ def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
     near = difflib.get_close_matches(key, names, n=1)
     hint = f"did you mean '{near[0]}'?" if near else f"there is {', '.join(names)}"
     return f"there is no {what} '{key}'; {hint}"
+
+
+def check_known(
+    names: Iterable[str], known: Collection[str], place: str, what: str = "key"
+) -> None:
+    """Refuse names that do not exist.
+
+    Args:
+        names: Those that are given.
+        known: All that exist.
+        place: Where they are given, such as a file or an option.
+        what: Their kind, such as "claim".
+
+    Raises:
+        Mistake: The first that does not exist, with the one that may be meant.
+    """
+    for name in names:
+        if name not in known:
+            raise Mistake(f"{place}: {unknown(name, known, what)}")

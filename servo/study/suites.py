@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake, check_known
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
@@ -97,9 +97,8 @@ def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
     table = toml.decode(toml.read(path, "suite"), path.name)
+    check_known(table, KEYS, path.name)
     for key, items in table.items():
-        if key not in KEYS:
-            raise Mistake(f"{path.name}: {unknown(key, KEYS)}")
         if not isinstance(items, list):
             raise Mistake(f"{path.name}: {key} should be a list of tables, not {items!r}")
     entries: list[Entry] = []
@@ -142,9 +141,8 @@ def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
         raise Mistake(f"{place} should have either a path or a kind")
     if "kind" in item:
         return [_entry(item, place)]
+    check_known(item, RECORDED_KEYS, place)
     for key, value in item.items():
-        if key not in RECORDED_KEYS:
-            raise Mistake(f"{place}: {unknown(key, RECORDED_KEYS)}")
         if not isinstance(value, str):
             raise Mistake(f"{place}.{key} = {value!r}: this should be a text")
     try:
