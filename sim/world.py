@@ -22,6 +22,7 @@ from sim.miscalibration import RIGHT, BelievedConfig, as_believed
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
 from sim.stage import Disturbance, Motion, Stage
+from sim.surroundings import Surroundings
 from sim.timing import Rates, exposures
 from sim.types import Array, Frame, Image, Pose, Posture, Truth
 
@@ -60,6 +61,7 @@ class WorldParts:
     camera: CameraConfig = field(default_factory=CameraConfig)
     believed: BelievedConfig = RIGHT
     config: WorldConfig = field(default_factory=WorldConfig)
+    surroundings: Surroundings = field(default_factory=Surroundings)
 
 
 class Unstable(RuntimeError):
@@ -115,7 +117,9 @@ class World:
         self.period = 1.0 / camera.rate
         self._hold = self._drive_steps / rates.physics
         props = [prop for d in parts.disturbances for prop in d.props]
-        self.model = build_model(rates.physics, camera, robot, parts.target, props)
+        self.model = build_model(
+            rates.physics, camera, robot, parts.target, props, parts.surroundings
+        )
         self.data = mujoco.MjData(self.model)
         self.robot = Robot(self.model, robot)
         self.camera = camera_of(camera, self.model, CAMERA)

@@ -31,6 +31,8 @@ from tracking.files.csv_text import csv_text
 
 COLUMNS = (TRACKER, "sequence", "family", "seed", "drawn", "frames")
 """Columns of runs.csv before those of the measures."""
+SEEDS = 3
+"""Number of seeds, where none is given."""
 WIDE = 7
 """Most columns of a table that fit beside its names."""
 

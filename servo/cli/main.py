@@ -120,8 +120,42 @@ def track(**options: Any) -> None:
 @click.argument(
     "suite",
     type=opt.SOURCE,
-    help="clutter, hard_clutter, similarity, texture, camouflage, closed_loop, a folder of "
-    "sequences (OTB, VOT), or a .toml file.",
+    help="loop-v1 or servo-v1 (the public benchmarks), clutter, hard_clutter, similarity, texture, "
+    "camouflage, closed_loop, a folder of sequences (OTB, VOT), or a .toml file.",
+)
+@click.option(
+    "--contestant",
+    "--tracker",
+    "--law",
+    "given",
+    multiple=True,
+    metavar="NAME[=WHAT]",
+    help="Of loop-v1 and servo-v1: a shipped one, mine=module:Class, or mine='trax:COMMAND' "
+    "(default: all shipped ones).",
+)
+@click.option(
+    "--band",
+    type=click.Choice(["dev", "v1"]),
+    help="Of loop-v1 and servo-v1: worlds to tune on (default), or those of the published table.",
+)
+@click.option(
+    "--sealed",
+    metavar="VALUE",
+    help="Of loop-v1 and servo-v1: worlds drawn from a public value of a later date.",
+)
+@opt.changes_option
+@click.option("--quick", is_flag=True, help="Of loop-v1 and servo-v1: two worlds a condition.")
+@click.option(
+    "--submit",
+    type=opt.PATH,
+    metavar="FILE.json",
+    help="Of loop-v1 and servo-v1: write the contestant's row, to be published.",
+)
+@click.option(
+    "--verify",
+    type=opt.PATH,
+    metavar="FILE.json",
+    help="Of loop-v1 and servo-v1: repeat a tenth of a row's worlds; exit 1 if one differs.",
 )
 @click.option(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
@@ -133,11 +167,27 @@ def track(**options: Any) -> None:
 @opt.out_option("runs/bench-SUITE, also to continue")
 @opt.dry_run_option
 @opt.quiet_option
-def bench(**options: Any) -> None:
+def bench(
+    given: tuple[str, ...],
+    changes: tuple[str, ...],
+    band: str | None,
+    sealed: str | None,
+    quick: bool,
+    submit: Path | None,
+    verify: Path | None,
+    **options: Any,
+) -> None:
     """Compare trackers; the same command continues a stopped bench."""
-    from servo.cli import bench_command
+    from servo.cli import bench_command, benchmark_command
 
-    sys.exit(bench_command.run(bench_command.BenchRequest(**options)))
+    of_benchmarks = given, changes, band, sealed, quick, submit, verify
+    request = bench_command.BenchRequest(**options)
+    if benchmark_command.is_public(request.suite):
+        public = benchmark_command.BenchmarkRequest(*of_benchmarks, request)
+        sys.exit(benchmark_command.run(public))
+    if any(of_benchmarks):
+        raise click.UsageError(benchmark_command.ONLY_PUBLIC)
+    sys.exit(bench_command.run(request))
 
 
 @app.command()

@@ -6,7 +6,13 @@ from pathlib import Path
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
-from servo.report import bench_section, papers_section, run_section, study_section
+from servo.report import (
+    bench_section,
+    benchmark_section,
+    papers_section,
+    run_section,
+    study_section,
+)
 from servo.report.page import Section, render
 from servo.study.run_report import RunReport
 from servo.study.store import StudyFile
@@ -20,6 +26,8 @@ def _study(folder: Path) -> Section:
     study = StudyFile.read(folder / StudyFile.FILE)
     if study.holds == "bench":
         return bench_section.section(folder, study)
+    if study.holds == "benchmark":
+        return benchmark_section.section(folder, study)
     if study.holds == "papers":
         return papers_section.section(folder)
     return study_section.section(folder)

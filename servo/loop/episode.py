@@ -23,6 +23,7 @@ from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
+from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
 from tracking.types import Region, State
@@ -124,7 +125,10 @@ class Episode:
             for i, config in enumerate(s.disturbances)
         ]
         sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
-        parts = WorldParts(robot, target, motion, disturbances, s.camera, s.believed, s.world)
+        around = Surroundings(s.ground, s.clutter, s.light, stream(s.run.seed, "clutter"))
+        parts = WorldParts(
+            robot, target, motion, disturbances, s.camera, s.believed, s.world, around
+        )
         features = Part("features", s.features).build(target.outline)
         seen |= getattr(s.tracker, "needs_pictures", True)
         seen |= s.world.visibility or getattr(features, "uses_pictures", False)

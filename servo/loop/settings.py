@@ -16,6 +16,7 @@ from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
 from sim.ranges import LONGEST, Degrees, Interval, Place, Time
 from sim.stage import Disturbance, Motion
+from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
 from sim.types import Array, Truth
 from sim.world import WorldConfig
 from tracking.types import Tracker
@@ -175,6 +176,9 @@ class Setup:
     sight: SightConfig
     believed: BelievedConfig
     measure: MeasureConfig
+    ground: GroundConfig
+    clutter: ClutterConfig
+    light: LightConfig
     robot: PartConfig[Design]
     target: PartConfig[Target]
     motion: PartConfig[Motion]

@@ -23,6 +23,8 @@ LARGEST_NUMBER = 1e100
 """Largest number in a law: sums and ratios of two such numbers are finite."""
 AS_WRITTEN = 0
 """The seed for which a scenario's own draws are left out."""
+GROUND = "ground.kind"
+"""A kind that is drawn: it names a picture, not a part with settings of its own."""
 FIXED = ("run.seed", "expect", "vary", "sweep", "measure")
 """Settings that a scenario does not draw."""
 
@@ -68,7 +70,9 @@ def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
         at = f"{place}.{key}"
         if given == {}:  # all of it was set
             continue
-        if key.endswith(".kind") or any(key == f or key.startswith(f"{f}.") for f in FIXED):
+        if (key.endswith(".kind") and key != GROUND) or any(
+            key == f or key.startswith(f"{f}.") for f in FIXED
+        ):
             raise Mistake(f"{at}: this is not drawn; draw a setting, such as start.x")
         if not isinstance(given, dict):
             raise Mistake(f"{at} = {given!r}: expected a law, such as {{ uniform = [-5, 5] }}")

@@ -15,6 +15,7 @@ from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind
 from sim.miscalibration import BelievedConfig
+from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
 from sim.world import WorldConfig
 
 SECTIONS: dict[str, type[Any]] = {
@@ -27,6 +28,9 @@ SECTIONS: dict[str, type[Any]] = {
     "sight": SightConfig,
     "believed": BelievedConfig,
     "measure": MeasureConfig,
+    "ground": GroundConfig,
+    "clutter": ClutterConfig,
+    "light": LightConfig,
 }
 """Tables without a `kind`."""
 TABLES = (*SECTIONS, *PLUGINS, *LISTS)

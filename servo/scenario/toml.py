@@ -111,7 +111,7 @@ def assignment(item: str) -> tuple[str, Any]:
     if not equals or not all(names):
         raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
     value = _value(text.strip())
-    if names[-1] == "kind" and not isinstance(value, str):  # "true" is a word there
+    if names[-1] == "kind" and not isinstance(value, str | dict):  # "true" is a word there
         value = Trusted(text.strip())
     return path.strip(), value
 

@@ -183,19 +183,31 @@ def record_of(
     )
 
 
+class Sheet:
+    """A contact sheet of some pictures of a run, evenly spaced."""
+
+    def __init__(self, frames: int) -> None:
+        self._shown = set(np.linspace(0, frames - 1, TILES).astype(int))
+        self._tiles: list[Any] = []
+
+    def add(self, step: Step) -> None:
+        """Take a step with its picture, which is shown if it is one of these."""
+        if step.frame.index in self._shown:
+            picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
+            outline = step.estimate.outline(step.region)
+            self._tiles.append(tile(picture, step.truth.corners, outline))
+
+    def jpeg(self) -> bytes:
+        """Return the sheet of what was added."""
+        return encoded(page(self._tiles), JPEG_QUALITY)
+
+
 def _performed(job: Job, scenario: Scenario) -> Record:
     began = time.perf_counter()
-    last = scenario.frames - 1
-    shown = set(np.linspace(0, last, TILES).astype(int)) if job.pictured else set()
-    tiles: list[Any] = []
-
-    def keep(step: Step) -> None:
-        if step.frame.index in shown:
-            tiles.append(_tile(step))
-
-    steps = measured_run(scenario, keep if shown else None)[0]
-    sheet = encoded(page(tiles), JPEG_QUALITY) if tiles else None
-    return record_of(job, scenario, steps, time.perf_counter() - began, sheet)
+    sheet = Sheet(scenario.frames) if job.pictured else None
+    steps = measured_run(scenario, sheet.add if sheet else None)[0]
+    jpeg = sheet.jpeg() if sheet else None
+    return record_of(job, scenario, steps, time.perf_counter() - began, jpeg)
 
 
 def _ordered(settings: dict[str, Value]) -> dict[str, Value]:
@@ -225,8 +237,3 @@ def _series(steps: Sequence[Step]) -> dict[str, NDArray[Any]]:
     }
     floats = {name: np.asarray(values, np.float32) for name, values in columns.items()}
     return {**floats, "on_target": errors <= CONVERGED_PX}
-
-
-def _tile(step: Step) -> Any:
-    picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
-    return tile(picture, step.truth.corners, step.estimate.outline(step.region))

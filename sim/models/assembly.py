@@ -10,6 +10,7 @@ from sim.kinematics.robot import CAMERA, Design
 from sim.models.model_files import compiled
 from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
+from sim.surroundings import Surroundings
 
 ROBOT = "robot"
 TARGET = "target"
@@ -27,6 +28,7 @@ def build_model(
     robot: Design,
     target: Target,
     props: Iterable[str] = (),
+    surroundings: Surroundings | None = None,
 ) -> mujoco.MjModel:
     """The room with the robot and the target in it, compiled for a camera.
 
@@ -36,11 +38,14 @@ def build_model(
         robot: What carries the camera.
         target: What is followed.
         props: What the disturbances need: "second_target", "spot".
+        surroundings: Ground, clutter and light; by default as they are in the room's model.
     """
     wanted = set(props)
     with resources.as_file(resources.files("scenes")) as folder:
         room = mujoco.MjSpec.from_file(str(folder / "room.xml"))
         _attach_robot(room, robot, camera)
+        if surroundings is not None:
+            surroundings.furnish(room, target.spec)
         # An attached model cannot be copied any more.
         models = {TARGET: target.spec.copy()}
         if SECOND in wanted:

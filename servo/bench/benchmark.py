@@ -1,0 +1,293 @@
+"""A public benchmark: its frozen conditions, the worlds that are drawn in each, and its hash."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any, Literal
+
+import numpy as np
+
+from servo.mistake import Mistake, unknown
+from servo.scenario import toml
+from servo.scenario.catalogue import sentence
+from servo.scenario.draws import flat
+from servo.scenario.load import Scenario, Table, parse
+from servo.scenario.toml import put
+from sim.types import Array
+from tracking.files.json_text import as_json
+
+FOLDER = "benchmarks"
+NAMES = ("loop-v1", "servo-v1")
+HASH_DIGITS = 16
+SEALED_FROM = 1 << 20
+SEALED_SEEDS = 1 << 40
+"""Sealed seeds lie above all others."""
+QUICK = 2
+"""Worlds of a condition in a quick run: what a first look needs."""
+OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
+"""Tables that a contestant brings: their defaults are its own, and do not count to the hash."""
+Settings = dict[str, Any]
+Levels = Mapping[str, Settings]
+"""Settings of each level of a factor, by its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """One disturbance, motion or task, and what is drawn in it."""
+
+    name: str
+    about: str
+    settings: Settings
+    ranges: dict[str, tuple[float, float]]
+    """Settings that are drawn evenly between two ends."""
+    factors: dict[str, Levels]
+    size: str | None = None
+    """The range that measures how large the task is."""
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """One drawn world of a condition."""
+
+    condition: str
+    number: int
+    """Place in its condition, from 0."""
+    seed: int
+    settings: Settings
+    levels: dict[str, str]
+    """The level of each factor."""
+    size: float = float("nan")
+    """How large the task is."""
+
+    @property
+    def key(self) -> str:
+        """Name of the world within its band."""
+        return f"{self.condition}-{self.number:02}"
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Which worlds are drawn: "dev" to tune on, "v1" to publish, or sealed ones.
+
+    Sealed seeds follow from the benchmark's hash, the contestant's digest and a public value of a
+    later date, so that nobody knows them while the contestant is written, and everybody can draw
+    them again.
+    """
+
+    name: Literal["dev", "v1", "sealed"] = "dev"
+    value: str = ""
+    """The public value, of sealed worlds."""
+    digest: str = ""
+    """The contestant's digest, of sealed worlds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """The worlds of one condition again, with slower and slower contestants."""
+
+    condition: str
+    setting: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Benchmark:
+    """A frozen version of a benchmark."""
+
+    name: str
+    title: str
+    contestant: Literal["tracker", "law"]
+    score: Literal["held", "arrives"]
+    worlds: int
+    """Worlds of a condition."""
+    seeds: dict[str, int]
+    """First seed of each public band."""
+    null: Settings
+    """The contestant that fixes 0 on the scale: its camera does not move."""
+    perfect: Settings | None
+    """The contestant that fixes 100; without one, 100 means that all worlds are won."""
+    conditions: tuple[Condition, ...]
+    scenario: Table
+    slow: Slow | None
+    home: dict[str, Settings]
+    """Shipped contestants by name, where a kind's name does not say them."""
+    files: tuple[str, ...]
+    """Shipped models and pictures that the worlds are made of, in `scenes`."""
+    frozen: Settings
+    """The value of each setting when the version was frozen."""
+    rendering: str
+    """Digest of the first pictures of the public band, as `Row.rendering`; rows of other pictures
+    stand in a table of their own."""
+    text: str
+    """The file that all of this was read from."""
+
+    @property
+    def hash(self) -> str:
+        """Return the digest of all that decides a row: this file, the frozen settings, the scenes'
+        models and pictures, and the worlds of the public band as they are drawn.
+        """
+        found = hashlib.sha256(self.text.encode())
+        found.update(json.dumps(self.frozen, sort_keys=True).encode())
+        for name in self.files:
+            found.update((resources.files("scenes") / name).read_bytes())
+        for world in self.every_world(Band("v1")):
+            found.update(json.dumps([world.key, world.seed, world.settings]).encode())
+        return found.hexdigest()[:HASH_DIGITS]
+
+    def settings(self) -> Settings:
+        """Return every setting that the contestants have in common, defaults included."""
+        found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
+        for part in OF_CONTESTANTS[self.contestant]:
+            del found[part]
+        return flat(as_json(found), self.name)
+
+    def check_frozen(self) -> None:
+        """Refuse a version of servobench in which a default has changed.
+
+        Raises:
+            Mistake: One has; a setting that came since does not count.
+        """
+        now = self.settings()
+        for key, value in self.frozen.items():
+            if now.get(key) != value:
+                raise Mistake(
+                    f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
+                    f"{value!r} when the benchmark was frozen: its rows would not be comparable"
+                )
+
+    def every_world(self, band: Band, count: int | None = None) -> list[World]:
+        """Return the worlds of a band, the first `count` of each condition or all."""
+        return [w for c in self.conditions for w in self.worlds_of(c, band)[:count]]
+
+    def worlds_of(self, condition: Condition, band: Band) -> list[World]:
+        """Return all worlds of a condition.
+
+        What is drawn is balanced: among n worlds each n-th part of a range, and each level of a
+        factor, occurs equally often (McKay, Beckman and Conover, A comparison of three methods for
+        selecting values of input variables, 1979: the Latin hypercube).
+        """
+        seeds = self._seeds(condition, band)
+        rng = np.random.default_rng([seeds[0], *condition.name.encode()])
+        columns = {key: _spread(rng, self.worlds) for key in condition.ranges}
+        levels = {name: _spread(rng, self.worlds) for name in condition.factors}
+        return [_world(condition, n, seed, columns, levels) for n, seed in enumerate(seeds)]
+
+    def _seeds(self, condition: Condition, band: Band) -> list[int]:
+        place = [c.name for c in self.conditions].index(condition.name) * self.worlds
+        if band.name != "sealed":
+            return [self.seeds[band.name] + place + n for n in range(self.worlds)]
+        secret = "/".join((self.hash, band.digest, band.value, condition.name)).encode()
+        digests = (hashlib.sha256(secret + b"/%d" % n).digest() for n in range(self.worlds))
+        return [SEALED_FROM + int.from_bytes(d[:8], "big") % SEALED_SEEDS for d in digests]
+
+    def table_of(self, world: World, contestant: Settings) -> Table:
+        """Return the scenario's table of a world with the settings of a contestant."""
+        table = copy.deepcopy(self.scenario)
+        for settings in (world.settings, contestant):
+            for key in sorted(settings, key=lambda key: not key.endswith("kind")):
+                put(table, key, copy.deepcopy(settings[key]), self.name)
+        put(table, "run.seed", world.seed, self.name)
+        return table
+
+    def scenario_of(self, world: World, contestant: Settings) -> Scenario:
+        """Return the scenario of a world with the settings of a contestant.
+
+        Raises:
+            Mistake: A setting of the contestant is wrong.
+        """
+        return parse(self.table_of(world, contestant), world.key, self.name)
+
+
+def load(name: str) -> Benchmark:
+    """Return a shipped benchmark.
+
+    Raises:
+        Mistake: There is none of this name.
+    """
+    if name not in NAMES:
+        raise Mistake(unknown(name, NAMES, "benchmark"))
+    folder = resources.files("scenes") / FOLDER
+    frozen = json.loads((folder / f"{name}.json").read_text("utf-8"))
+    return parsed(name, (folder / f"{name}.toml").read_text("utf-8"), **frozen)
+
+
+def parsed(name: str, text: str, settings: Settings, rendering: str) -> Benchmark:
+    """Return the benchmark that a TOML text describes.
+
+    Args:
+        name: Of the benchmark.
+        text: The file.
+        settings: As they were when it was frozen.
+        rendering: Digest of its first pictures.
+    """
+    table = toml.decode(text, name)
+    ranges = flat(table["ranges"], name)
+    conditions = [
+        Condition(
+            key,
+            given["about"],
+            flat(given.get("set", {}), name),
+            {
+                key: (ends[0], ends[1])
+                for key, ends in (ranges | flat(given.get("ranges", {}), name)).items()
+                if ends  # [] takes a common range away
+            },
+            {
+                factor: {level: flat(settings, name) for level, settings in levels.items()}
+                for factor, levels in (table["factors"] | given.get("factors", {})).items()
+            },
+            given.get("size"),
+        )
+        for key, given in table["conditions"].items()
+    ]
+    slow = table.get("slow")
+    return Benchmark(
+        name=name,
+        title=sentence(text),
+        contestant=table["contestant"],
+        score=table["score"],
+        worlds=table["worlds"],
+        seeds=table["seeds"],
+        null=table["null"],
+        perfect=table.get("perfect"),
+        conditions=tuple(conditions),
+        scenario=table["scenario"],
+        slow=slow and Slow(slow["condition"], slow["setting"], tuple(slow["values"])),
+        home={name: flat(settings, name) for name, settings in table.get("home", {}).items()},
+        files=tuple(table["files"]),
+        frozen=settings,
+        rendering=rendering,
+        text=text,
+    )
+
+
+def _spread(rng: np.random.Generator, count: int) -> Array:
+    """Return values (count,) from 0 to 1 in random order, one in each of `count` equal parts."""
+    return (rng.permutation(count) + rng.uniform(size=count)) / count
+
+
+def _world(
+    condition: Condition,
+    number: int,
+    seed: int,
+    columns: Mapping[str, Array],
+    levels: Mapping[str, Array],
+) -> World:
+    drawn = {
+        key: round(low + float(columns[key][number]) * (high - low), 6)
+        for key, (low, high) in condition.ranges.items()
+    }
+    chosen = {
+        name: list(each)[int(levels[name][number] * len(each))]
+        for name, each in condition.factors.items()
+    }
+    settings = condition.settings | drawn
+    for name, level in chosen.items():
+        settings = settings | condition.factors[name][level]
+    size = drawn.get(condition.size or "", float("nan"))
+    return World(condition.name, number, seed, settings, chosen, size)

@@ -1,0 +1,138 @@
+"""The contestants of a benchmark: shipped ones by name, and guests by class or command."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from servo.bench.benchmark import Benchmark, Settings
+from servo.controllers import KINDS as LAWS
+from servo.mistake import Mistake
+from servo.scenario.toml import assignment
+from sim.installed import Trusted, imported
+from tracking.files.json_text import as_json
+from tracking.trackers import KINDS as TRACKERS
+from tracking.wrapped import OF_THE_USER
+
+NULL = "still"
+PERFECT = "truth"
+"""Names of the contestants that fix the scale."""
+TRAX = "trax:"
+UNFIT = ("truth", "tag")
+"""Trackers that cannot compete: one is told the truth, one sees tags only."""
+
+
+class Division(Enum):
+    """How a row was obtained; each member carries its sentence."""
+
+    HOME = "shipped with servobench; its settings are part of the benchmark's history"
+    CLOSED = "a tracker in another process, which gets pictures only; all else as the file has it"
+    OPEN = "in the same process as the simulation, or with other settings than the file's"
+    SCALE = "fixes 0 or 100 on the scale"
+
+
+@dataclass(frozen=True, slots=True)
+class Contestant:
+    """Who runs, and with which settings."""
+
+    name: str
+    settings: Settings
+    division: Division
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether it stands in the ranking."""
+        return self.division is not Division.SCALE
+
+    @property
+    def digest(self) -> str:
+        """Digest of its settings, and of the file of a class or the files that a command names."""
+        found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())
+        for path in self._files():
+            found.update(path.read_bytes())
+        return found.hexdigest()
+
+    def _files(self) -> list[Path]:
+        command = str(self.settings.get("tracker.command", ""))
+        named = [Path(word) for word in command.split()]
+        kind = next((str(v) for k, v in self.settings.items() if k.endswith(".kind")), "")
+        if self.division is Division.OPEN and ":" in kind:
+            named.append(Path(inspect.getfile(imported(kind))))
+        return [path for path in named if path.is_file()]
+
+
+def scale_of(benchmark: Benchmark) -> list[Contestant]:
+    """Return the contestants that fix 0 and, where the benchmark has one, 100."""
+    ends = {NULL: benchmark.null, PERFECT: benchmark.perfect}
+    return [Contestant(name, s, Division.SCALE) for name, s in ends.items() if s is not None]
+
+
+def home_of(benchmark: Benchmark) -> list[Contestant]:
+    """Return the shipped contestants."""
+    if benchmark.contestant == "law":
+        return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]
+    kinds = [k for k in TRACKERS.names() if k not in (*OF_THE_USER, *UNFIT) and ":" not in k]
+    own = [k for k in kinds if not TRACKERS.package_of(k)]
+    return [Contestant(kind, {"tracker.kind": kind}, Division.HOME) for kind in own]
+
+
+def contestants(
+    benchmark: Benchmark, given: Sequence[str], changes: Sequence[str] = ()
+) -> list[Contestant]:
+    """Return contestants from the command line.
+
+    Args:
+        benchmark: Which they enter.
+        given: A name of `home_of`, or name=kind:preset, name=module:Class, or name='trax:COMMAND'
+            for a program that speaks TraX; without any, all of `home_of`.
+        changes: Settings of all of them, as for --set, which makes them open.
+
+    Raises:
+        Mistake: There is no such contestant, or two have one name.
+    """
+    home = {one.name: one for one in home_of(benchmark)}
+    changed = dict(map(assignment, changes))
+    chosen = list(home.values())
+    if given:
+        chosen = [home.get(text) or _guest(benchmark, text) for text in given]
+    names = [one.name for one in chosen]
+    for name in names:
+        if names.count(name) > 1 or name in (NULL, PERFECT):
+            raise Mistake(f"two contestants are called '{name}': write another name before the =")
+    if not changed:
+        return chosen
+    return [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+
+
+def _guest(benchmark: Benchmark, text: str) -> Contestant:
+    name, equals, what = text.partition("=")
+    if not equals:
+        name, what = text, text
+    if not name.strip() or not what.strip():
+        raise Mistake(f"'{text}': write NAME=KIND, NAME=module:Class or NAME='trax:COMMAND'")
+    if benchmark.contestant == "law":
+        if what in benchmark.home:
+            return Contestant(name, benchmark.home[what], Division.HOME)
+        division = Division.HOME if what in LAWS.names() else Division.OPEN
+        return Contestant(name, _settings("controller", LAWS.named(what)), division)
+    if what.startswith(TRAX):
+        command = Trusted(what.removeprefix(TRAX))
+        settings = {"tracker.kind": "trax", "tracker.command": command}
+        return Contestant(name, settings, Division.CLOSED)
+    table = TRACKERS.named(what)
+    if table["kind"] in UNFIT:
+        raise Mistake(
+            f"the tracker '{table['kind']}' cannot compete: it does not only see pictures"
+        )
+    ours = table["kind"] in TRACKERS.names() and not TRACKERS.package_of(table["kind"])
+    division = Division.HOME if ours else Division.OPEN
+    return Contestant(name, _settings("tracker", table), division)
+
+
+def _settings(section: str, table: dict[str, str]) -> Settings:
+    return {f"{section}.{key}": value for key, value in table.items()}

@@ -1,0 +1,220 @@
+"""The row of a contestant: one JSON file from which every table, rank and page is made."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from servo.bench.benchmark import FOLDER, Band, Benchmark
+from servo.bench.contestant import Contestant
+from servo.bench.world_run import (
+    CONTESTANT,
+    ERROR,
+    HELD_SHARE,
+    HELD_SIZE,
+    PICTURE,
+    SLOW,
+    WORLD,
+)
+from servo.mistake import Mistake
+from servo.output.formats import Made
+from servo.output.versions import versions
+from servo.study.run import Record
+from servo.study.scenario_run import TRACK_MS
+from sim.types import Array
+
+FARTHEST = 2.0
+"""The curve of the score goes to this distance from the goal [target sizes]."""
+TAUS = np.linspace(0.0, FARTHEST, 41)
+ARRIVED_MM = 10.0
+ARRIVED_DEG = 1.0
+NEAR_MM = 100.0
+NEAR_DEG = 10.0
+"""Arrival in the wider sense of CNS (Chen and others, CNS: Correspondence Encoded Neural Image
+Servo Policy, 2024): a tenth of a way of a metre, and ten degrees."""
+DIGITS = 12
+"""Digits of a picture's digest."""
+MEASURES = (
+    "end_position_mm",
+    "end_rotation_deg",
+    "settle_s",
+    "camera_path_m",
+    "retreat_m",
+    "out_of_view_pct",
+)
+"""Measures of a law's row, median over its worlds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Won:
+    """What a contestant reached in one world."""
+
+    area: float
+    """From 0 to 1: what the score is the mean of."""
+    held: bool
+    """Whether the robot held its target for 95 % of the time, or arrived."""
+    picture: str = ""
+    """Digest of the first picture; empty where nothing was rendered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row(Made):
+    """All that is published of a contestant."""
+
+    KIND: ClassVar[str] = "benchmark row"
+
+    benchmark: str
+    hash: str
+    """Of the benchmark's version."""
+    band: str
+    value: str = ""
+    """The public value, of sealed worlds."""
+    contestant: str
+    division: str
+    """Name of the division."""
+    settings: dict[str, Any]
+    digest: str
+    """Of the contestant."""
+    machine: str
+    track_ms: float
+    """Measured time of the tracker for a picture, median [ms]: of this machine, never ranked."""
+    worlds: dict[str, Won]
+    slow: dict[str, float] = field(default_factory=dict[str, float])
+    """Share of worlds held, by the time that the tracker takes for a picture [ms]."""
+    curve: list[float] = field(default_factory=list[float])
+    """Share of the time within `TAUS` of the goal, over all worlds."""
+    measures: dict[str, float | None] = field(default_factory=dict[str, float | None])
+
+    @property
+    def rendering(self) -> str:
+        """Digest of the first pictures of all its worlds; empty where nothing was rendered."""
+        seen = [f"{key} {won.picture}" for key, won in sorted(self.worlds.items()) if won.picture]
+        return hashlib.sha256("\n".join(seen).encode()).hexdigest()[:DIGITS] if seen else ""
+
+
+def within(errors: Array, most: float) -> float:
+    """Return the area under the share of time within tau of the goal, for tau from 0 to `most`,
+    over `most`: the mean of 1 - error / most, where that is above 0.
+
+    >>> within(np.array([0.0, 1.0, 5.0]), 2.0)
+    0.5
+    """
+    return float(np.clip(1 - errors / most, 0, 1).mean())
+
+
+def won(benchmark: Benchmark, record: Record) -> Won:
+    """Return what a contestant reached by the record of its run.
+
+    Holding counts the area of `within`; arriving counts 1 for a camera that ends within 10 mm and
+    1 degree of its goal.
+    """
+    picture = record.settings[PICTURE][:DIGITS]
+    if benchmark.score == "held":
+        errors = np.asarray(record.series[ERROR], float)
+        held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
+        return Won(within(errors, FARTHEST), held, picture)
+    arrived = is_within(record, ARRIVED_MM, ARRIVED_DEG)
+    return Won(float(arrived), arrived, picture)
+
+
+def is_within(record: Record, position: float, rotation: float) -> bool:
+    """Return whether a camera ends within a distance [mm] and an angle [deg] of its goal."""
+    measures = record.measures
+    near = measures["end_position_mm"] <= position
+    return bool(near and measures["end_rotation_deg"] <= rotation)
+
+
+def row_of(
+    benchmark: Benchmark,
+    band: Band,
+    contestant: Contestant,
+    records: Sequence[Record],
+    command: str,
+) -> Row:
+    """Return the row of a contestant from the records of all its runs."""
+    own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
+    at_once = [r for r in own if r.settings[SLOW] == 0.0]
+    errors = np.concatenate([np.asarray(r.series[ERROR], float) for r in at_once])
+    return Row(
+        command=command,
+        versions=versions(),
+        benchmark=benchmark.name,
+        hash=benchmark.hash,
+        band=band.name,
+        value=band.value,
+        contestant=contestant.name,
+        division=contestant.division.name,
+        settings=contestant.settings,
+        digest=contestant.digest,
+        machine=f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
+        track_ms=round(float(np.median([r.measures[TRACK_MS] for r in at_once])), 3),
+        worlds={r.settings[WORLD]: won(benchmark, r) for r in at_once},
+        slow=_slow(benchmark, own) if contestant.is_compared else {},
+        curve=[round(float(np.mean(errors <= tau)), 4) for tau in TAUS],
+        measures=_measures(at_once) if benchmark.score == "arrives" else {},
+    )
+
+
+def _slow(benchmark: Benchmark, records: Sequence[Record]) -> dict[str, float]:
+    """Return the share of worlds held, by the time for a picture [ms]."""
+    if benchmark.slow is None:
+        return {}
+    held: dict[float, list[bool]] = {}
+    for record in records:
+        if record.subject == benchmark.slow.condition:
+            held.setdefault(record.settings[SLOW], []).append(won(benchmark, record).held)
+    return {f"{ms:g}": float(np.mean(of)) for ms, of in sorted(held.items())}
+
+
+def _measures(records: Sequence[Record]) -> dict[str, float | None]:
+    """Return medians over all worlds, and the share of arrivals in the wider sense."""
+    found: dict[str, float | None] = {}
+    for name in MEASURES:
+        median = float(np.median([r.measures[name] for r in records]))
+        found[name] = round(median, 4) if np.isfinite(median) else None
+    near = float(np.mean([is_within(r, NEAR_MM, NEAR_DEG) for r in records]))
+    return found | {"near_pct": round(100 * near, 1)}
+
+
+def shipped_rows(benchmark: Benchmark) -> list[Row]:
+    """Return the rows in the package, of this version of a benchmark."""
+    folder = resources.files("scenes") / FOLDER / "rows" / benchmark.name
+    with resources.as_file(folder) as path:
+        rows = rows_in(path.glob("*.json")) if path.is_dir() else []
+    return [row for row in rows if row.hash == benchmark.hash]
+
+
+def rows_in(paths: Iterable[Path]) -> list[Row]:
+    """Return the rows in some files, by their names.
+
+    Raises:
+        Mistake: A file cannot be read, or is no row.
+    """
+    return [Row.read(path) for path in sorted(paths)]
+
+
+def check_version(benchmark: Benchmark, row: Row) -> None:
+    """Refuse a row of another benchmark or version.
+
+    Raises:
+        Mistake: It is one.
+    """
+    if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
+        raise Mistake(
+            f"this row is of {row.benchmark} {row.hash}, and here is {benchmark.name} "
+            f"{benchmark.hash}: rows of two versions cannot be compared"
+        )
+
+
+def file_name(contestant: str) -> str:
+    """Return the name of a row's file, without what some file systems refuse."""
+    kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in contestant)
+    return f"{kept}.json"

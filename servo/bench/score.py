@@ -1,0 +1,189 @@
+"""The table of a benchmark: scores with intervals over worlds, ranks, and what made worlds hard."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from servo.bench.benchmark import World
+from servo.bench.contestant import NULL, PERFECT
+from servo.bench.row import Row
+from servo.mistake import Mistake
+from sim.types import Array
+from tracking.statistics.comparisons import Interval, holm, mean_of
+
+SURE = 0.05
+HALF = 0.5
+"""A tracker is fast enough while half of the worlds are held."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A contestant's place in the table."""
+
+    row: Row
+    score: Interval
+    """From 0, where the camera stands still, to 100."""
+    held: Interval
+    """Share of the worlds in which the target was held, or reached."""
+    first: int
+    last: int
+    """The ranks that it may have: after all that are better for certain, and before all that are
+    worse for certain."""
+    beats_next: float
+    """How often it is better than the next one in the same world; ties count half."""
+    points: dict[str, float]
+    """Points in each world, by its key; the score is their mean."""
+
+    @property
+    def name(self) -> str:
+        """Name of the contestant."""
+        return self.row.contestant
+
+    @property
+    def slowest(self) -> float | None:
+        """The longest time for a picture at which half of the worlds are held [ms]."""
+        longest = None
+        for ms in sorted(map(float, self.row.slow)):
+            if self.row.slow[f"{ms:g}"] < HALF:
+                break
+            longest = ms
+        return longest
+
+    def mean_in(self, condition: str) -> float:
+        """Return the mean points in a condition; nan where it has none of its worlds."""
+        of = [p for key, p in self.points.items() if key.rpartition("-")[0] == condition]
+        return float(np.mean(of)) if of else float("nan")
+
+
+def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
+    """Return the points of a contestant in each world of all three, whose mean is its score.
+
+    0 is the mean of `null` over all worlds, and 100 that of `perfect`, or an area of 1 everywhere.
+    """
+    worlds = sorted(row.worlds.keys() & null.worlds.keys())
+    if perfect is not None:
+        worlds = [key for key in worlds if key in perfect.worlds]
+    areas = [_areas(of, worlds) for of in (row, null, perfect or null)]
+    top = areas[2] if perfect is not None else np.ones(len(worlds))
+    scale = float(top.mean() - areas[1].mean())
+    points = 100 * (areas[0] - areas[1]) / scale
+    return dict(zip(worlds, points.tolist(), strict=True))
+
+
+def _areas(row: Row, worlds: Sequence[str]) -> Array:
+    return np.array([row.worlds[key].area for key in worlds])
+
+
+def standings(rows: Sequence[Row]) -> list[Standing]:
+    """Return the table of the rows, the best first; those that fix the scale are left out.
+
+    Ranks are intervals: each pair is compared over the worlds of both by Wilcoxon's signed-rank
+    test, and Holm's correction counts all pairs.
+
+    Raises:
+        Mistake: The row that fixes 0 is not among them.
+    """
+    by_name = {row.contestant: row for row in rows}
+    if NULL not in by_name:
+        raise Mistake(f"the row '{NULL}' is missing, which fixes 0 on the scale")
+    ends = by_name[NULL], by_name.get(PERFECT)
+    compared = {row.contestant: row for row in rows if row.contestant not in (NULL, PERFECT)}
+    points = {name: points_of(row, *ends) for name, row in compared.items()}
+    order = sorted(points, key=lambda name: -float(np.mean(list(points[name].values()))))
+    better = _better(points, order)
+    after = [*order[1:], *order[-1:]]
+    return [
+        Standing(
+            row=compared[name],
+            score=_percent(mean_of(np.array(list(points[name].values())) / 100)),
+            held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()])),
+            first=1 + sum((other, name) in better for other in order),
+            last=len(order) - sum((name, other) in better for other in order),
+            beats_next=_improvement(points[name], points[following]),
+            points=points[name],
+        )
+        for name, following in zip(order, after, strict=True)
+    ]
+
+
+def _percent(share: Interval) -> Interval:
+    return Interval(100 * share.value, 100 * share.low, 100 * share.high, share.units)
+
+
+def _better(
+    points: Mapping[str, Mapping[str, float]], order: Sequence[str]
+) -> set[tuple[str, str]]:
+    """Return the pairs (better, worse) of contestants that differ for certain."""
+    from scipy.stats import wilcoxon  # takes a second
+
+    pairs = [(a, b) for i, a in enumerate(order) for b in order[i + 1 :]]
+    tests: list[float] = []
+    for a, b in pairs:
+        gaps = _gaps(points[a], points[b])
+        tests.append(float(wilcoxon(gaps).pvalue) if np.any(gaps) else 1.0)  # pyright: ignore
+    return {pair for pair, p in zip(pairs, holm(np.array(tests)), strict=True) if p < SURE}
+
+
+def _gaps(first: Mapping[str, float], second: Mapping[str, float]) -> Array:
+    return np.array([first[key] - second[key] for key in sorted(first.keys() & second.keys())])
+
+
+def _improvement(first: Mapping[str, float], second: Mapping[str, float]) -> float:
+    return float(np.mean(np.heaviside(_gaps(first, second), 0.5)))
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What a level of a factor does to the points of all contestants."""
+
+    factor: str
+    level: str
+    points: Interval
+    """Mean over the worlds of this level, of the mean over the contestants."""
+
+
+def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
+    """Return the main effects of all factors; the unit is the world."""
+    found = list[Effect]()
+    levels = dict.fromkeys(level for world in worlds for level in world.levels.items())
+    for factor, level in levels:
+        keys = [w.key for w in worlds if w.levels.get(factor) == level]
+        means = [
+            float(np.mean(of))
+            for key in keys
+            if (of := [s.points[key] for s in table if key in s.points])
+        ]
+        if means:
+            found.append(Effect(factor, level, mean_of(np.array(means))))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Difficulty:
+    """How much the worlds tell contestants apart."""
+
+    nobody: int
+    """Worlds that no contestant held."""
+    everybody: int
+    worlds: int
+
+    @staticmethod
+    def of(table: Sequence[Standing]) -> Difficulty:
+        """Return the difficulty of the worlds that all contestants have."""
+        rows = [standing.row.worlds for standing in table]
+        keys = set[str]().union(*rows).intersection(*rows)
+        held = [sum(row[key].held for row in rows) for key in keys]
+        return Difficulty(held.count(0), held.count(len(rows)), len(held))
+
+
+def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int = 3) -> list[float]:
+    """Return the share of worlds reached, from the smallest part of a condition's tasks on."""
+    own = sorted(
+        (w for w in worlds if w.condition == condition and w.key in row.worlds),
+        key=lambda w: w.size,
+    )
+    split = np.array_split(np.array([float(row.worlds[w.key].held) for w in own]), parts)
+    return [float(part.mean()) if len(part) else float("nan") for part in split]

@@ -1,0 +1,103 @@
+"""A run of a benchmark: one contestant in one world, as a job of the one runner."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from servo.bench.benchmark import Benchmark, Settings, World
+from servo.bench.contestant import Contestant
+from servo.loop.episode import measured_run
+from servo.loop.step import Step
+from servo.scenario.load import Table, parse
+from servo.study.run import Job, Record
+from servo.study.scenario_run import Sheet, record_of
+from sim.types import Array
+
+CONTESTANT = "contestant"
+WORLD = "world"
+SLOW = "slow"
+"""Settings of a job: who runs where, and the time that it takes for a picture, or 0."""
+PICTURE = "first_picture"
+"""Setting of a record: the SHA-256 of the world's first picture."""
+HELD_SIZE = 1.0
+HELD_SHARE = 0.95
+"""A robot holds its target that is within one size of the goal for this share of the time."""
+ERROR = "error_sizes"
+"""Series of a record: distance of the target's centre from the goal, in target sizes."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldRun:
+    """A subject: a contestant in a world."""
+
+    benchmark: str
+    """Its name and hash."""
+    name: str
+    """The condition."""
+    table: Table
+
+    def describe(self) -> dict[str, Any]:
+        """Return the benchmark's version, and the scenario's table."""
+        return {"benchmark": self.benchmark, "scenario": self.table}
+
+    def perform(self, job: Job, folder: Path) -> Record:
+        """Run the contestant."""
+        del folder
+        scenario = parse(self.table, job.settings[WORLD], self.benchmark)
+        sheet = Sheet(scenario.frames)
+        first: list[str] = []
+
+        def keep(step: Step) -> None:
+            sheet.add(step)
+            if not first:
+                first.append(hashlib.sha256(step.frame.image.tobytes()).hexdigest())
+
+        looks = getattr(scenario.tracker, "needs_pictures", True)
+        steps, _ = measured_run(scenario, keep if looks else None)
+        record = record_of(job, scenario, steps)
+        errors = errors_of(steps, scenario.frames)
+        failed = looks and float(np.mean(errors <= HELD_SIZE)) < HELD_SHARE
+        return replace(
+            record,
+            settings=record.settings | {PICTURE: "".join(first)},
+            series={ERROR: errors.astype(np.float32)},
+            sheet=sheet.jpeg() if failed else None,
+        )
+
+
+def errors_of(steps: Sequence[Step], frames: int) -> Array:
+    """Return how far the target's centre is from the goal (frames,), in sizes of the target.
+
+    Its size is that at the goal, the square root of its area [px]. A picture that a run did not
+    reach, or in which the target is behind the camera, is infinitely far.
+    """
+    x, y = steps[0].truth.corners.T
+    area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    metres = np.sqrt(area) / steps[0].truth.size
+    found = np.full(frames, np.inf)
+    found[: len(steps)] = [s.servo_error / (metres * s.goal_size) for s in steps]
+    return np.where(np.isnan(found), np.inf, found)
+
+
+def jobs_of(
+    benchmark: Benchmark, contestants: Sequence[Contestant], worlds: Sequence[World]
+) -> list[Job]:
+    """Return the jobs of some contestants in some worlds, those with slower trackers included."""
+    of = f"{benchmark.name} {benchmark.hash}"
+    slow = benchmark.slow
+    found = list[Job]()
+    for one in contestants:
+        for world in worlds:
+            late: list[tuple[float, Settings]] = [(0.0, {})]
+            if slow and one.is_compared and world.condition == slow.condition:
+                late += [(ms, {slow.setting: ms}) for ms in slow.values]
+            for ms, settings in late:
+                table = benchmark.table_of(world, one.settings | settings)
+                subject = WorldRun(of, world.condition, table)
+                who = {CONTESTANT: one.name, WORLD: world.key, SLOW: ms}
+                found.append(Job(len(found), subject, world.seed, who))
+    return found

@@ -1,0 +1,270 @@
+"""`servobench bench loop-v1` and `servo-v1`: contestants in a public benchmark, and their rows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from rich.console import Console
+
+from servo.bench.benchmark import NAMES, QUICK, Band, Benchmark, World, load
+from servo.bench.contestant import Contestant, Division, contestants, home_of, scale_of
+from servo.bench.row import Row, check_version, file_name, row_of, shipped_rows
+from servo.bench.world_run import CONTESTANT, ERROR, SLOW, WORLD, jobs_of
+from servo.cli.bench_command import SEEDS, BenchRequest
+from servo.cli.jobs import complete_jobs, go_on, print_estimate
+from servo.cli.terminal import plain, print_table
+from servo.mistake import Mistake, unwritable
+from servo.output.formats import command_line
+from servo.output.versions import versions
+from servo.report import benchmark_section
+from servo.study.execute import Workers, check_number, execute
+from servo.study.record_file import parquet
+from servo.study.run import Failure, Record
+from servo.study.store import RESULTS, Store, StudyFile, opened
+from sim.camera import gl
+from tracking.files import atomic
+from tracking.files.json_text import as_json
+
+CHECKED = 10
+"""`--verify` repeats each tenth world, from one that the row's digest draws."""
+ONLY_PUBLIC = (
+    "--contestant, --set, --band, --sealed, --quick, --submit and --verify belong to "
+    f"{' and '.join(NAMES)}"
+)
+
+
+def is_public(suite: str) -> bool:
+    """Return whether a suite is a public benchmark."""
+    return suite in NAMES
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkRequest:
+    """The options of the command line."""
+
+    given: Sequence[str]
+    """Contestants."""
+    changes: Sequence[str]
+    band: str | None
+    sealed: str | None
+    quick: bool
+    submit: Path | None
+    verify: Path | None
+    common: BenchRequest
+    """The options that all benches have."""
+
+    @property
+    def command(self) -> str:
+        """The command line, without --out and --workers."""
+        return command_line(
+            "bench",
+            self.common.suite,
+            contestant=list(self.given),
+            set=list(self.changes),
+            band=self.band,
+            sealed=self.sealed,
+            quick=self.quick,
+        )
+
+
+def run(request: BenchmarkRequest) -> int:
+    """Run contestants in a benchmark, and write their rows; the exit code: 1 if a run failed.
+
+    Raises:
+        Mistake: A contestant is wrong, or the folder cannot be used.
+        Refused: A file cannot be written, or the workers cannot work.
+    """
+    common = request.common
+    console = Console(quiet=common.quiet)
+    benchmark = load(common.suite)
+    if common.trackers is not None or common.seeds != SEEDS:
+        raise Mistake(f"{benchmark.name} has seeds of its own, and takes --contestant NAME")
+    benchmark.check_frozen()
+    chosen = contestants(benchmark, request.given, request.changes)
+    gl.is_there()
+    if request.verify is not None:
+        return _verify(benchmark, request.verify, chosen if request.given else None, console)
+    band = _band(request, chosen)
+    worlds = benchmark.every_world(band, QUICK if request.quick else None)
+    for one in chosen:  # what is wrong with it is said before anything is run
+        benchmark.scenario_of(worlds[0], one.settings)
+    known = _scale_rows(benchmark) if band.name == "v1" else []
+    every = chosen if known else [*scale_of(benchmark), *chosen]
+    jobs = jobs_of(benchmark, every, worlds)
+    check_number(len(jobs))
+    if common.dry_run:
+        return print_estimate(jobs, common.workers, console, Store(common.folder))
+    workers = Workers(common.workers)
+    again = go_on(request.command, common.out)
+    plain(console, f"{benchmark.name} {benchmark.hash}, worlds: {band.name}")
+    with opened(common.folder, _described(request, benchmark, every, len(jobs))) as store, workers:
+        store.find(jobs)
+        title = f"bench {benchmark.name}"
+        failed = complete_jobs(jobs, store, workers, console, title, again)
+        records = store.records(jobs)
+        rows = known + _rows(benchmark, band, every, worlds, records, request.command)
+        _keep(store, rows)
+        _print(console, benchmark, worlds, rows)
+        if request.submit is not None and not failed:
+            _submit(request.submit, rows[-1], records)
+            plain(console, f"  {request.submit}")
+        plain(console, f"for a page, run: servobench report {store.folder}")
+    return 1 if failed else 0
+
+
+def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
+    """Return the worlds that are asked for.
+
+    Raises:
+        Mistake: There are several contestants where only one may be.
+    """
+    several = len(chosen) != 1
+    if request.submit is not None and several:
+        raise Mistake("--submit takes the row of one contestant: name one with --contestant")
+    if request.sealed is None:
+        return Band("v1" if request.band == "v1" else "dev")
+    if several:
+        raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
+    return Band("sealed", request.sealed, chosen[0].digest)
+
+
+def _keep(store: Store, rows: Sequence[Row]) -> None:
+    """Write the rows, and the table of all runs."""
+    atomic.folder(store.folder, benchmark_section.ROWS)
+    for row in rows:
+        name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
+        store.write(name, row.text().encode())
+    if store.done:
+        store.write(RESULTS, parquet(store.table()))
+
+
+def _scale_rows(benchmark: Benchmark) -> list[Row]:
+    """Return the shipped rows of the contestants that fix the scale; none unless all are there."""
+    names = {one.name for one in scale_of(benchmark)}
+    rows = [row for row in shipped_rows(benchmark) if row.contestant in names]
+    return rows if len(rows) == len(names) else []
+
+
+def _rows(
+    benchmark: Benchmark,
+    band: Band,
+    chosen: Sequence[Contestant],
+    worlds: Sequence[World],
+    records: Sequence[Record],
+    command: str,
+) -> list[Row]:
+    """Return the rows of the contestants that have a record of each world."""
+    keys = {world.key for world in worlds}
+    found = list[Row]()
+    for one in chosen:
+        own = [r for r in records if r.settings[CONTESTANT] == one.name]
+        if {r.settings[WORLD] for r in own} == keys:
+            found.append(row_of(benchmark, band, one, own, command))
+    return found
+
+
+def _print(
+    console: Console, benchmark: Benchmark, worlds: Sequence[World], rows: Sequence[Row]
+) -> None:
+    if len(rows) > len(scale_of(benchmark)):
+        print_table(console, benchmark_section.standings_table(benchmark, rows))
+        plain(console, benchmark_section.difficulty_of(rows))
+    here = {row.rendering for row in rows if row.rendering}
+    whole = len(worlds) == len(benchmark.conditions) * benchmark.worlds
+    if whole and rows[0].band == "v1" and here - {benchmark.rendering}:
+        plain(
+            console,
+            "the pictures differ from the frozen ones: these rows stand in a table of their own",
+        )
+
+
+def _submit(file: Path, row: Row, records: Sequence[Record]) -> None:
+    """Write a row, and beside it the errors of each picture as Parquet."""
+    own = [r for r in records if r.settings[CONTESTANT] == row.contestant]
+    errors = pa.table(
+        {
+            WORLD: [r.settings[WORLD] for r in own],
+            SLOW: [r.settings[SLOW] for r in own],
+            ERROR: [np.asarray(r.series[ERROR], np.float32) for r in own],
+        }
+    )
+    try:
+        atomic.write(file.parent, file.name, row.text())
+        atomic.write(file.parent, f"{file.stem}.parquet", parquet(errors))
+    except OSError as error:
+        raise unwritable(file, error, "this row") from None
+
+
+def _verify(
+    benchmark: Benchmark, file: Path, given: Sequence[Contestant] | None, console: Console
+) -> int:
+    """Repeat a tenth of a row's worlds; the exit code: 1 if one differs.
+
+    Raises:
+        Mistake: The file is no row of this version, or a guest's command is not given again.
+    """
+    row = Row.read(file)
+    check_version(benchmark, row)
+    one = _contestant(benchmark, row, given)
+    band = Band("dev" if row.band == "dev" else "v1")
+    if row.band == "sealed":
+        band = Band("sealed", row.value, row.digest)
+    there = [w for w in benchmark.every_world(band) if w.key in row.worlds]
+    drawn = there[int(row.digest[:8], 16) % CHECKED % len(there) :: CHECKED]
+    jobs = [job for job in jobs_of(benchmark, [one], drawn) if job.settings[SLOW] == 0.0]
+    differing: list[str] = []
+    with Workers(1) as workers:
+        for job, record in execute(jobs, workers):
+            if isinstance(record, Failure):
+                raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
+            now = row_of(benchmark, band, one, [record], "")
+            key = job.settings[WORLD]
+            if now.worlds[key] != row.worlds[key]:
+                differing.append(key)
+    count = len(drawn)
+    agree = count - len(differing)
+    plain(console, f"{row.contestant}: {agree} of {count} worlds agree, bit for bit")
+    for key in differing:
+        plain(console, f"  {key} differs")
+    return 1 if differing else 0
+
+
+def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:
+    """Return the contestant of a row: a shipped one by name; nothing that a file names is run."""
+    if given is not None:
+        return given[0]
+    ours = {one.name: one for one in (*home_of(benchmark), *scale_of(benchmark))}
+    if row.division not in (Division.HOME.name, Division.SCALE.name) or row.contestant not in ours:
+        raise Mistake(
+            f"'{row.contestant}' is not shipped: give it again with --contestant, as its command "
+            f"does: {row.command}"
+        )
+    return ours[row.contestant]
+
+
+def _described(
+    request: BenchmarkRequest, benchmark: Benchmark, every: Sequence[Contestant], runs: int
+) -> StudyFile:
+    return StudyFile(
+        command=request.command,
+        versions=versions(),
+        holds="benchmark",
+        name=benchmark.name,
+        title=benchmark.title,
+        axes={CONTESTANT: [one.name for one in every]},
+        draws={},
+        seeds=[0],
+        compare=CONTESTANT,
+        expect={},
+        runs=runs,
+        table={
+            "hash": benchmark.hash,
+            "band": request.band,
+            "sealed": request.sealed,
+            "quick": request.quick,
+            "contestants": {one.name: as_json(one.settings) for one in every},
+        },
+        scenarios={},
+    )

@@ -1,0 +1,220 @@
+"""What surrounds the target: the ground it is on, clutter around it, and the light.
+
+Each is a table of a scenario, and the defaults leave the room as it is. Things of the clutter lie
+flat on the table, so that a target may drive over them from anywhere to anywhere.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import cos, radians, sin
+from typing import Annotated, Any, Literal
+
+import mujoco
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.files.picture_file import read_image
+from sim.files.shipped import file_of
+from sim.ranges import Degrees, File, Share
+from sim.targets._paint import PLAIN, Colour, rgba
+from sim.types import Array, Image
+
+WOOD = "wood"
+OWN = "picture"
+GROUND = "ground"
+TABLE = "table"
+TOYS = "toy"
+LAMP = "lamp"
+"""Names in the room's model: the material of the table is WOOD, the class of its things TOYS."""
+LOWEST = 0.0003
+HIGHEST = 0.0009
+"""Heights of flat things [m]: each has its own, so that none shines through another."""
+LENGTHS = (0.03, 0.11)
+"""Longest sides of flat things [m], about those of the shipped targets' parts."""
+SLIMMEST = 0.25
+"""Least width of a card over its length."""
+BAR = 0.15
+"""Width of a bar over its length."""
+LAMP_STRENGTH = 0.5
+"""Strength of the lamp in the room's model: with the head light, all lights sum to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundConfig:
+    """What the table top looks like."""
+
+    kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
+    """A shipped picture, or "picture": that of `file`."""
+    file: File | None = None
+    """A picture of one's own."""
+    tile: Annotated[float, Ge(0.01), Le(10)] = 0.5
+    """Side of the square on which the picture lies once, and beside it again [m]; wood lies once on
+    the whole table."""
+
+    def __post_init__(self) -> None:
+        if (self.kind == OWN) != (self.file is not None):
+            raise ValueError(f'kind = "{OWN}" and file go together: give both, or neither')
+
+    def picture(self) -> Image:
+        """Return the picture.
+
+        Raises:
+            ValueError: It cannot be read.
+        """
+        return read_image(file_of(self.file or self.kind, "grounds", ".png", "ground.kind"))
+
+
+@dataclass(frozen=True, slots=True)
+class ClutterConfig:
+    """Flat things that lie on the table; where, and how they look, is drawn by the run's seed."""
+
+    number: Annotated[int, Ge(0), Le(500)] = 0
+    """How many there are."""
+    shape: Literal["mixed", "disc", "card", "bar"] = "mixed"
+    """What they are."""
+    alike: Share = 0.0
+    """Share of them in colours of the target."""
+    toys: bool = True
+    """Whether the twelve things that stand on the table are there."""
+
+
+@dataclass(frozen=True, slots=True)
+class LightConfig:
+    """The lamp over the table."""
+
+    azimuth_deg: Degrees = 50.2
+    """Side that the light comes from, from world x towards y [deg]."""
+    elevation_deg: Annotated[float, Ge(5), Le(90)] = 68.7
+    """Height of the lamp over the horizon [deg]."""
+    strength: Annotated[float, Ge(0), Le(1)] = 1.0
+    """Factor on its brightness."""
+    colour: Colour = "#ffffff"
+    """Its colour, as "#rrggbb", or red, green and blue from 0 to 1."""
+
+
+def _fixed() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """All that surrounds the target."""
+
+    ground: GroundConfig = field(default_factory=GroundConfig)
+    clutter: ClutterConfig = field(default_factory=ClutterConfig)
+    light: LightConfig = field(default_factory=LightConfig)
+    rng: np.random.Generator = field(default_factory=_fixed)
+    """Draws the clutter."""
+
+    def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
+        """Change a room's model.
+
+        Args:
+            room: That of scenes/room.xml.
+            target: Its colours are those of the things alike.
+
+        Raises:
+            ValueError: A picture cannot be read, or a colour is none.
+        """
+        if self.ground.kind != WOOD:
+            _cover(room, self.ground)
+        if self.light != LightConfig():
+            _light(room, self.light)
+        if not self.clutter.toys:
+            for geom in [g for g in room.worldbody.geoms if g.classname.name == TOYS]:
+                room.delete(geom)
+        if self.clutter.number:
+            _strew(room, self.clutter, colours_of(target), self.rng)
+
+
+def _cover(room: mujoco.MjSpec, ground: GroundConfig) -> None:
+    picture = ground.picture()
+    height, width, channels = picture.shape
+    texture = room.add_texture(
+        name=GROUND,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        width=width,
+        height=height,
+        nchannel=channels,
+    )
+    texture.data = picture.tobytes()
+    material = room.material(WOOD)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = GROUND
+    material.texrepeat = 2 * room.geom(TABLE).size[:2] / ground.tile
+
+
+def _light(room: mujoco.MjSpec, light: LightConfig) -> None:
+    azimuth = radians(light.azimuth_deg)
+    elevation = radians(light.elevation_deg)
+    lamp = room.light(LAMP)
+    level = cos(elevation)
+    lamp.dir = [-level * cos(azimuth), -level * sin(azimuth), -sin(elevation)]
+    lamp.diffuse = LAMP_STRENGTH * light.strength * np.array(rgba(light.colour)[:3])
+
+
+def colours_of(target: mujoco.MjSpec) -> Array:
+    """Return colours (n, 3) that a target has: those of its parts, and pixels of its pictures."""
+    model = target.copy().compile()
+    found = list[Array]()
+    for geom in range(model.ngeom):
+        material = model.geom_matid[geom]
+        textures = [] if material < 0 else [t for t in model.mat_texid[material] if t >= 0]
+        if textures:
+            begin = model.tex_adr[textures[0]]
+            size = model.tex_height[textures[0]] * model.tex_width[textures[0]]
+            pixels = model.tex_data[begin:][: 3 * size].reshape(-1, 3)
+            found.append(pixels[:: max(1, size // 16)] / 255.0)
+        else:
+            plain = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+            found.append(plain[None, :3].astype(float))
+    return np.concatenate(found)
+
+
+def _strew(
+    room: mujoco.MjSpec, clutter: ClutterConfig, alike: Array, rng: np.random.Generator
+) -> None:
+    shapes = list(SHAPES)
+    reach = room.geom(TABLE).size[:2]
+    for i in range(clutter.number):
+        shape = shapes[rng.integers(len(shapes))]
+        place = rng.uniform(-reach, reach)
+        turn = rng.uniform(0.0, 180.0)
+        length = rng.uniform(*LENGTHS)
+        slim = rng.uniform(SLIMMEST, 1.0)
+        own, of_target = rng.uniform(size=3), alike[rng.integers(len(alike))]
+        colour = of_target if rng.uniform() < clutter.alike else own
+        height = LOWEST + (HIGHEST - LOWEST) * (i + 1) / clutter.number
+        room.worldbody.add_geom(
+            pos=[*place, height / 2],
+            euler=[0.0, 0.0, turn],
+            rgba=[*colour, 1.0],
+            **SHAPES[shape if clutter.shape == "mixed" else clutter.shape](length, slim, height),
+            **PLAIN | {"group": 0},
+        )
+
+
+def _flat(length: float, width: float, height: float) -> dict[str, Any]:
+    return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [length / 2, width / 2, height / 2]}
+
+
+def _disc(length: float, slim: float, height: float) -> dict[str, Any]:
+    del slim
+    size: Sequence[float] = [length / 2, height / 2, 0]
+    return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": size}
+
+
+def _card(length: float, slim: float, height: float) -> dict[str, Any]:
+    return _flat(length, slim * length, height)
+
+
+def _bar(length: float, slim: float, height: float) -> dict[str, Any]:
+    del slim
+    return _flat(length, BAR * length, height)
+
+
+SHAPES: dict[str, Callable[[float, float, float], dict[str, Any]]] = {
+    "disc": _disc,
+    "card": _card,
+    "bar": _bar,
+}
+"""Geoms of the things, from length, width over length, and height."""

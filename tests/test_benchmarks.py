@@ -1,0 +1,303 @@
+"""The public benchmarks: their worlds, scores by hand, rows, and what is refused."""
+
+import hashlib
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from servo.bench import benchmark as benchmarks
+from servo.bench.benchmark import NAMES, Band, load
+from servo.bench.contestant import Contestant, Division, contestants, scale_of
+from servo.bench.row import Row, Won, check_version, row_of, shipped_rows, within, won
+from servo.bench.score import Difficulty, effects, standings
+from servo.bench.world_run import ERROR, PICTURE, jobs_of
+from servo.cli import benchmark_command, main
+from servo.mistake import Mistake
+from servo.report import benchmark_section
+from servo.study.run import Record
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def public(request):
+    return load(request.param)
+
+
+def row(name, areas, division="CLOSED", **more):
+    worlds = {f"plain-{i:02}": Won(area, area >= 0.9, "") for i, area in enumerate(areas)}
+    fields = dict.fromkeys(("command", "benchmark", "hash", "digest", "machine"), "x")
+    given = {"band": "dev", "settings": {}, "track_ms": 1.0, "versions": {}} | more
+    return Row(contestant=name, division=division, worlds=worlds, **fields, **given)
+
+
+def test_worlds_are_balanced_within_each_condition(public):
+    for condition in public.conditions:
+        worlds = public.worlds_of(condition, Band("v1"))
+        assert len({w.seed for w in worlds}) == len(worlds) == public.worlds
+        for key, (low, high) in condition.ranges.items():
+            parts = [(w.settings[key] - low) / (high - low) * len(worlds) for w in worlds]
+            assert sorted(np.floor(np.clip(parts, 0, len(worlds) - 1e-3))) == [*range(len(worlds))]
+        for factor, levels in condition.factors.items():
+            counts = [sum(w.levels[factor] == level for w in worlds) for level in levels]
+            assert max(counts) - min(counts) <= 1
+
+
+def test_bands_share_no_seed(public):
+    bands = [Band("dev"), Band("v1"), Band("sealed", "a headline", "abc")]
+    seeds = [{w.seed for w in public.every_world(band)} for band in bands]
+    assert not seeds[0] & seeds[1]
+    assert not (seeds[0] | seeds[1]) & seeds[2]
+    assert max(seeds[0]) < 1000
+    other = {w.seed for w in public.every_world(Band("sealed", "another headline", "abc"))}
+    assert not seeds[2] & other
+
+
+def test_every_world_is_a_valid_scenario(public):
+    ends = [one.settings for one in scale_of(public)]
+    for world in public.every_world(Band("dev"), 3):
+        for settings in ends:
+            scenario = public.scenario_of(world, settings)
+            assert scenario.run.seed == world.seed
+
+
+def test_the_frozen_versions_are_those_of_the_published_rows(public):
+    public.check_frozen()
+    for published in shipped_rows(public):
+        assert published.hash == public.hash
+        assert published.band == "v1"
+        assert published.rendering in ("", public.rendering)
+        assert len(published.worlds) == public.worlds * len(public.conditions)
+
+
+def test_a_changed_default_is_refused(public):
+    key = next(iter(public.frozen))
+    changed = replace(public, frozen=public.frozen | {key: "other"})
+    with pytest.raises(Mistake, match="when the benchmark was frozen"):
+        changed.check_frozen()
+    assert changed.hash != public.hash
+
+
+def test_any_edit_of_the_file_is_another_version(public):
+    edited = benchmarks.parsed(public.name, public.text + "\n", public.frozen, "")
+    assert edited.hash != public.hash
+
+
+def test_the_area_is_that_under_the_curve():
+    errors = np.array([0.1, 0.4, 1.7, 3.0, np.inf])
+    taus = np.linspace(0.0, 2.0, 200_001)
+    curve = [(errors <= tau).mean() for tau in taus[::100]]
+    assert within(errors, 2.0) == pytest.approx(np.mean(curve), abs=1e-3)
+
+
+def test_scores_by_hand():
+    """Areas .2 (still) and .8 (truth) fix the scale: a point is .006."""
+    rows = [row("still", [0.2] * 4), row("truth", [0.8] * 4)]
+    rows += [row("good", [0.8, 0.8, 0.5, 0.5]), row("poor", [0.2, 0.2, 0.5, 0.2])]
+    first, second = standings(rows)
+    assert (first.name, second.name) == ("good", "poor")
+    assert first.score.value == pytest.approx(75.0)
+    assert second.score.value == pytest.approx(12.5)
+    assert list(first.points.values()) == pytest.approx([100, 100, 50, 50])
+    # Three wins and a tie of four worlds.
+    assert first.beats_next == pytest.approx(3.5 / 4)
+    # Four worlds are too few to tell two contestants apart.
+    assert (first.first, first.last) == (1, 2)
+
+
+def test_ranks_part_where_one_is_always_better():
+    rng = np.random.default_rng(0)
+    areas = rng.uniform(0.3, 0.6, 30)
+    rows = [row("still", [0.1] * 30), row("a", areas + 0.2), row("b", areas), row("c", areas)]
+    best, *others = standings(rows)
+    assert (best.name, best.first, best.last) == ("a", 1, 1)
+    assert [(s.first, s.last) for s in others] == [(2, 3), (2, 3)]
+
+
+def test_a_table_needs_what_fixes_its_scale():
+    with pytest.raises(Mistake, match="the row 'still' is missing"):
+        standings([row("a", [1.0])])
+
+
+def test_worlds_that_tell_nothing_are_counted():
+    rows = [row("still", [0.0] * 3), row("a", [1.0, 1.0, 0.0]), row("b", [1.0, 0.0, 0.0])]
+    assert Difficulty.of(standings(rows)) == Difficulty(nobody=1, everybody=1, worlds=3)
+
+
+def test_main_effects_are_means_over_worlds():
+    loop = load("loop-v1")
+    worlds = loop.worlds_of(loop.conditions[0], Band("dev"))
+    areas = [1.0 if w.levels["target"] == "car" else 0.0 for w in worlds]
+    table = standings([row("still", [0.0] * 30), row("a", areas)])
+    found = {e.level: e.points.value for e in effects(worlds, table) if e.factor == "target"}
+    assert found == pytest.approx({"car": 100.0, "plate": 0.0, "box": 0.0, "mesh": 0.0})
+
+
+def test_the_slowest_tracker_that_holds():
+    one = row("a", [0.5], slow={"0": 1.0, "33": 0.7, "66": 0.5, "100": 0.4, "200": 0.6})
+    (standing,) = standings([row("still", [0.1]), one])
+    assert standing.slowest == 66.0
+
+
+def test_holding_and_arriving_are_judged_from_a_record():
+    errors = np.full(100, 0.5, np.float32)
+    errors[:6] = 1.5
+    record = Record(
+        subject="plain",
+        seed=0,
+        settings={PICTURE: "ab" * 32},
+        outcome="CONVERGED",
+        success=True,
+        measures={"end_position_mm": 9.0, "end_rotation_deg": 0.5},
+        series={ERROR: errors},
+    )
+    held = won(load("loop-v1"), record)
+    assert held == Won(pytest.approx(0.94 * 0.75 + 0.06 * 0.25), held=False, picture="ab" * 6)
+    assert won(load("servo-v1"), record).held
+    turned = replace(record, measures={"end_position_mm": 9.0, "end_rotation_deg": 1.5})
+    assert won(load("servo-v1"), turned) == Won(0.0, held=False, picture="ab" * 6)
+
+
+def test_a_row_of_another_version_is_refused(public):
+    with pytest.raises(Mistake, match="rows of two versions cannot be compared"):
+        check_version(public, row("a", [1.0]))
+
+
+@pytest.mark.parametrize(
+    ("given", "changes", "division"),
+    [
+        ("mean_shift", (), Division.HOME),
+        ("mine=kams:paper", (), Division.HOME),
+        ("mine=collections:Counter", (), Division.OPEN),
+        ("mine=trax:python mine.py", (), Division.CLOSED),
+        ("mean_shift", ("controller.gain=2",), Division.OPEN),
+    ],
+)
+def test_divisions(given, changes, division):
+    (one,) = contestants(load("loop-v1"), [given], changes)
+    assert one.division is division
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (["truth"], "the tracker 'truth' cannot compete"),
+        (["x="], "write NAME=KIND"),
+        (["kams", "kams"], "two contestants are called 'kams'"),
+        (["still=kams"], "two contestants are called 'still'"),
+    ],
+)
+def test_a_contestant_that_cannot_be(given, sentence):
+    with pytest.raises(Mistake) as found:
+        contestants(load("loop-v1"), given)
+    assert sentence in str(found.value)
+
+
+def test_the_digest_of_a_contestant_covers_its_program(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    program = tmp_path / "mine.py"
+    program.write_text("a = 1\n")
+    settings = {"tracker.kind": "trax", "tracker.command": "python mine.py"}
+    one = Contestant("mine", settings, Division.CLOSED)
+    before = one.digest
+    program.write_text("a = 2\n")
+    assert one.digest != before
+    assert len(before) == len(hashlib.sha256().hexdigest())
+
+
+def test_a_slow_tracker_runs_more_often_and_the_scale_does_not():
+    loop = load("loop-v1")
+    worlds = loop.every_world(Band("dev"), 1)
+    every = [*scale_of(loop), *contestants(loop, ["frozen"])]
+    jobs = jobs_of(loop, every, worlds)
+    assert len(jobs) == 3 * 12 + len(loop.slow.values)
+    assert len({job.digest for job in jobs}) == len(jobs)
+
+
+@pytest.fixture
+def short(monkeypatch, tmp_path):
+    """servo-v1 with its first task only."""
+    monkeypatch.chdir(tmp_path)
+    whole = load("servo-v1")
+    scenario = whole.scenario | {"run": {"duration": 1.0, "latency": 0}}
+    cut = replace(whole, conditions=whole.conditions[:1], scenario=scenario, frozen={})
+    monkeypatch.setattr(benchmark_command, "load", lambda _: cut)
+    monkeypatch.setattr(benchmark_section, "load", lambda _: cut)
+    return tmp_path
+
+
+def call(monkeypatch, capfd, *arguments):
+    monkeypatch.setattr("sys.argv", ["servobench", *arguments])
+    with pytest.raises(SystemExit) as left:
+        main.main()
+    out, err = capfd.readouterr()
+    return left.value.code, out, err
+
+
+def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd, short):
+    bench = ["bench", "servo-v1", "--workers", "1"]
+    quick = [*bench, "--quick", "--law", "points"]
+    code, out, err = call(monkeypatch, capfd, *quick, "--out", "o", "--submit", "row.json")
+    assert (code, err) == (0, "")
+    assert "points" in out
+    assert (short / "row.parquet").is_file()
+    assert call(monkeypatch, capfd, *bench, "--verify", "row.json")[:2] == (
+        0,
+        "points: 1 of 1 worlds agree, bit for bit\n",
+    )
+    assert call(monkeypatch, capfd, "report", "o")[0] == 0
+    assert "Points by condition" in (short / "o" / "report.html").read_text()
+    # What somebody writes into a row is found out.
+    table = json.loads((short / "row.json").read_text())
+    for world in table["worlds"].values():
+        world["area"] = 0.5
+    (short / "row.json").write_text(json.dumps(table))
+    code, out, _ = call(monkeypatch, capfd, *bench, "--verify", "row.json")
+    assert code == 1
+    assert out.startswith("points: 0 of 1 worlds agree")
+
+
+def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
+    command = ["bench", "servo-v1", "--law", "points", "--quick", "--workers", "1"]
+    for value in "ab":
+        assert call(monkeypatch, capfd, *command, "--sealed", value, "--out", value)[0] == 0
+    rows = [Row.read(short / value / "rows" / "points.json") for value in "ab"]
+    assert [row.value for row in rows] == ["a", "b"]
+    assert [row.band for row in rows] == ["sealed", "sealed"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("loop-v1 --tracker nobody", "there is no kind 'nobody'"),
+        ("loop-v1 --trackers kams", "loop-v1 has seeds of its own, and takes --contestant NAME"),
+        ("loop-v1 --submit x.json", "--submit takes the row of one contestant"),
+        ("loop-v1 --sealed x", "sealed worlds are drawn for one contestant"),
+        ("clutter --band v1", "--contestant, --set, --band, --sealed, --quick, --submit and"),
+        ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
+    ],
+)
+def test_wrong_options_end_in_a_sentence(monkeypatch, capfd, tmp_path, arguments, sentence):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(monkeypatch, capfd, "bench", *arguments.split())
+    assert code == 2
+    assert sentence in err
+
+
+def test_rows_and_their_parts_are_made_of_all_worlds():
+    loop = load("loop-v1")
+    record = Record(
+        subject="reversal",
+        seed=0,
+        settings={PICTURE: "", "contestant": "a", "world": "reversal-00", "slow": 0.0},
+        outcome="CONVERGED",
+        success=True,
+        measures={"track_ms": 2.0},
+        series={ERROR: np.array([0.5, 1.0, 2.5], np.float32)},
+    )
+    late = replace(record, settings=record.settings | {"slow": 33.0})
+    one = Contestant("a", {}, Division.OPEN)
+    found = row_of(loop, Band(), one, [record, late], "")
+    assert found.slow == {"0": 0.0, "33": 0.0}
+    assert found.curve[10] == pytest.approx(1 / 3, abs=1e-4)
+    assert found.worlds["reversal-00"].area == pytest.approx((0.75 + 0.5) / 3)
