@@ -67,10 +67,12 @@ def check_estimate(estimate: object, *_: object) -> None:
         s,
         LARGEST,
     )
-    right = isinstance(e.distance, Real) and 0 <= e.distance <= 1
-    require(right, "the distance is {}; it goes from 0 to 1", e.distance)
-    right = type(e.status) is Status
-    require(right, "the status is {!r}; use tracking.types.Status", e.status)
+    require(
+        isinstance(e.distance, Real) and 0 <= e.distance <= 1,
+        "the distance is {}; it goes from 0 to 1",
+        e.distance,
+    )
+    require(type(e.status) is Status, "the status is {!r}; use tracking.types.Status", e.status)
     flags = np.asarray(e.follows)
     require(
         flags.shape == (2,) and flags.dtype == np.bool_,
@@ -83,11 +85,15 @@ def check_estimate(estimate: object, *_: object) -> None:
     variances = np.diagonal(e.covariance)
     negative = (variances < -ROUNDING).any()
     require(not negative, "the variances are {}; none can be negative", variances)
-    right = e.corners is None or _is_array(e.corners, (4, 2))
-    require(right, "the corners are not four points (4, 2) of finite numbers")
+    require(
+        e.corners is None or _is_array(e.corners, (4, 2)),
+        "the corners are not four points (4, 2) of finite numbers",
+    )
     count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
-    right = e.particles is None or _is_array(e.particles, (count, 5))
-    require(right, "the particles are not (N, 5): x, y, theta, scale, weight")
+    require(
+        e.particles is None or _is_array(e.particles, (count, 5)),
+        "the particles are not (N, 5): x, y, theta, scale, weight",
+    )
 
 
 def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
@@ -118,8 +124,9 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
     # An error may hold nan: that of a feature which was not measured.
     right = right and (np.isfinite(found) | (np.isnan(found) & (method == "error"))).all()
     require(right, "{} returned {}; all must be finite", method, found)
-    right = method != "scales" or (found > 0).all()
-    require(right, "scales returned {}; all must be above 0", found)
+    require(
+        method != "scales" or (found > 0).all(), "scales returned {}; all must be above 0", found
+    )
 
 
 def check_names(features: FeatureSet) -> None:
@@ -132,14 +139,15 @@ def check_names(features: FeatureSet) -> None:
     k = len(names)
     right = len(set(names)) == k and set(map(type, names)) == {str}
     require(right, "names are {}; all must differ", names)
-    right = len(features.units) == k
-    require(right, "there are {} names and {} units", k, len(features.units))
+    require(len(features.units) == k, "there are {} names and {} units", k, len(features.units))
     require(set(features.feed_forward) <= {*names}, "feed_forward names features that are none")
-    sole = features.sole_dof
-    right = set(sole) <= {*names} and set(sole.values()) <= {*DOF}
+    right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
     require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
-    right = _is_array(features.noise, (k,)) and (features.noise > 0).all()
-    require(right, "noise is not {} numbers above 0", k)
+    require(
+        _is_array(features.noise, (k,)) and (features.noise > 0).all(),
+        "noise is not {} numbers above 0",
+        k,
+    )
 
 
 def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
@@ -184,8 +192,7 @@ def check_command(command: object, *_: object) -> None:
         command.twist,
     )
     kind = type(command.trace)
-    right = kind in (Trace, type(None))
-    require(right, "the trace is {}; use a Trace or None", kind.__name__)
+    require(kind in (Trace, type(None)), "the trace is {}; use a Trace or None", kind.__name__)
 
 
 def check_pose(pose: object, time: float) -> None:
@@ -218,8 +225,9 @@ def check_effect(effect: object, time: float) -> None:
     for name, factor in (("gain", effect.gain), ("lamp", effect.lamp)):
         right = isinstance(factor, Real) and 0 <= factor <= LARGEST
         require(right, "the {} is {!r}; it is a factor from 0 on", name, factor)
-    early = time < 0 and effect != Effect()
-    require(not early, "it does something before time 0; return Effect() there")
+    require(
+        time >= 0 or effect == Effect(), "it does something before time 0; return Effect() there"
+    )
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
@@ -343,5 +351,4 @@ def guarded(
             it may turn an exception into one that names the part.
         checked: Whether what the methods return is checked too.
     """
-    checks = _checks_of(place, part) if checked else {}
-    return cast(Built, _Guarded(part, checks, naming))
+    return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, naming))

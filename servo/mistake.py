@@ -3,7 +3,7 @@
 import difflib
 import errno
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
@@ -35,8 +35,7 @@ class Mistake(ValueError):
 
     def _render_traceback_(self) -> list[str]:
         """What a notebook shows: the sentence, and where it has a cause, the cause's traceback."""
-        cause = self.__cause__
-        raised = [] if cause is None else traceback.format_exception(cause)
+        raised = [] if self.__cause__ is None else traceback.format_exception(self.__cause__)
         return [*"".join(raised).splitlines(), f"{type(self).__name__}: {self}"]
 
 
@@ -90,3 +89,22 @@ def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
     near = difflib.get_close_matches(key, names, n=1)
     hint = f"did you mean '{near[0]}'?" if near else f"there is {', '.join(names)}"
     return f"there is no {what} '{key}'; {hint}"
+
+
+def check_known(
+    names: Iterable[str], known: Collection[str], place: str, what: str = "key"
+) -> None:
+    """Refuse names that do not exist.
+
+    Args:
+        names: Those that are given.
+        known: All that exist.
+        place: Where they are given, such as a file or an option.
+        what: Their kind, such as "claim".
+
+    Raises:
+        Mistake: The first that does not exist, with the one that may be meant.
+    """
+    for name in names:
+        if name not in known:
+            raise Mistake(f"{place}: {unknown(name, known, what)}")

@@ -79,8 +79,7 @@ class TextTable:
     def __repr__(self) -> str:
         rows = [self.arrow.column_names, *self._rows()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
-        return "\n".join(lines)
+        return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
     def _repr_html_(self) -> str:
         return html_table(Table(self.arrow.column_names, self._rows()))
@@ -108,14 +107,12 @@ def _text(cell: Cell) -> str:
 
 def html_picture(png: bytes) -> str:
     """Return a PNG picture as HTML."""
-    return f'<img style="max-width:100%" src="data:image/png;base64,{_base64(png)}">'
+    return (
+        f'<img style="max-width:100%" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
+    )
 
 
 def html_film(mp4: bytes) -> str:
     """Return a film as HTML."""
-    source = f"data:video/mp4;base64,{_base64(mp4)}"
+    source = f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
     return f'<video controls loop style="max-width:100%" src="{source}"></video>'
-
-
-def _base64(raw: bytes) -> str:
-    return base64.b64encode(raw).decode()

@@ -85,7 +85,6 @@ class Estimator(Protocol):
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""
-        ...
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction after a frame.
@@ -113,7 +112,6 @@ class Forgets(Protocol):
         """Take back the last measurement: the target is hidden in this picture, and was partly
         hidden in the one before. Does nothing if no measurement came last.
         """
-        ...
 
 
 @runtime_checkable
@@ -124,7 +122,6 @@ class NeedsTruth(Protocol):
         """Take the true de/dt (k,) of the target's own motion while the next command acts, over
         `FeatureSet.scales`; called before each `update` or `skip`.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +151,9 @@ class Controller(Protocol):
         Raises:
             ValueError: A setting does not fit the features.
         """
-        ...
 
     def aim(self, goal: Sight) -> None:
         """Go on with another goal."""
-        ...
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the twist to ask for now.

@@ -84,8 +84,7 @@ def simulate(
             pictures.append(encoded(step.frame.image, QUALITY))
             steps.append(replace(step, frame=step.light().frame))  # with its particles
             bar(len(steps), f"error {step.servo_error:.1f} px")
-    job = Job(0, LoadedScenario(scenario), scenario.run.seed)
-    record = record_of(job, scenario, steps)
+    record = record_of(Job(0, LoadedScenario(scenario), scenario.run.seed), scenario, steps)
     return Run(scenario, record, episode, steps, pictures)
 
 
@@ -305,8 +304,7 @@ class Sweep:
     @cached_property
     def cells(self) -> Any:
         """A row for each combination of axis values: success rate and means with 95 % intervals."""
-        text = cells_csv(self.study, self._cells).encode()
-        table = csv.read_csv(pa.BufferReader(text))
+        table = csv.read_csv(pa.BufferReader(cells_csv(self.study, self._cells).encode()))
         numbers = [pa.float64() if pa.types.is_null(t) else t for t in table.schema.types]
         return notebook.frame_of(
             table.cast(pa.schema(zip(table.column_names, numbers, strict=True)))

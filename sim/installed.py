@@ -58,10 +58,9 @@ def entries() -> dict[str, set[Installed]]:
     for package in metadata.distributions():
         with suppress(Exception):  # another person's file: no UTF-8, no metadata, no name
             text = package.read_text("entry_points.txt") or ""
-            if GROUPS not in text:
-                continue
-            if metadata.distribution(package.name).read_text("entry_points.txt") != text:
-                continue  # another one of this name comes first
+            first = GROUPS in text and metadata.distribution(package.name)
+            if not first or first.read_text("entry_points.txt") != text:
+                continue  # it brings nothing, or another one of this name comes first
             for e in package.entry_points:
                 path = e.value.partition("[")[0].replace(" ", "")
                 kind = Installed(e.name, package.name, package.version, path)

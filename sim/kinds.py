@@ -48,7 +48,7 @@ class PartConfig(Protocol[Thing]):
 class BuildsItself:
     """Settings that do the work, too: the part draws nothing."""
 
-    def build(self, rng: np.random.Generator) -> Self:  # noqa: ARG002
+    def build(self, rng: np.random.Generator) -> Self:
         """Return the part; draws nothing."""
         return self
 
@@ -297,8 +297,7 @@ def field_docs(config: type[Any]) -> dict[str, str]:
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):
         try:
-            source = dedent(inspect.getsource(base))
-            body = cast(ast.ClassDef, ast.parse(source).body[0]).body
+            body = cast(ast.ClassDef, ast.parse(dedent(inspect.getsource(base))).body[0]).body
         except (OSError, TypeError, SyntaxError):  # a class made by a function
             continue
         for node, after in itertools.pairwise(body):

@@ -54,14 +54,13 @@ class BelievedConfig:
     def camera(self, camera: Camera) -> Camera:
         """Return the believed camera; the same object where nothing of it is wrong."""
         f = self.fx_factor
-        lens = None if self.ignore_distortion else camera.distortion
         believed = replace(
             camera,
             fx=camera.fx * f,
             fy=camera.fy * f,
             cx=camera.cx + self.cx_shift,
             cy=camera.cy + self.cy_shift,
-            distortion=lens,
+            distortion=None if self.ignore_distortion else camera.distortion,
         )
         return camera if believed == camera else believed
 
@@ -106,12 +105,11 @@ class BelievedRobot:
         self._robot = Robot(model, design)
         self._data = mujoco.MjData(model)
         _move_site(model, believed.hand_eye)
-        drives = design.drives
         names = robot.names
         self._offsets = each_joint("believed.joint_offsets", believed.joint_offsets, names)
-        self._noise = each_joint("robot.encoder_noise", drives.encoder_noise, names)
-        self._step = each_joint("robot.encoder_step", drives.encoder_step, names)
-        self._slack = each_joint("robot.backlash", drives.backlash, names) / 2
+        self._noise = each_joint("robot.encoder_noise", design.drives.encoder_noise, names)
+        self._step = each_joint("robot.encoder_step", design.drives.encoder_step, names)
+        self._slack = each_joint("robot.backlash", design.drives.backlash, names) / 2
         self._play = np.zeros(len(names))
         self._last: tuple[float, Pose] | None = None
 
@@ -122,7 +120,6 @@ class BelievedRobot:
 
     def jacobian(self, data: mujoco.MjData) -> Array:
         """The believed one, as of the last reading."""
-        del data
         return self._robot.jacobian(self._data)
 
     def driven(self, rates: Array, hold: float) -> Array:
@@ -187,6 +184,5 @@ def _move_site(model: mujoco.MjModel, T_camera_believed: Pose) -> None:
     site = model.site(CAMERA).id
     R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
     model.site_pos[site] += R @ T_camera_believed.translation
-    moved = R @ T_camera_believed.rotation @ VISION_FROM_MUJOCO.T
-    model.site_quat[site] = quaternion_of(moved)
+    model.site_quat[site] = quaternion_of(R @ T_camera_believed.rotation @ VISION_FROM_MUJOCO.T)
     model.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

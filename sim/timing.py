@@ -1,7 +1,5 @@
 """Rates against each other: physics steps in a period, and those at which rows are exposed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import ceil
 
@@ -28,7 +26,7 @@ class Rates:
     """Physics steps from one update of the drives to the next."""
 
     @staticmethod
-    def of(physics_rate: float, drive_rate: float, rate: float) -> Rates:
+    def of(physics_rate: float, drive_rate: float, rate: float) -> "Rates":
         """The rates nearest to those asked for [Hz] in which a frame has whole steps.
 
         Where the camera's rate does not divide the physics rate, physics gets faster, never slower,

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from servoing import CAMERA, OUTLINE
+from servoing import CAMERA, OUTLINE, planar_pose
 
-from servo.sight.planar_pose import UNIT, CornersToPose, planar_pose
+from servo.sight.planar_pose import UNIT, CornersToPose
 from sim import placement
 from sim.geometry import exp_so3
 from sim.types import Pose

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from schemes import features_of, pose_of, seen_in
+from servoing import planar_pose as pose_of_corners
 from servoing import posture_of
 
 from servo.controllers import ibvs
@@ -106,7 +107,7 @@ def test_a_sign_in_the_choice_between_the_two_poses(monkeypatch):
     def flipped():
         found = 0
         for _, _, seen in situations():
-            near = planar_pose.planar_pose(seen.corners, size, seen.pose)
+            near = pose_of_corners(seen.corners, size, seen.pose)
             found += np.linalg.norm(near.rotation - seen.pose.rotation) > 0.1
         return found
 

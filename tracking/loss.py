@@ -64,11 +64,10 @@ class LossJudge:
         """Largest distance that is believed: the median of the good frames plus `SIGMAS` robust
         standard deviations, between floor and cap; the cap while there are only a few.
         """
-        c = self._limits
         if len(self._good) < FEW:
-            return c.cap
+            return self._limits.cap
         middle, sigma = self._usual()
-        return min(max(middle + SIGMAS * sigma, c.floor), c.cap)
+        return min(max(middle + SIGMAS * sigma, self._limits.floor), self._limits.cap)
 
     @property
     def locked(self) -> bool:

@@ -129,7 +129,6 @@ class Tracker(Protocol):
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the target from the first frame."""
-        ...
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Find the target in the next frame.
@@ -150,7 +149,6 @@ class NeedsTruth(Protocol):
 
     def give(self, truth: Truth) -> None:
         """Take where the target is; called before `start` and each `update`."""
-        ...
 
 
 SMALLEST_SIDE = 4.0

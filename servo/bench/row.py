@@ -25,7 +25,7 @@ from servo.bench.world_run import (
     WORLD,
 )
 from servo.mistake import Mistake
-from servo.output.formats import Made, read
+from servo.output.formats import Made
 from servo.output.versions import versions
 from servo.study.run import Record
 from servo.study.scenario_run import TRACK_MS
@@ -200,7 +200,7 @@ def rows_in(paths: Iterable[Path]) -> list[Row]:
     Raises:
         Mistake: A file cannot be read, or is no row.
     """
-    return [read(path, Row) for path in sorted(paths)]
+    return [Row.read(path) for path in sorted(paths)]
 
 
 def check_version(benchmark: Benchmark, row: Row) -> None:

@@ -1,11 +1,9 @@
 """The command `servobench check`: test scenarios against their bounds, also for other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 from rich.console import Console
@@ -15,13 +13,12 @@ from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, Refused, check_suffix, one_line, unwritable
-from servo.output.formats import Made, Number, command_line
+from servo.output.formats import Made, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
 from servo.scenario.toml import assignment
-from servo.study.bounds import MissedBound
 from servo.study.execute import Workers, check_number, execute
 from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario
@@ -34,53 +31,30 @@ TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CheckedRun:
-    """One run of a check."""
-
-    scenario: str
-    seed: int
-    command: str
-    """The command that repeats it."""
-    seconds: float = 0.0
-    """Wall-clock time."""
-    outcome: str = ""
-    measures: dict[str, Number | None]
-    missed: list[MissedBound]
-    """The bounds that were not kept."""
-    failed: str = ""
-    """Why there is no outcome, in a sentence."""
-
-    @staticmethod
-    def of(job: Job, end: Record | Failure) -> CheckedRun:
-        """How a job ended."""
-        if isinstance(end, Failure):
-            return CheckedRun(
-                scenario=job.subject.name,
-                seed=job.seed,
-                command=job.command,
-                measures={},
-                missed=[],
-                failed=end.reason,
-            )
-        return CheckedRun(
-            scenario=end.subject,
-            seed=end.seed,
-            command=end.command,
-            seconds=end.seconds,
-            outcome=end.outcome,
-            measures={name: number(end.measures[name]) for name in MEANINGS},
-            missed=list(end.missed),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
     """The file of --json."""
 
     FILE: ClassVar[str] = "check.json"
     KIND: ClassVar[str] = "check"
 
-    runs: list[CheckedRun]
+    runs: list[dict[str, Any]]
+    """One for each run: scenario, seed, the command that repeats it, seconds of wall-clock time,
+    outcome, measures, the bounds that were missed, and in `failed` why there is no outcome."""
+
+
+def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
+    failed = isinstance(end, Failure)
+    found = {} if failed else end.measures
+    return {
+        "scenario": job.subject.name,
+        "seed": job.seed,
+        "command": job.command,
+        "seconds": 0.0 if failed else end.seconds,
+        "outcome": "" if failed else end.outcome,
+        "measures": {name: number(found[name]) for name in MEANINGS if name in found},
+        "missed": [] if failed else list(end.missed),
+        "failed": end.reason if failed else "",
+    }
 
 
 def check_scenarios(
@@ -121,7 +95,7 @@ def check_scenarios(
         plain(console, f"check: {len(jobs):,} runs")
     ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
-    _write([CheckedRun.of(*one) for one in ends], junit, json, again)
+    _write([_described(*one) for one in ends], junit, json, again)
     records = [(job, end) for job, end in ends if isinstance(end, Record)]
     if records:
         print_table(console, _table(records))
@@ -131,12 +105,11 @@ def check_scenarios(
     return max(_print_failures(ends), any(record.missed for _, record in records))
 
 
-def _write(runs: list[CheckedRun], junit: Path | None, json: Path | None, command: str) -> None:
+def _write(runs: list[dict[str, Any]], junit: Path | None, json: Path | None, command: str) -> None:
     if junit is not None:
         _write_file(junit, _junit(runs))
     if json is not None:
-        found = CheckFile(command=command, versions=versions(), runs=runs)
-        _write_file(json, found.text())
+        _write_file(json, CheckFile(command=command, versions=versions(), runs=runs).text())
 
 
 def _check_changes(changes: Sequence[str]) -> None:
@@ -226,24 +199,24 @@ def _write_file(path: Path, content: str) -> None:
         raise unwritable(path, error, "this file") from None
 
 
-def _junit(runs: list[CheckedRun]) -> str:
+def _junit(runs: list[dict[str, Any]]) -> str:
     """A test case for each run: what was missed, with the command that repeats it."""
     suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(runs)))
     for run in runs:
         case = ElementTree.SubElement(
             suite,
             "testcase",
-            classname=f"servobench.{one_line(run.scenario)}",
-            name=one_line(f"{run.scenario}, seed {run.seed}"),
-            time=f"{run.seconds:.3f}",
+            classname=f"servobench.{one_line(run['scenario'])}",
+            name=one_line(f"{run['scenario']}, seed {run['seed']}"),
+            time=f"{run['seconds']:.3f}",
         )
-        message = run.failed or "; ".join(map(str, run.missed))
+        message = run["failed"] or "; ".join(map(str, run["missed"]))
         if message:
-            tag = "error" if run.failed else "failure"
+            tag = "error" if run["failed"] else "failure"
             found = ElementTree.SubElement(case, tag, message=one_line(message))
-            found.text = one_line(f"again: {run.command}")
+            found.text = one_line(f"again: {run['command']}")
     for plural, tag in (("failures", "failure"), ("errors", "error")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
-    suite.set("time", f"{sum(run.seconds for run in runs):.3f}")
+    suite.set("time", f"{sum(run['seconds'] for run in runs):.3f}")
     ElementTree.indent(suite)
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"

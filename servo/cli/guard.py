@@ -42,8 +42,7 @@ WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 def guarded(command: Callable[[], Any]) -> None:
     """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
-    for name, value in ENVIRONMENT.items():
-        os.environ.setdefault(name, value)
+    os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
     if os.environ.get("COLUMNS", "").strip("0") == "":
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
@@ -56,7 +55,7 @@ def guarded(command: Callable[[], Any]) -> None:
         if platform.system() == "Windows":
             raise Mistake(WINDOWS)
         check_environment()
-        _with_memory(command)
+        command()
     except SystemExit as end:  # of every command that click has run
         printer.flush()
         if printer.refused is not None and not end.code:
@@ -68,7 +67,10 @@ def guarded(command: Callable[[], Any]) -> None:
         _end(str(error), REFUSED)
     except OSError as error:
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
-    except MemoryError:
+    except (MemoryError, ImportError) as error:
+        # A library that cannot be loaded within a limit of memory needs more of it.
+        if isinstance(error, ImportError) and not _memory_limit():
+            raise
         _end("there is not enough memory for this", REFUSED)
 
 
@@ -87,16 +89,6 @@ def _say_warnings_in_a_line() -> None:
 def _end(sentence: str, code: int) -> None:
     print(f"servobench: {sentence}{_memory_limit()}", file=sys.stderr)
     sys.exit(code)
-
-
-def _with_memory(command: Callable[[], Any]) -> None:
-    """Run a command; a library that cannot be loaded within a limit of memory needs more of it."""
-    try:
-        command()
-    except ImportError as error:
-        if _memory_limit():
-            raise MemoryError from error
-        raise
 
 
 def _memory_limit() -> str:

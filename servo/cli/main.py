@@ -348,8 +348,7 @@ def robot(model: str, out: Path, **given: Any) -> None:
     """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
     from servo.cli.robot_command import examine
 
-    named = {key: value for key, value in given.items() if value}
-    sys.exit(examine({"model": model} | named, out))
+    sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
 
 
 def main() -> None:

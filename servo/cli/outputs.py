@@ -79,12 +79,11 @@ class Outputs:
     def of_run(self, episode: Episode, viewer: LiveViewer | None) -> dict[Path | str, Sink]:
         """What takes the steps of a run."""
         found: dict[Path | str, Sink] = {}
-        scenario = episode.scenario
         if self.video is not None:
             from servo.output.film import RunFilm
 
-            title = f"{scenario.name}, seed {scenario.run.seed}"
-            found[self.video] = RunFilm(self.video, title, scenario.run.duration)
+            title = f"{episode.scenario.name}, seed {episode.scenario.run.seed}"
+            found[self.video] = RunFilm(self.video, title, episode.scenario.run.duration)
         if self.mcap is not None:
             from servo.output.mcap_file import RunMcap
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, print_estimate
 from servo.cli.terminal import complain, escape, plain, print_table
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake, check_known
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.papers.claim import WORDS, Claim, Effort, Evidence, Verdict
@@ -76,8 +76,7 @@ def run(
             store.find(jobs[claim.name])
             if complete_jobs(jobs[claim.name], store, pool, console, claim.name, GOES_ON):
                 continue
-            records = store.records(jobs[claim.name])
-            verdict = claim.judge(Evidence(records, effort, folder))
+            verdict = claim.judge(Evidence(store.records(jobs[claim.name]), effort, folder))
             if verdict.figure is not None:
                 save(verdict.figure, atomic.folder(folder, FIGURES), f"{claim.name}.png")
             verdicts[claim.name] = verdict
@@ -124,9 +123,7 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
         Mistake: There is no such claim, or none of the claims uses the given sequences.
     """
     there = {claim.name: claim for claim in (*CLAIMS, *TUNING)}
-    for name in names:
-        if name not in there:
-            raise Mistake(f"papers: {unknown(name, there, 'claim')}")
+    check_known(names, there, "papers", "claim")
     chosen = [there[name] for name in names] if names else list(CLAIMS)
     if effort.sequences is not None and there[JOINED] not in chosen:
         raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")

@@ -8,7 +8,6 @@ from math import atan2, degrees, isfinite
 from pathlib import Path
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 from rich.console import Console
@@ -32,6 +31,7 @@ from sim.robots import mjcf
 from sim.targets import car
 from sim.types import Array, Image
 from sim.world import World, WorldParts
+from tracking.drawing.picture_bytes import encoded
 
 DEPTH = 1.0
 """How far from the target a scenario begins by default [m]."""
@@ -90,9 +90,8 @@ def examine(given: dict[str, Any], out: Path) -> int:
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
     plain(console, f"{_reach_text(reach)}\n{left}\n\n{_toml(config, chain)}\n")
-    encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
     try:
-        out.write_bytes(encoded)
+        out.write_bytes(encoded(picture))
     except OSError as error:
         raise unwritable(out, error, "this picture") from None
     plain(console, str(out))
@@ -198,11 +197,10 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
         robot: The robot.
         height: Where the camera shall be over the table [m].
     """
-    model = robot.model
-    data = mujoco.MjData(model)
+    data = mujoco.MjData(robot.model)
     rows: list[list[float]] = []
     far = 0.0
-    for q in random_joints(model, robot.ids, np.random.default_rng(0), SAMPLES):
+    for q in random_joints(robot.model, robot.ids, np.random.default_rng(0), SAMPLES):
         data.qpos[robot.qpos] = q
         robot.refresh(data)
         eye = robot.eye(data)

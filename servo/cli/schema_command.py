@@ -128,7 +128,6 @@ class _Json(GenerateJsonSchema):
     """Writes schemas as TOML needs them: without null, and without titles that repeat the key."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
-        del schema
         return False
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> Schema:
@@ -141,11 +140,11 @@ class _Json(GenerateJsonSchema):
 
 def scenario_schema(more: Schema) -> Schema:
     """Return the schema of a scenario's file, given those of the tables that are no settings."""
-    tables: dict[str, Any] = {name: form(SECTIONS[name], described=True) for name in SECTIONS}
-    for name, (kinds, default) in PLUGINS.items():
-        tables[name] = _table_of_kind(name, kinds, default)
-    for name, kinds in LISTS.items():
-        tables[name] = list[_table_of_kind(name, kinds)]
+    tables: dict[str, Any] = {
+        **{name: form(config, described=True) for name, config in SECTIONS.items()},
+        **{name: _table_of_kind(name, *of) for name, of in PLUGINS.items()},
+        **{name: list[_table_of_kind(name, kinds)] for name, kinds in LISTS.items()},
+    }
     members: dict[str, Any] = {name: (table, None) for name, table in tables.items()}
     scenario = create_model("Scenario", __config__=STRICT, **members)
     found = scenario.model_json_schema(schema_generator=_Json)
@@ -175,8 +174,7 @@ def _model(name: str, kinds: Kinds[Any], kind: str, default: str) -> type[BaseMo
     if presets := kinds.presets(kind):
         about = Field(None, description="Settings that are not given.")
         members["preset"] = (Literal[*presets], about)
-    for key in getattr(config, "not_from_file", ()):
-        members[key] = (SkipJsonSchema[Any], None)
+    members |= dict.fromkeys(getattr(config, "not_from_file", ()), (SkipJsonSchema[Any], None))
     base = form(config, described=True)
     about = kinds.summary(kind)
     return create_model(f"{name} {kind}", __base__=base, __doc__=about, **members)

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.terminal import complain, escape, plain, print_table
-from servo.mistake import Mistake, unknown
+from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
 from servo.report.words import Table
@@ -58,9 +58,7 @@ def run(
 
 def _measures(text: str) -> list[str]:
     names = [name.strip() for name in text.split(",")]
-    for name in names:
-        if name not in MEASURED:
-            raise Mistake(f"--measures: {unknown(name, MEASURED, 'measure')}")
+    check_known(names, MEASURED, "--measures", "measure")
     return list(dict.fromkeys(names))
 
 

@@ -123,12 +123,11 @@ def run(request: TrackRequest) -> int:
     folder = prepare(request.out, name)
     comparison = None
     announce(viewer, console)
-    image = first.picture.image
     # A live source does not wait: what takes time beside the tracker would cost pictures.
     if (
-        image is not None
+        first.picture.image is not None
         and source.count is not None
-        and (line := advice(config, image, region, start))
+        and (line := advice(config, first.picture.image, region, start))
     ):
         plain(console, line)
     more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)

@@ -1,7 +1,5 @@
 """Linear bounds on a camera twist, of its speed, of joints and of the view, each with its name."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +32,7 @@ class Bounds:
     names: tuple[tuple[str, str], ...]
     """Of each lower and upper bound."""
 
-    def __add__(self, other: Bounds) -> Bounds:
+    def __add__(self, other: "Bounds") -> "Bounds":
         return Bounds(
             np.concatenate([self.A, other.A]),
             np.concatenate([self.lower, other.lower]),

@@ -2,8 +2,6 @@
 that it leaves free.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 from typing import Literal
@@ -42,7 +40,9 @@ class Inverse:
         return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
     @staticmethod
-    def of(L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array) -> Inverse:
+    def of(
+        L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array
+    ) -> "Inverse":
         """Return the inverse over some features and some degrees of freedom.
 
         W (L W)+ minimises |W^-1 v|: a degree of freedom with a small weight moves little, with the

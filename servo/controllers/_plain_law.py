@@ -5,8 +5,6 @@ the twist (6,) or a `Command`; the camera stands still in the others. Arguments 
 the settings of such a law.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Hashable
 from dataclasses import asdict, make_dataclass, replace

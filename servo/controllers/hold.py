@@ -1,7 +1,5 @@
 """The camera stays where it is. The baseline, and the way to test a tracker by itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -16,7 +14,7 @@ from sim.types import Posture
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Hold:
+    def build(self, rng: np.random.Generator) -> "Hold":
         """Return the controller; it draws nothing."""
         return Hold()
 

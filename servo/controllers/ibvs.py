@@ -10,8 +10,6 @@ minimum-norm pseudo-inverse tilt the camera while every error is small, so the d
 vx, vy, vz and wz.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -37,7 +35,7 @@ PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an",
 class Config(LawSettings):
     """The control law."""
 
-    def build(self, rng: np.random.Generator) -> Ibvs:
+    def build(self, rng: np.random.Generator) -> "Ibvs":
         """Return the controller; it draws nothing."""
         return Ibvs(self)
 

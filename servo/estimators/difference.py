@@ -2,8 +2,6 @@
 explain.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -19,7 +17,7 @@ from sim.types import Array
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Plain:
+    def build(self, rng: np.random.Generator) -> "Plain":
         """Return the estimator; it draws nothing."""
         return Plain()
 

@@ -6,8 +6,6 @@ error_kalman; the second one lets the velocity jump. How likely each is now deci
 counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -35,7 +33,7 @@ IMPOSSIBLE = 1e-300
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Imm:
+    def build(self, rng: np.random.Generator) -> "Imm":
         """Return the estimator; it draws nothing."""
         return Imm((motion, partial(motion, jump=JUMP)))
 

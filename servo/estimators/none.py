@@ -1,7 +1,5 @@
 """No estimate: the target is taken to stand still, and a moving one is followed with a lag."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -16,7 +14,7 @@ from sim.types import Array
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Nothing:
+    def build(self, rng: np.random.Generator) -> "Nothing":
         """Return the estimator; it draws nothing."""
         return Nothing()
 

@@ -3,8 +3,6 @@
 The loop has no truth; the simulation gives it with each frame (`motion_true` of `Loop.step`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -19,7 +17,7 @@ from sim.types import Array
 class Config:
     """Nothing to set."""
 
-    def build(self, rng: np.random.Generator) -> Ideal:
+    def build(self, rng: np.random.Generator) -> "Ideal":
         """Return the estimator; it draws nothing."""
         return Ideal()
 

@@ -10,8 +10,6 @@ ViSP 3.5's first element is wrong for tilted planes (a factor 1/2 is missing); o
 finite differences. Twist order: vx, vy, vz, wx, wy, wz.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import hypot, sqrt
 
@@ -38,7 +36,7 @@ class Spread:
     """Inverse depth of the plane at the centroid."""
 
     @staticmethod
-    def of(m: Moments, plane: Plane) -> Spread:
+    def of(m: Moments, plane: Plane) -> "Spread":
         """Return those of these moments, in this plane."""
         n20 = 4 * m.mu20 / m.area
         n11 = 4 * m.mu11 / m.area

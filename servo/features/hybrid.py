@@ -1,7 +1,5 @@
 """Image of the centre, its depth, rotation: 2 1/2 D (Malis, Chaumette, Boudet 1999)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log
@@ -22,7 +20,7 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 class Config:
     """Nothing to set."""
 
-    def build(self, outline: Array) -> HybridFeatures:
+    def build(self, outline: Array) -> "HybridFeatures":
         """Return the features of any target."""
         return HybridFeatures()
 

@@ -6,8 +6,6 @@ with the area a, the centroid (xg, yg) and the central moments mu of the silhoue
 image coordinates (Tahri and Chaumette 2005; Teuliere, Marchand and Eck 2009, section VI).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -49,7 +47,7 @@ class Config:
     scaling: Scaling = Scaling.METRIC
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
 
-    def build(self, outline: Array) -> MomentFeatures:
+    def build(self, outline: Array) -> "MomentFeatures":
         """Return the features of a target whose reference rectangle has corners (4, 3) [m]."""
         root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         return MomentFeatures(self.scaling, root_area)

@@ -1,7 +1,5 @@
 """Brightness of all pixels against the goal's, no tracker (Collewet, Marchand 2011)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
@@ -27,7 +25,7 @@ RANK_TOLERANCE = 1e-6
 class Config:
     """Nothing to set; the pixels' interaction matrix is taken at the goal."""
 
-    def build(self, outline: Array) -> PhotometricFeatures:
+    def build(self, outline: Array) -> "PhotometricFeatures":
         """Return the features of any picture."""
         return PhotometricFeatures()
 

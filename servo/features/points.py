@@ -1,7 +1,5 @@
 """Image coordinates of the four corners: image-based servoing (Chaumette, Hutchinson 2006)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -20,7 +18,7 @@ NOISE = 2e-4
 class Config:
     """Nothing to set."""
 
-    def build(self, outline: Array) -> PointFeatures:
+    def build(self, outline: Array) -> "PointFeatures":
         """Return the features of any target."""
         return PointFeatures()
 

@@ -1,7 +1,5 @@
 """Polar coordinates of the four corners: best for pure turns (Iwatsuki, Okiyama 2005)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -21,7 +19,7 @@ NOISE = (2e-4, 1e-3)
 class Config:
     """Nothing to set."""
 
-    def build(self, outline: Array) -> PolarFeatures:
+    def build(self, outline: Array) -> "PolarFeatures":
         """Return the features of any target."""
         return PolarFeatures()
 

@@ -1,7 +1,5 @@
 """Translation and rotation: position-based servoing (Chaumette, Hutchinson 2006)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, final
@@ -27,7 +25,7 @@ class Config:
     """"cdMc": of the camera as the goal's camera sees it, so that the camera goes straight; "cMo":
     of the target, so that its centre goes straight in the image."""
 
-    def build(self, outline: Array) -> PoseFeatures:
+    def build(self, outline: Array) -> "PoseFeatures":
         """Return the features of any target."""
         return PoseFeatures(self.error)
 

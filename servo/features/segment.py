@@ -1,7 +1,5 @@
 """Middle, length and angle of the two long sides (Espiau, Chaumette, Rives 1992)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import final
 
@@ -27,7 +25,7 @@ class Config:
     """Whether xc/l, yc/l, 1/l stand for xc, yc, l: the matrix is then simpler where the target
     faces the camera."""
 
-    def build(self, outline: Array) -> SegmentFeatures:
+    def build(self, outline: Array) -> "SegmentFeatures":
         """Return the features of any target."""
         return SegmentFeatures(self.normalised)
 

@@ -1,7 +1,5 @@
 """One run: a world and the loop that watches and steers in it, as steps, and what they measure."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
@@ -85,11 +83,10 @@ class Episode:
         with ExitStack() as unless_ready:
             unless_ready.callback(self.close)  # the caller has nothing to close
             self.world = self._build_world(renderer, seen=seen or shows_goal)
-            true = self.world.camera
             outline = self.world.outline
             with self._refusals():
-                self.loop = Loop(scenario, self.world.camera_believed, outline, true)
-            self.goal = Goal(scenario.goal, outline, true, true)
+                self.loop = Loop(scenario, self.world.camera_believed, outline, self.world.camera)
+            self.goal = Goal(scenario.goal, outline, self.world.camera, self.world.camera)
             """How the true camera shall see the target."""
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
             self.goal_picture = goal
@@ -113,7 +110,7 @@ class Episode:
         if hasattr(self, "world"):
             self.world.close()
 
-    def __enter__(self) -> Episode:
+    def __enter__(self) -> "Episode":
         return self
 
     __exit__ = close
@@ -150,13 +147,12 @@ class Episode:
 
     def _build(self, part: Part, draws: str = "") -> Any:
         """Return what a part's `Config` builds."""
-        config = part.config
         before, built = self._kept.get(part.place, (None, None))
-        if before != config:
+        if before != part.config:
             with self._refusals():
                 built = part.build(stream(self.scenario.run.seed, draws or part.place))
-        if type(config).__module__.startswith(DRAW_NOTHING):
-            self._kept[part.place] = config, built
+        if type(part.config).__module__.startswith(DRAW_NOTHING):
+            self._kept[part.place] = part.config, built
         return part.guarded(built) if hasattr(built, "at") else built
 
     def _picture_at_goal(self) -> Image:
@@ -223,8 +219,7 @@ class Episode:
     def _goal_sight(self, time: float) -> Sight:
         """Return how the target shall be seen, by the true camera."""
         believed = self.running.goal_sight
-        world = self.world
-        if world.camera_believed is world.camera:
+        if self.world.camera_believed is self.world.camera:
             return believed
         return replace(self.goal.sight(time), picture=believed.picture)
 
@@ -252,7 +247,6 @@ class Episode:
         self._truths[frame.index] = now.truth
         timeline.advance(frame, now.believed)
         latest = timeline.latest
-        decision = latest.decision
         self._truths = {i: t for i, t in self._truths.items() if i >= latest.picture}
         return Step(
             scene=self._scene,
@@ -263,14 +257,14 @@ class Episode:
             goal_theta=self.goal.theta,
             goal_size=self.goal.size(frame.time),
             goal_sight=self._goal_sight(frame.time),
-            estimate=decision.estimate,
+            estimate=latest.decision.estimate,
             truth_estimated=self._truths[latest.picture],
             picture=latest.picture,
             decided=timeline.decided > 0,
             age=latest.age,
             skipped=latest.skipped,
-            command=decision.command,
-            motion_measured=decision.motion_measured,
+            command=latest.decision.command,
+            motion_measured=latest.decision.motion_measured,
             bodies=now.bodies,
             posture=now.posture,
             rates=now.rates,

@@ -28,17 +28,14 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 def events(before: Step | None, step: Step) -> list[Event]:
     """Return what is new in a step."""
     found: list[Event] = []
-    then = before.estimate.status if before else Status.LOCKED
-    now = step.estimate.status
-    if now is not then:
-        found.append(STATUS[now])
+    if step.estimate.status is not (before.estimate.status if before else Status.LOCKED):
+        found.append(STATUS[step.estimate.status])
     did = before.command.mode if before else step.command.mode
-    does = step.command.mode
     if not step.frame.fresh:
         if before is None or before.frame.fresh:
             found.append(Event.DROPPED)  # that the camera coasts meanwhile goes without saying
-    elif does is not did and does is not Mode.SERVOING:
-        found.append(Event[does.name])
+    elif step.command.mode is not did and step.command.mode is not Mode.SERVOING:
+        found.append(Event[step.command.mode.name])
     was = before is not None and _slowed(before)
     if _slowed(step) != was:
         found.append(Event.FREE if was else Event.SATURATED)

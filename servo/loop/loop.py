@@ -7,8 +7,6 @@ It serves a simulated or a real camera and robot alike:
     command = running.step(frame, posture)      # for each picture, the first included
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -126,11 +124,10 @@ class Loop:
         self._draws = [(each, each.bit_generator.state) for each in draws.values()]
         self.running: Running | None = None
         """The run that was started last: it alone has the parts."""
-        believed = scenario.believed
         true = true or camera
-        pictured = camera if believed.goal == "computed" else true
-        seen = true if believed.goal == "pose" else camera
-        self.goal = Goal(scenario.goal, outline, pictured, seen, believed.depth_factor)
+        pictured = camera if scenario.believed.goal == "computed" else true
+        seen = true if scenario.believed.goal == "pose" else camera
+        self.goal = Goal(scenario.goal, outline, pictured, seen, scenario.believed.depth_factor)
         """How the target shall be seen."""
 
     def start(
@@ -141,7 +138,7 @@ class Loop:
         goal: Image | None = None,
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
-    ) -> Running:
+    ) -> "Running":
         """Show the target to the tracker in the first picture, and begin the task.
 
         Args:
@@ -327,11 +324,10 @@ class Running:
         began = perf_counter()
         loop = self._loop
         frame = observation.frame
-        interval = observation.interval
         if loop.needs_truth is not None and self._true_motion is not None:
             if acts is None:
                 acts = frame.time + loop.scenario.run.frames_late(self._period) * self._period
-            motion = self._true_motion(frame.index, acts, acts + interval)
+            motion = self._true_motion(frame.index, acts, acts + observation.interval)
             loop.needs_truth.give(motion / self._scales)
         if loop.scenario.goal.depth_to is not None:
             self.goal_sight = self._goal_sight(frame.time)
@@ -339,9 +335,9 @@ class Running:
         sight = self._sight(observation, posture) if frame.fresh else None
         if frame.fresh and sight is None and loop.forgets is not None:
             loop.forgets.forget()
-        command = loop.controller.command(sight, posture, interval)
+        command = loop.controller.command(sight, posture, observation.interval)
         seconds = perf_counter() - began
-        motion = self._measured(command, sight, interval)
+        motion = self._measured(command, sight, observation.interval)
         self.decision = Decision(observation.estimate, sight, command, motion, seconds)
         return self.decision
 
@@ -361,6 +357,5 @@ class Running:
         if trace is None or sight is None:
             self._difference.forget()
             return np.full(len(self._loop.features.names), np.nan)
-        errors = trace.error / trace.scales
-        found, fresh = self._difference.measure(errors, trace.own, interval)
+        found, fresh = self._difference.measure(trace.error / trace.scales, trace.own, interval)
         return np.where(fresh, trace.scales * found, np.nan)

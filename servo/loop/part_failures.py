@@ -1,7 +1,5 @@
 """A part of a run by its place and kind, so that what goes wrong in its code names it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
@@ -59,7 +57,7 @@ class Part:
         """Return what was built so that each of its calls is checked and names the part."""
         return guarded(built, self.kind_of_place, self.naming, checked=checked)
 
-    def naming(self, method: str = "") -> Naming:
+    def naming(self, method: str = "") -> "Naming":
         """Return a context that turns an exception of the part's code into a `PartFailed`.
 
         Args:
@@ -96,9 +94,8 @@ class Naming:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if error is None or isinstance(error, (Mistake, *ENDS)):
-            return
-        if self.refuses and isinstance(error, ValueError):
+        passing = (Mistake, *ENDS, ValueError) if self.refuses else (Mistake, *ENDS)
+        if error is None or isinstance(error, passing):
             return
         text = str(error)
         spoken = isinstance(error, ValueError | BrokenContract) and text

@@ -104,7 +104,9 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
     tracked = _series(estimated, lambda s: s.tracking_error)
     angle = np.degrees(_series(estimated, _tracking_angle))
-    scale = 100 * _series(estimated, _tracking_scale)
+    scale = 100 * _series(
+        estimated, lambda s: s.estimate.state.scale / s.true_state_estimated.scale - 1
+    )
     late = slice(len(steps) - len(counted), None)
     values = {
         "servo_rms_px": _rms(servo),
@@ -252,11 +254,6 @@ def _tracking_angle(step: Step) -> float:
     takes front for back is wrong by pi.
     """
     return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth_estimated.theta))))
-
-
-def _tracking_scale(step: Step) -> float:
-    """Return the estimated size over the true one, minus 1."""
-    return step.estimate.state.scale / step.true_state_estimated.scale - 1
 
 
 def _range_used(step: Step) -> float:

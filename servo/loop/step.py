@@ -1,7 +1,5 @@
 """Everything about one frame of a run, as a value."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,12 +128,11 @@ class Step:
             f"{self.estimate.status.name}, {self.command.mode.name})"
         )
 
-    def light(self) -> Step:
+    def light(self) -> "Step":
         """Return the same without pixels and particles, to keep thousands of them."""
-        blank = np.broadcast_to(np.uint8(0), self.frame.image.shape)
         return replace(
             self,
-            frame=replace(self.frame, image=blank),
+            frame=replace(self.frame, image=np.broadcast_to(np.uint8(0), self.frame.image.shape)),
             estimate=replace(self.estimate, particles=None),
         )
 

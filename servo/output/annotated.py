@@ -12,8 +12,7 @@ from tracking.drawing.contact_sheet import outline
 WIDTH = 640
 """Pictures that are not as wide are enlarged by a whole number [px]."""
 BAND = 24
-LETTERS = 0.5
-"""Height of the band with the text [px], and size of the text."""
+"""Height of the band with the text [px]."""
 
 
 def annotated(step: Step) -> Image:
@@ -33,7 +32,7 @@ def annotated(step: Step) -> Image:
         text,
         (8, BAND - 7),
         cv2.FONT_HERSHEY_SIMPLEX,
-        LETTERS,
+        0.5,
         colours.STATUS[status],
         1,
         cv2.LINE_AA,

@@ -3,7 +3,7 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self
 
 from annotated_types import Ge, Le
 from pydantic import TypeAdapter, ValidationError
@@ -58,8 +58,20 @@ class Document:
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a file of this kind; errors are those of `read`."""
-        return read(path, cls)
+        """Read a file of this kind; keys that are not fields of the dataclass are ignored.
+
+        Raises:
+            OtherFormat: It has another format number, or none.
+            Mistake: The file cannot be read, is not JSON, is of another kind, or lacks a key.
+        """
+        encoded = content(path)
+        head = _parsed(path, encoded, dict[str, Any])
+        if head.get("format") is None:
+            raise OtherFormat(path, None, cls.FORMAT)
+        if head.get("kind") != cls.KIND:
+            raise Mistake(f"{path}: this file is of `{head.get('kind')}`, not of `{cls.KIND}`")
+        check_format(path, head["format"], cls.FORMAT)
+        return _parsed(path, encoded, cls)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,30 +84,6 @@ class Made(Document):
     """
     versions: dict[str, str]
     """Versions of the packages that decide the numbers, and the digest of our own source."""
-
-
-Kind = TypeVar("Kind", bound=Document)
-
-
-def read(path: Path, *kinds: type[Kind]) -> Kind:
-    """Read a file of one of some kinds; keys that are not fields of its dataclass are ignored.
-
-    Raises:
-        OtherFormat: It has another format number, or none.
-        Mistake: The file cannot be read, is not JSON, is of another kind, or lacks a key.
-    """
-    encoded = content(path)
-    head = _parsed(path, encoded, dict[str, Any])
-    found = head.get("format")
-    kind = head.get("kind")
-    if found is None:
-        raise OtherFormat(path, None, kinds[0].FORMAT)
-    for one in kinds:
-        if kind == one.KIND:
-            check_format(path, found, one.FORMAT)
-            return _parsed(path, encoded, one)
-    wanted = " or ".join(f"`{one.KIND}`" for one in kinds)
-    raise Mistake(f"{path}: this file is of `{kind}`, not of {wanted}")
 
 
 def check_format(path: Path, found: Any, number: int) -> None:

@@ -22,8 +22,6 @@ ABOVE: dict[str, Any] = {
     "frameon": False,
 }
 """A legend above its axes, where it hides no curve."""
-MOTION = "target_motion.png"
-ERRORS = "errors.png"
 MIDDLE = (1, 99)
 """Percentiles of the measured motion that the plot shows; outliers may be outside."""
 
@@ -40,8 +38,8 @@ def figure(steps: Sequence[Step], title: str) -> Drawing:
 def draw(steps: Sequence[Step], title: str, folder: Path) -> list[Path]:
     """Write both plots of a run as PNG files into a folder; their paths."""
     title = literal(title)
-    motion = save(motion_figure(steps, title), folder, MOTION)
-    return [motion, save(error_figure(steps, title), folder, ERRORS)]
+    motion = save(motion_figure(steps, title), folder, "target_motion.png")
+    return [motion, save(error_figure(steps, title), folder, "errors.png")]
 
 
 def motion_figure(steps: Sequence[Step], title: str) -> Drawing:
@@ -101,8 +99,7 @@ def _draw_errors(steps: Sequence[Step], title: str, axes: Sequence[Axes]) -> Non
     features = steps[0].scene.features
     for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
         error = [s.error[i] for s in steps]
-        colour = CURVES[i % len(CURVES)]
-        axes[0].plot(time, error, color=colour, lw=1.3, label=f"{name} [{unit}]")
+        axes[0].plot(time, error, color=CURVES[i % len(CURVES)], lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")

@@ -28,15 +28,14 @@ class RoomView:
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         focal = height / 2 / tan(FOVY / 2)
-        quality = model.vis.quality
         view = Camera(focal, focal, width / 2, height / 2, width, height)
         self._model = model
         self._data = mujoco.MjData(model)
         self._id = model.camera(CAMERA).id
-        before = quality.offsamples
-        quality.offsamples = SMOOTH
+        before = model.vis.quality.offsamples
+        model.vis.quality.offsamples = SMOOTH
         self._renderer = renderer_of("opengl")(model, CAMERA, view)
-        quality.offsamples = before
+        model.vis.quality.offsamples = before
         mujoco.mj_forward(model, self._data)
         self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])
 

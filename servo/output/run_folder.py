@@ -15,7 +15,6 @@ from servo.output.steps_table import STREAM, TABLE, StepsTable
 from tracking.files import atomic
 
 RECORDING = "run.rrd"
-TRACEBACK = "traceback.txt"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
@@ -42,7 +41,7 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
     if error.__cause__ is None:
         return error
     text = "".join(traceback.format_exception(error.__cause__))
-    path = atomic.write(folder, TRACEBACK, text.encode(errors="replace"))
+    path = atomic.write(folder, "traceback.txt", text.encode(errors="replace"))
     return Mistake(f"{error}; its traceback is in {path}")
 
 

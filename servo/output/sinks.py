@@ -21,11 +21,9 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """Finish; errors are those of `add`."""
-        ...
 
     def abandon(self) -> None:
         """Leave everything as it is after an error."""
-        ...
 
 
 class Sinks:

@@ -136,8 +136,7 @@ def quantities(
 
 def quantities_of(episode: Episode) -> list[Quantity]:
     """All quantities of an episode's steps."""
-    robot = episode.world.robot
-    return quantities(episode.loop.features, robot.names, robot.units)
+    return quantities(episode.loop.features, episode.world.robot.names, episode.world.robot.units)
 
 
 def _schema(found: Sequence[Quantity]) -> pa.Schema:
@@ -281,7 +280,6 @@ class StepsTable:
         self._folder = folder
         self._every = Every()
         self._quantities = quantities_of(episode)
-        rows = episode.frames
         self._rows: list[dict[str, Any]] = []
         every = self._schema = _schema(self._quantities)
         self._file = (folder / STREAM).open("xb")
@@ -289,8 +287,8 @@ class StepsTable:
         # An empty batch writes the schema: a stream that is killed at once can be read, too.
         self._stream.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
         self._file.flush()
-        batches = 1 + BATCHES * rows / episode.scenario.camera.rate
-        size = round(len(every) * (CELL * rows + COLUMN_OF_BATCH * batches)) + SPARE
+        batches = 1 + BATCHES * episode.frames / episode.scenario.camera.rate
+        size = round(len(every) * (CELL * episode.frames + COLUMN_OF_BATCH * batches)) + SPARE
         if hasattr(os, "posix_fallocate"):  # readers interpret the zeros as the stream's end
             os.posix_fallocate(self._file.fileno(), 0, size)
 

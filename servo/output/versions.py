@@ -34,7 +34,6 @@ ENDINGS = (".py", ".xml", ".png", ".obj")
 PICTURES = "pictures"
 """Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
-PICTURES_BY = "pictures"
 DIGITS = 12
 
 
@@ -45,7 +44,7 @@ def versions() -> dict[str, str]:
     Packages that bring kinds by entry points are named too.
     """
     pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
-    return {**_own(), PICTURES_BY: pictures, **packages()}
+    return {**_own(), "pictures": pictures, **packages()}
 
 
 @functools.cache  # reading them takes 17 ms, as much as a short run

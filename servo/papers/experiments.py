@@ -173,7 +173,6 @@ class EstimatedLoop:
 
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the scenario; errors [px] and velocities [m/s] keep all their digits."""
-        del folder
         scenario = scenarios.load(self.name, self.changes, job.seed)
         steps, _ = measured_run(scenario)
         along = steps[0].scene.features.names.index(ALONG)

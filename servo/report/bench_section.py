@@ -85,8 +85,7 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
         means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
         cells = {title: shown(mean and mean.value) for title, mean in means.items()}
         cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
-        test = t.against_best
-        end = [shown(test.z), shown(t.p)] if test else ["", ""]
+        end = [shown(t.against_best.z), shown(t.p)] if t.against_best else ["", ""]
         rows.append([t.tracker, str(t.units), *cells.values(), *end])
     head = ("tracker", "n", *ranking.SHOWN, "z", "p")
     return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
@@ -122,5 +121,4 @@ def _runs(runs: Sequence[Record]) -> Block:
         [r.settings[TRACKER], r.subject, str(r.seed), *(shown(r.row[n]) for n in names)]
         for r in runs
     )
-    head = ("tracker", "sequence", "seed", *names)
-    return page.rows_of("runs", head, rows, len(runs), range(2))
+    return page.rows_of("runs", ("tracker", "sequence", "seed", *names), rows, len(runs), range(2))

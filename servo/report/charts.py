@@ -40,7 +40,6 @@ MOST_NUMBERED_COLUMNS = 10
 """Most columns of a heat map with numbers in its cells."""
 WIDEST_NAMES = 45
 """Most characters in the names of all columns; longer names are turned."""
-COLOUR_MAP = "viridis"
 DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
@@ -155,11 +154,10 @@ def heat(
     row_height = max(0.3, min(0.5, 3.0 / len(rows)))
     with _canvas(FRAME_HEIGHT + row_height * max(3, len(rows))) as (figure, axes):
         axes.grid(visible=False)
-        axes.pcolormesh(values, norm=norm, cmap=COLOUR_MAP)
+        axes.pcolormesh(values, norm=norm, cmap="viridis")
         if len(columns) <= MOST_NUMBERED_COLUMNS:
             for (row, column), value in np.ndenumerate(values):
                 if np.isfinite(value):
-                    ink = "white" if norm(value) < DARK_BELOW else "black"
                     axes.text(
                         column + 0.5,
                         row + 0.5,
@@ -167,7 +165,7 @@ def heat(
                         ha="center",
                         va="center",
                         fontsize=8,
-                        color=ink,
+                        color="white" if norm(value) < DARK_BELOW else "black",
                     )
         angle = 60 if sum(map(len, columns)) > WIDEST_NAMES else 0
         axes.set_xticks(np.arange(len(columns)) + 0.5, columns, rotation=angle)
@@ -197,8 +195,7 @@ def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x"
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]
     if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
-        low = max(above.min(), above.max() / DEEPEST)
-        limits = (low / MARGIN, above.max() * MARGIN)
+        limits = (max(above.min(), above.max() / DEEPEST) / MARGIN, above.max() * MARGIN)
         axes.set(**{f"{which}scale": "log", f"{which}lim": limits})
         plain_logarithm(axes.xaxis if which == "x" else axes.yaxis)
     elif scale.low is not None or scale.high is not None:

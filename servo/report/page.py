@@ -1,7 +1,5 @@
 """The parts of a page as values, and the template that turns them into HTML."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -47,7 +45,6 @@ DARK = (
     "#eb8bf5",
 )
 """Colours of the series of a figure, on light and on dark ground."""
-TEMPLATE = "page.html.jinja"
 JPEG_QUALITY = 82
 MOST_ROWS = 500
 
@@ -94,12 +91,12 @@ class PageImage:
     """A contact sheet keeps a minimum width; a plot fits the page."""
 
     @staticmethod
-    def read(path: Path, title: str = "", *, sheet: bool = False) -> PageImage:
+    def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
         """Return the image in a file; errors are those of `of`."""
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
-    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> PageImage:
+    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
         """Return the image of a PNG or JPEG file; a sheet becomes a JPEG.
 
         Raises:
@@ -172,5 +169,5 @@ def render(sections: Sequence[Section]) -> str:
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = resources.files("servo.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    text = resources.files("servo.report").joinpath("page.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(text).render(sections=sections, light=LIGHT, dark=DARK)

@@ -29,11 +29,13 @@ def section(folder: Path) -> Section:
             "one seed of each: the numbers mean little" if papers.quick else "",
         ),
     ]
-    rows = [[name, _badge(c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()]
+    rows = [
+        [name, Badge(c.finding, TONES.get(c.finding, Tone.PLAIN)), c.says, _effect(c), c.measured]
+        for name, c in papers.claims.items()
+    ]
     head = ("claim", "", "the paper says", "effect, 95 % interval, units", "measured")
-    summary = Table(head, rows, words=range(5))
     blocks = [
-        Block("Claims", tables=[summary]),
+        Block("Claims", tables=[Table(head, rows, words=range(5))]),
         *(_claim(folder, name, claim) for name, claim in papers.claims.items()),
         again(papers),
     ]
@@ -54,10 +56,6 @@ def _claim(folder: Path, name: str, claim: Judged) -> Block:
     ]
     tables = [Table(head, rows)] if head else []
     return Block(f"{name}: {claim.finding}", text, tables=tables, pictures=pictures)
-
-
-def _badge(claim: Judged) -> Badge:
-    return Badge(claim.finding, TONES.get(claim.finding, Tone.PLAIN))
 
 
 def _effect(claim: Judged) -> str:

@@ -13,7 +13,6 @@ from servo.study.results import SUCCESS, Cell, Units, values
 from servo.study.run import Row, key_of
 from servo.study.store import FAILURES, FailureFile, Store, StudyFile
 from sim.types import Array
-from tracking.statistics.comparisons import Interval
 
 TIME = "time_s"
 MOST_OVER_TIME = 4000
@@ -56,10 +55,6 @@ class StudyResults:
         """Return the units over which the intervals of these rows are."""
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
-    def interval(self, rows: list[Row], name: str) -> Interval | None:
-        """Return the mean of a measure over the units; None if no run has it."""
-        return self.units(rows).mean(name)
-
     def groups(self, key: str | None) -> dict[str, list[Row]]:
         """Return the rows by value of an axis, in its order; one group if there is no axis."""
         if key is None:
@@ -97,8 +92,7 @@ def load(folder: Path) -> StudyResults:
         for record in batch.values():
             if TIME in record.series:
                 length = len(record.series[TIME])
-                long = {n: v for n, v in record.series.items() if len(v) == length}
-                series[record.number] = long
+                series[record.number] = {n: v for n, v in record.series.items() if len(v) == length}
             if record.sheet is not None:
                 pictured.add(record.number)
     failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]

@@ -26,15 +26,14 @@ def paths(study: StudyResults) -> list[PageImage]:
     """Return a picture for each combination of the other axes, with a column for each value of the
     axis that is compared; of the first seed. Only studies of named groups have them.
     """
-    compared = study.compared
-    if compared is None or not shows(study):
+    if study.compared is None or not shows(study):
         return []
     found: dict[str, dict[str, tuple[Row, Series]]] = {}
     for row in study.rows:
         series = study.series.get(row["run"])
         if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series:
-            other = {key: row[key] for key in study.axes if key != compared}
-            found.setdefault(listed(other), {})[str(row[compared])] = row, series
+            other = {key: row[key] for key in study.axes if key != study.compared}
+            found.setdefault(listed(other), {})[str(row[study.compared])] = row, series
     return [
         PageImage.of(title or "Paths", _drawn(runs, _size(study)), f"paths of {title}", sheet=False)
         for title, runs in list(found.items())[:MOST]

@@ -156,8 +156,7 @@ def _compared(study: StudyResults) -> list[Block]:
     note = f"{UNITS} Outcomes are counts of runs, measures are medians over runs."
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None
-    drawn = bool(study.plan.draws)
-    pairs = comparisons(compared, list(study.axes), study.rows, drawn=drawn)
+    pairs = comparisons(compared, list(study.axes), study.rows, drawn=bool(study.plan.draws))
     if pairs:
         cells = [list(map(shown, pair.cells)) for pair in pairs[: page.MOST_ROWS]]
         described = (

@@ -179,7 +179,7 @@ def _curve(
 ) -> Curve:
     at: list[tuple[float, float, float, float]] = []
     for value in sorted(study.axes[key]):
-        found = study.interval([r for r in rows if r[key] == value], name)
+        found = study.units([r for r in rows if r[key] == value]).mean(name)
         if found is not None:
             at.append((float(value), found.value, found.low, found.high))
     x, y, low, high = np.array(at).reshape(-1, 4).T

@@ -1,7 +1,5 @@
 """Values as text, badges and tables, for a page or a terminal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +9,6 @@ from typing import Any
 from tracking.statistics.comparisons import Interval
 
 NOTHING = "\N{EN DASH}"
-LARGE = 100
-HUGE = 1e6
 
 
 class Tone(Enum):
@@ -31,7 +27,7 @@ class Badge:
     tone: Tone
 
     @staticmethod
-    def of(held: bool, good: str, bad: str | None = None) -> Badge:
+    def of(held: bool, good: str, bad: str | None = None) -> "Badge":
         """Return a good or a bad badge; without `bad`, both have the same text."""
         return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
 
@@ -59,7 +55,7 @@ def shown(value: Any) -> str:
         return str(value)
     if not math.isfinite(value):
         return NOTHING
-    return f"{value:,.0f}" if LARGE <= abs(value) < HUGE else f"{value:.3g}"
+    return f"{value:,.0f}" if 100 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def spread(interval: Interval | None, units: int = 0) -> str:

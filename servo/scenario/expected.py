@@ -1,7 +1,5 @@
 """The bounds that a scenario sets for its own tracker and for others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +26,7 @@ class Expected:
     """[expect.tracker.KIND] by kind, or ANY."""
 
     @staticmethod
-    def read(table: Table, written: Table, place: str) -> Expected:
+    def read(table: Table, written: Table, place: str) -> "Expected":
         """Return the bounds of a table; `written` is the table in its file, before changes.
 
         Raises:

@@ -16,7 +16,7 @@ from typing import Any, get_args, get_type_hints
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
-from servo.scenario.catalogue import shipped
+from servo.scenario.catalogue import shipped, studies
 from servo.scenario.tables import config_of
 from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
@@ -45,8 +45,8 @@ def read(name: str) -> tuple[Table, str]:
     return (table if name in shipped() else found_beside(table, path.parent)), path.name
 
 
-def path_of(name: str) -> Path:
-    """Return the file of a scenario, by its shipped name or by its path.
+def path_of(name: str, what: str = "scenario") -> Path:
+    """Return the file of a scenario or of a study, by its shipped name or by its path.
 
     Raises:
         Mistake: There is no such name.
@@ -54,10 +54,11 @@ def path_of(name: str) -> Path:
     path = Path(name)
     if path.suffix == ".toml":
         return path
-    if name not in shipped():
-        raise Mistake(f"{unknown(name, shipped(), 'scenario')} (or give a .toml file)")
-    warn_of_own(name, f"{name}.toml", "scenario")
-    return Path(str(resources.files("scenes") / f"{name}.toml"))
+    known, folder = (studies(), "studies/") if what == "study" else (shipped(), "")
+    if name not in known:
+        raise Mistake(f"{unknown(name, known, what)} (or give a .toml file)")
+    warn_of_own(name, f"{name}.toml", what)
+    return Path(str(resources.files("scenes") / f"{folder}{name}.toml"))
 
 
 @functools.cache
@@ -136,19 +137,15 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 def digest_of(name: str) -> str:
     """Return the digest of a file, with those that a model names; MISSING where there is none."""
+    from sim.models.model_files import files_of  # only now: it imports MuJoCo
+
     path = Path(name)
     try:
-        files = sorted(_parts(path)) if path.suffix.lower() in MODELS else [path]
+        files = sorted(files_of(path)) if path.suffix.lower() in MODELS else [path]
         each = [_digest(f, f.stat().st_mtime_ns, f.stat().st_size) for f in files if f.is_file()]
     except (OSError, ValueError):
         return MISSING
     return hashlib.sha256(" ".join(each).encode()).hexdigest()[:DIGITS] if each else MISSING
-
-
-def _parts(model: Path) -> set[Path]:
-    from sim.models.model_files import files_of  # only now: it imports MuJoCo
-
-    return files_of(model)
 
 
 @functools.lru_cache(maxsize=1024)

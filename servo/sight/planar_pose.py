@@ -27,29 +27,6 @@ UNIT = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.
 """Corners (4, 3) of a square, in the order of a region's."""
 
 
-def planar_pose(
-    corners: Array, size: tuple[float, float], expected: Pose | None = None
-) -> Pose | None:
-    """Return T_camera_object of a rectangle that is seen with these corners.
-
-    Its origin is in the middle; x goes along the target's nose, y to the right of the nose as seen
-    from above, z into the table. Facing the target with its nose to image right is the identity.
-
-    Args:
-        corners: Corners (4, 2) in normalised image coordinates, in the order of a region's.
-        size: Length along x and width along y [m].
-        expected: The last T_camera_object, after the camera's own motion.
-
-    Returns:
-        The pose; None where a rectangle seen from above has no such corners.
-    """
-    found = _candidates(corners, size)
-    if not found:
-        return None
-    best = min(found, key=lambda each: each[1] + _prior_cost(each[0], expected))[0]
-    return _refined(best, corners, size)
-
-
 @final
 class CornersToPose:
     """Poses of one rectangle in picture after picture.
@@ -64,8 +41,12 @@ class CornersToPose:
         self._paths: list[tuple[Pose, float]] = []
 
     def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
-        """Return T_camera_object, as `planar_pose` defines it, of a target that moves little from
-        picture to picture, whatever the camera does.
+        """Return T_camera_object of a target that moves little from picture to picture, whatever
+        the camera does; None where a rectangle seen from above has no such corners.
+
+        Its origin is in the middle; x goes along the target's nose, y to the right of the nose as
+        seen from above, z into the table. Facing the target with its nose to image right is the
+        identity.
 
         Args:
             corners: Corners (4, 2) in normalised image coordinates, in the order of a region's.

@@ -107,13 +107,12 @@ def check_expect(scenario: Scenario) -> None:
         Mistake: An unknown measure or outcome, or a bound that is no number.
     """
     place = f"{scenario.name}: expect"
-    bounds = scenario.bounds
     known = PLUGINS["tracker"][0].names()
-    for kind, expect in bounds.others.items():
+    for kind, expect in scenario.bounds.others.items():
         if kind not in (*known, ANY) and ":" not in kind:
             raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")
         _check_bounds(expect, f"{place}.tracker.{kind}")
-    _check_bounds(bounds.expect | scenario.expect, place)
+    _check_bounds(scenario.bounds.expect | scenario.expect, place)
 
 
 def _check_bounds(expect: dict[str, Any], place: str) -> None:

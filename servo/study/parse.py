@@ -5,13 +5,12 @@ names its place.
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from servo.loop.run_measures import MEANINGS
-from servo.mistake import Mistake, unknown
-from servo.scenario.catalogue import sentence, shipped, studies
+from servo.mistake import Mistake, check_known
+from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
@@ -29,7 +28,6 @@ from servo.study.axes import (
 from servo.study.bounds import SUCCESS_RATE, check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
-from sim.files.shipped import warn_of_own
 
 KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
@@ -59,18 +57,11 @@ def load(
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
-    path = Path(name)
-    if path.suffix != ".toml":
-        if name not in studies():
-            raise Mistake(f"{unknown(name, studies(), 'study')} (or give a .toml file)")
-        warn_of_own(name, f"{name}.toml", "study")
-        path = Path(str(resources.files("scenes") / "studies" / f"{name}.toml"))
+    path = path_of(name, "study")
     table, place = read(str(path))
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
-    for key in table:
-        if key not in KEYS:
-            raise Mistake(f"{place}: {unknown(key, KEYS)}")
+    check_known(table, KEYS, place)
     bases = _bases(table.get("scenario"), path, place)
     table = found_beside(table, path.parent, *(base.table for base in bases))
     changed = _changed(table, changes, place)
@@ -152,8 +143,7 @@ def _compared(study: Study, asked: Any, place: str) -> Study:
         raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
     if not isinstance(asked, str) or not keys:
         raise Mistake(f"{place}: compare = {asked!r}: this should be the name of an axis")
-    if asked not in keys:
-        raise Mistake(f"{place}: compare: {unknown(asked, keys, 'axis')}")
+    check_known([asked], keys, f"{place}: compare", "axis")
     return replace(study, compare=asked)
 
 
@@ -217,15 +207,14 @@ def _seeds(given: Any, place: str) -> tuple[int, ...]:
 
 
 def _expect(given: Any, place: str) -> dict[str, float]:
-    known = (SUCCESS_RATE, *MEANINGS)
-    for name, bound in _table(given, f"{place}: expect").items():
-        if name not in known:
-            raise Mistake(f"{place}: expect: {unknown(name, known)}")
+    bounds = _table(given, f"{place}: expect")
+    check_known(bounds, (SUCCESS_RATE, *MEANINGS), f"{place}: expect")
+    for name, bound in bounds.items():
         if not is_number(bound):
             raise Mistake(f"{place}: expect.{name} = {bound!r}: a bound is a finite number")
         if name == SUCCESS_RATE and not 0 <= bound <= 1:
             raise Mistake(f"{place}: expect.{name} = {bound!r}: a share is from 0 to 1")
-    return dict(given)
+    return dict(bounds)
 
 
 def _table(given: Any, place: str) -> dict[str, Any]:

@@ -126,8 +126,7 @@ def _scores(records: Sequence[Record], measure: str) -> dict[tuple[str, int], fl
     for r in records:
         value = r.measures.get(measure, np.nan)
         if np.isfinite(value):
-            seed = r.seed if r.settings["drawn"] else 0
-            found.setdefault((r.subject, seed), []).append(value)
+            found.setdefault((r.subject, r.seed if r.settings["drawn"] else 0), []).append(value)
     return {unit: float(np.mean(scores)) for unit, scores in found.items()}
 
 

@@ -5,8 +5,6 @@ is the scenario; else the seed, which decides the draws in all cells. Seeds that
 that all runs of a cell are alike, are one observation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +45,7 @@ class Units:
     rows: dict[Any, list[Row]]
 
     @staticmethod
-    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> Units:
+    def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
         """The units of rows.
 
         Args:
@@ -69,8 +67,7 @@ class Units:
         if not scores:
             return None
         least = -np.inf if name in SIGNED else 0.0
-        most = 1.0 if name == SUCCESS else np.inf
-        return mean_of(np.array(scores), least=least, most=most)
+        return mean_of(np.array(scores), least=least, most=1.0 if name == SUCCESS else np.inf)
 
 
 def values(rows: Iterable[Row], name: str) -> Array:
@@ -79,7 +76,7 @@ def values(rows: Iterable[Row], name: str) -> Array:
     return found[np.isfinite(found)]
 
 
-def _by(rows: Sequence[Row], keys: Iterable[str]) -> dict[Any, list[Row]]:
+def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
     found: dict[Any, list[Row]] = {}
     for row in rows:
         found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
@@ -107,7 +104,7 @@ class Cell:
     """Number of those runs by measure."""
 
     @staticmethod
-    def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> Cell:
+    def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> "Cell":
         """The cell of some rows, at least one; `drawn`: whether the seeds draw settings."""
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}
@@ -137,9 +134,7 @@ class Compared:
 
 def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, Any], list[Row]]]:
     """The rows grouped by the values of axes; each group with its values, in the rows' order."""
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[k] for k in keys), []).append(row)
+    groups = _by(rows, keys)
     return [(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
 
 
@@ -169,15 +164,13 @@ def moved(cells: Sequence[Cell]) -> list[str]:
             continue
         noise = float(np.mean([m.high - m.low if m.known else 0.0 for m in means])) / largest
         score = share / (noise + LEAST_MOVED)
-        alike = [other for other in scores if _correlation(values, name, other) > ALIKE]
+        alike = [
+            other for other in scores if abs(np.corrcoef(values[name], values[other])[0, 1]) > ALIKE
+        ]
         first = alike[0] if alike else name
         scores[first] = max(score, scores.get(first, 0.0))
     chosen = sorted(scores, key=lambda name: -scores[name])[:MOST_MOVED]
     return [name for name in MEASURED if name in (chosen or SHOWN)]
-
-
-def _correlation(values: dict[str, Array], first: str, second: str) -> float:
-    return abs(float(np.corrcoef(values[first], values[second])[0, 1]))
 
 
 def comparisons(

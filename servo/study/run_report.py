@@ -1,7 +1,5 @@
 """The report of a run: its record with all settings, for the page about it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -50,9 +48,8 @@ class RunReport(Made):
     """Why there is no verdict, where the bounds are made for another tracker."""
 
     @staticmethod
-    def of(record: Record, scenario: Scenario, scene: Scene) -> RunReport:
+    def of(record: Record, scenario: Scenario, scene: Scene) -> "RunReport":
         """The report of a run."""
-        features = scene.features
         settings = scenario.settings()
         if "outline" in settings["target"]:  # by default it is measured on the model
             settings["target"] |= {"outline": dimensions(scene.outline)}
@@ -66,8 +63,8 @@ class RunReport(Made):
             units={name: unit for name, (unit, _) in MEANINGS.items()},
             expect=scenario.expect,
             missed=list(record.missed),
-            features=dict(zip(features.names, features.units, strict=True)),
-            feed_forward=list(features.feed_forward),
+            features=dict(zip(scene.features.names, scene.features.units, strict=True)),
+            feed_forward=list(scene.features.feed_forward),
             settings=as_json(settings),
             table=as_json(scenario.table),
             repeats=record.repeats,

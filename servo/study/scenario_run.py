@@ -67,7 +67,6 @@ class LoadedScenario:
 
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the scenario."""
-        del folder
         return _performed(job, self.scenario)
 
 
@@ -108,8 +107,7 @@ class StudiedScenario:
         Raises:
             Mistake: A setting is not valid.
         """
-        table = self.table_of(seed, settings)
-        scenario = scenarios.parse(table, self.name, self.place, self.table)
+        scenario = scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
         check_expect(scenario)
         return scenario
 
@@ -126,7 +124,6 @@ class StudiedScenario:
         Raises:
             Mistake: This machine lacks a package, or a file differs.
         """
-        del folder
         for path, digest in self.files.items():
             if digest_of(path) != digest:
                 raise Mistake(
@@ -167,7 +164,6 @@ def record_of(
         sheet: The run's contact sheet as JPEG.
     """
     summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
-    outcome = summary.outcome.name
     expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
     track_ms = 1e3 * float(np.median([s.seconds.track for s in timed(steps)]))
     return Record(
@@ -176,10 +172,10 @@ def record_of(
         seed=job.seed,
         settings=job.settings,
         command=job.command,
-        outcome=outcome,
-        success=outcome == expected,
+        outcome=summary.outcome.name,
+        success=summary.outcome.name == expected,
         measures=summary.measures | {TRACK_MS: track_ms},
-        missed=missed_bounds(outcome, summary.measures, scenario.expect),
+        missed=missed_bounds(summary.outcome.name, summary.measures, scenario.expect),
         repeats=scenario.run.repeats,
         series=_series(steps),
         sheet=sheet,

@@ -50,8 +50,7 @@ class Contender:
 
     def describe(self) -> dict[str, Any]:
         """Kind and settings, and the digests of model files where it has some."""
-        settings = as_json(self.config)
-        found = {"kind": kind_of(self.config), "settings": settings}
+        found = {"kind": kind_of(self.config), "settings": as_json(self.config)}
         return found | {"files": files} if (files := digests(named_by(self.config))) else found
 
 
@@ -92,7 +91,6 @@ class Recorded:
 
     def build(self, seed: int) -> Sequence:
         """Read it."""
-        del seed
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake, check_known
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
@@ -16,11 +16,9 @@ from tracking.sequences.truth import Format
 from tracking.trackers import KINDS as TRACKERS
 from tracking.wrapped import OF_THE_USER
 
-CLUTTER = [{"kind": "clutter", "level": level} for level in "abcd"]
-HARD_CLUTTER = [{"kind": "clutter", "level": level} for level in "efgh"]
 SUITES: dict[str, list[dict[str, Any]]] = {
-    "clutter": CLUTTER,
-    "hard_clutter": HARD_CLUTTER,
+    "clutter": [{"kind": "clutter", "level": level} for level in "abcd"],
+    "hard_clutter": [{"kind": "clutter", "level": level} for level in "efgh"],
     "similarity": [{"kind": "similarity"}],
     "texture": [{"kind": "texture"}],
     "camouflage": [{"kind": "camouflage"}],
@@ -76,12 +74,10 @@ def _contender(table: Any, place: str) -> Contender:
         raise Mistake(f"{place} should be a table with a kind, not {table!r}")
     kind = table.get("kind")
     preset = table.get("preset")
-    usual = f"{kind}-{preset}" if preset else str(kind)
-    label = table.get("label", usual)
+    label = table.get("label", f"{kind}-{preset}" if preset else str(kind))
     if not isinstance(label, str):
         raise Mistake(f"{place}.label = {label!r}: this should be a text")
-    settings = {k: v for k, v in table.items() if k != "label"}
-    config = fill_plugin(TRACKERS, settings, place)
+    config = fill_plugin(TRACKERS, {k: v for k, v in table.items() if k != "label"}, place)
     try:
         return Contender(label, config)
     except ValueError as error:
@@ -101,9 +97,8 @@ def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
     table = toml.decode(toml.read(path, "suite"), path.name)
+    check_known(table, KEYS, path.name)
     for key, items in table.items():
-        if key not in KEYS:
-            raise Mistake(f"{path.name}: {unknown(key, KEYS)}")
         if not isinstance(items, list):
             raise Mistake(f"{path.name}: {key} should be a list of tables, not {items!r}")
     entries: list[Entry] = []
@@ -146,9 +141,8 @@ def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
         raise Mistake(f"{place} should have either a path or a kind")
     if "kind" in item:
         return [_entry(item, place)]
+    check_known(item, RECORDED_KEYS, place)
     for key, value in item.items():
-        if key not in RECORDED_KEYS:
-            raise Mistake(f"{place}: {unknown(key, RECORDED_KEYS)}")
         if not isinstance(value, str):
             raise Mistake(f"{place}.{key} = {value!r}: this should be a text")
     try:

@@ -45,10 +45,9 @@ def check_motion(motion: Any) -> None:
     once, again = (built("motion", config) for _ in range(2))
     for time in TIMES:
         pose = once.at(time)
-        t = pose.translation
-        same = np.array_equal(t, again.at(time).translation)
+        same = np.array_equal(pose.translation, again.at(time).translation)
         require(same, "the same generator gave another motion; draw from build(rng) only")
-        jump = float(np.linalg.norm(once.at(time + SOON).translation - t))
+        jump = float(np.linalg.norm(once.at(time + SOON).translation - pose.translation))
         require(jump < NEAR, f"at({time:g}) jumps by {jump:.3g} m within a millisecond")
 
 
@@ -115,9 +114,8 @@ def check_target(target: Any) -> None:
     outline = found.outline
     require(np.ptp(outline[:, 2]) == 0, "the outline is not level: its corners differ in height")
     (a, b) = np.ptp(outline[:, :2], axis=0)
-    right = outline[1, 0] > outline[0, 0]
     require(
-        right and outline[0, 1] > outline[3, 1],
+        (outline[1, 0] > outline[0, 0]) and outline[0, 1] > outline[3, 1],
         "the outline's corners are in another order: "
         "from (-x, +y) over (+x, +y) and (+x, -y) to (-x, -y)",
     )

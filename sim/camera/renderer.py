@@ -76,7 +76,6 @@ class Renderer(Protocol):
 
     def close(self) -> None:
         """Give back what it holds."""
-        ...
 
 
 MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]
@@ -228,11 +227,9 @@ class Unseen:
         self._picture: Image = np.zeros((view.height, view.width, 3), np.uint8)
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        del data
         return lambda: self._picture
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        del data, geoms, alone
         return np.zeros(self._picture.shape[:2], bool)
 
     def close(self) -> None:

@@ -1,7 +1,5 @@
 """The camera drops frames at random times, which do not depend on its rate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import floor
 from typing import final
@@ -24,7 +22,7 @@ class Config:
     share: Share = 0.2
     """Share of the time in which frames are dropped."""
 
-    def build(self, rng: np.random.Generator) -> DroppedFrames:
+    def build(self, rng: np.random.Generator) -> "DroppedFrames":
         """The disturbance; the generator seeds its draws."""
         return DroppedFrames(self.share, int(rng.integers(2**31)))
 

@@ -231,7 +231,6 @@ class Robot:
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
-        del hold
         return rates
 
     def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:

@@ -1,7 +1,5 @@
 """The target is moved above the table in all six degrees of freedom, smoothly, as the seed says."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi, radians, sqrt
 from typing import Annotated, final
@@ -33,7 +31,7 @@ class Config:
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
     """Highest frequency [Hz]."""
 
-    def build(self, rng: np.random.Generator) -> Six:
+    def build(self, rng: np.random.Generator) -> "Six":
         """Return the motion; its frequencies and directions come from the generator."""
         frequencies = self.frequency * rng.uniform(SLOWEST, 1.0, (WAVES, 6))
         return Six(frequencies, rng.choice((-1.0, 1.0), 6))

@@ -2,8 +2,6 @@
 seed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import atan2, cos, pi, sin
 from typing import Annotated, final
@@ -30,7 +28,7 @@ class Config:
     period: Annotated[float, Ge(0.01), Le(1e6)] = 9.0
     """Time of one round [s]."""
 
-    def build(self, rng: np.random.Generator) -> Wander:
+    def build(self, rng: np.random.Generator) -> "Wander":
         """The motion; its shape, start and sense come from the generator."""
         order = np.array(HARMONICS)
         size = UNEVENNESS * rng.dirichlet(np.ones(len(order))) / order**2

@@ -26,8 +26,7 @@ class Config:
         Raises:
             ValueError: There is no such colour or picture.
         """
-        name = self.picture
-        picture = None if name is None else picture_named(name, "picture")
+        picture = None if self.picture is None else picture_named(self.picture, "picture")
         spec = box(self.size, rgba(self.colour), picture)
         length, width, height = self.size
         return Target(spec, rectangle(np.array([0, 0, height]), length, width))

@@ -69,9 +69,8 @@ class Config(Outlined):
             ValueError: A file cannot be read or is broken, or there is no such colour.
         """
         path = file_of(self.file, "targets", ".obj", "file")
-        name = self.texture
         mesh = _seen_from_outside(read_mesh(path))
-        picture = None if name is None else picture_named(name, "texture")
+        picture = None if self.texture is None else picture_named(self.texture, "texture")
         colour = rgba(self.colour)
         try:
             return self.target(self._spec(mesh, colour, picture))

@@ -4,6 +4,7 @@ import numpy as np
 
 from servo.features.moments import MomentFeatures, Scaling
 from servo.parts import Task
+from servo.sight.planar_pose import CornersToPose
 from servo.sight.planes import FACING, plane_of_size
 from servo.types import OwnMotion, Plane
 from sim.types import Camera, Pose, Posture
@@ -61,3 +62,10 @@ def begun(estimator, features=METRIC):
 def task(goal, estimator, features=METRIC, latency=0):
     """A task with an estimator that has begun."""
     return Task(goal, features, begun(estimator, features), CAMERA, OUTLINE, latency)
+
+
+def planar_pose(corners, size, expected=None):
+    """The pose of a rectangle in one picture, without a memory or after an expected pose."""
+    eye = CornersToPose(size)
+    eye._paths = [] if expected is None else [(expected, 0.0)]
+    return eye.of(corners, Pose(np.eye(3), np.zeros(3)))

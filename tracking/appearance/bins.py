@@ -1,7 +1,5 @@
 """Bins of a histogram: numbers of the pixels in a window of the image."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -28,7 +26,7 @@ class Window:
     bottom: int
 
     @staticmethod
-    def around(states: Array, radius: float, image: Image, more: float = 0.0) -> Window:
+    def around(states: Array, radius: float, image: Image, more: float = 0.0) -> "Window":
         """Return the part of an image that holds all within a radius of states.
 
         Args:
@@ -48,7 +46,7 @@ class Window:
             _whole(math.ceil(high[1] + reach), height),
         )
 
-    def holds(self, other: Window) -> bool:
+    def holds(self, other: "Window") -> bool:
         """Return whether the other window lies inside."""
         return (
             self.left <= other.left
@@ -125,8 +123,7 @@ class LabelledImage:
         """
         last = self._last
         if last is None or not last[0].holds(Window.around(states, radius, self.image, more)):
-            reach = max(radius, self._farthest)
-            window = Window.around(states, reach, self.image, more)
+            window = Window.around(states, max(radius, self._farthest), self.image, more)
             last = self._last = window, self.bins.label(self.image, window)
         held, labels = last
         return labels, held.left, held.top

@@ -5,8 +5,6 @@ histogram's normaliser is a constant, a state costs the same at every scale, and
 outside the object.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -47,7 +45,7 @@ class Layout:
     @staticmethod
     def of(
         points: Array, parts: NDArray[np.int64], kernel: Array, pulls: Array | None = None
-    ) -> Layout:
+    ) -> "Layout":
         """Return a layout with the kernel's values (P,) normalised over each part."""
         mass = np.bincount(parts, kernel)
         radius = float(np.max(np.hypot(points[:, 0], points[:, 1])))

@@ -15,8 +15,6 @@ The distance is the mean over the nine parts, not the sum: the sum is the same l
 times gamma, under which 300 particles leave an effective sample of two.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +62,7 @@ class AppearanceSettings:
         """Points at which states are read: by default one histogram under Epanechnikov's kernel."""
         return Sampling()
 
-    def bins(self, image: Image, region: Region, state: State) -> Bins:  # noqa: ARG002
+    def bins(self, image: Image, region: Region, state: State) -> Bins:
         """Return the bins that are counted: by default colours.
 
         Args:
@@ -74,7 +72,7 @@ class AppearanceSettings:
         """
         return ColourBins(self.levels)
 
-    def model(self, image: Image, region: Region, state: State) -> SampledModel:
+    def model(self, image: Image, region: Region, state: State) -> "SampledModel":
         """Return the target's appearance in the first picture, RGB (H, W, 3)."""
         return SampledModel(image, region, state, self)
 
@@ -133,14 +131,13 @@ class SampledModel:
         """
         window = self._window(image, states)
         squared = loops.squared_distances(self._coefficients(window, states))
-        eta = self._settings.contrast
         if self._views is not None:
             squared = squared + UNLIKE * (1 - self._views.likeness(image.blurred, states))
-        if eta == 0:
+        if self._settings.contrast == 0:
             return self._factor * squared
         ring = (self._ring.points, self._ring.parts, self._ring.weights)
         likeness = loops.coefficients(window, states, *ring, self._reference.root_whole)[:, 0]
-        return self._factor * (squared + eta * likeness)
+        return self._factor * (squared + self._settings.contrast * likeness)
 
     def climb(
         self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float

@@ -37,15 +37,13 @@ class AnnotatedVideo:
         Raises:
             OSError: The file cannot be written.
         """
-        status = shot.estimate.status
-        outline = shot.estimate.outline(self._region)
-        marks = [(outline, colours.STATUS[status])]
+        marks = [(shot.estimate.outline(self._region), colours.STATUS[shot.estimate.status])]
         if truth is not None:
             marks.insert(0, (truth, colours.TRUTH))
         film = self._opened(*(shot.size or SMALLEST))
         view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
         note = f"frame {shot.index}"
-        film.add(shot.picture.time, [view], [shot.confidence], status.name, note)
+        film.add(shot.picture.time, [view], [shot.confidence], shot.estimate.status.name, note)
 
     def close(self) -> None:
         """Finish the file."""

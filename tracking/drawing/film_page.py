@@ -125,6 +125,10 @@ class FilmPage:
         self._canvas = FigureCanvasAgg(figure)
         self._ground: Any = None
         self._video = VideoWriter(path, rate, width, height)
+        self.close = self._video.close
+        """Finish the file."""
+        self.abandon = self._video.abandon
+        """Close the file as it is; it can be played up to here."""
 
     def add(
         self, time: float, panels: Sequence[Image], values: Sequence[float], status: str, note: str
@@ -155,11 +159,3 @@ class FilmPage:
             left = MARGIN + i * (self._panel[0] + MARGIN)
             page[top : top + self._panel[1], left : left + self._panel[0]] = picture
         self._video.add(page, time)
-
-    def close(self) -> None:
-        """Finish the file."""
-        self._video.close()
-
-    def abandon(self) -> None:
-        """Close the file as it is; it can be played up to here."""
-        self._video.abandon()

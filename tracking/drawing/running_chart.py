@@ -97,8 +97,7 @@ class RunningChart:
         self._values.append(values)
         for line, curve in zip(self._lines, np.transpose(self._values), strict=True):
             line.set_data(self._times, curve)
-        ends = [[(a, BAND / 2), (b, BAND / 2)] for a, b in pairwise(self._times)]
-        self._band.set_segments(ends)
+        self._band.set_segments([[(a, BAND / 2), (b, BAND / 2)] for a, b in pairwise(self._times)])
         self._band.set_color([STATUS_ON_WHITE[status] for status in self._statuses[1:]])
         return self._grow(time, max(filter(math.isfinite, values), default=0.0))
 

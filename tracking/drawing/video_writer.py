@@ -42,6 +42,8 @@ class VideoWriter:
         """
         # FFmpeg gets an open file, because it accepts only names in UTF-8.
         self._file = path.open("wb", buffering=0)
+        self.abandon = self._file.close
+        """Close the file as it is; it can be played up to here."""
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
         about = Fraction(rate).limit_denominator(TICKS)
         stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
@@ -84,7 +86,3 @@ class VideoWriter:
             if self._last >= 0:
                 self._container.mux(self._stream.encode(None))
             self._container.close()
-
-    def abandon(self) -> None:
-        """Close the file as it is; it can be played up to here."""
-        self._file.close()

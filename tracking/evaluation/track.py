@@ -1,7 +1,5 @@
 """A track: a tracker's estimate for each picture of a source, and its time."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Iterable, Iterator
@@ -36,7 +34,7 @@ class Shot:
         """1 - the estimate's distance; 0 if there was no picture."""
         return 1.0 - self.estimate.distance
 
-    def without_picture(self) -> Shot:
+    def without_picture(self) -> "Shot":
         """The shot without picture and particles, which take much memory."""
         picture = dataclasses.replace(self.picture, image=None)
         estimate = dataclasses.replace(self.estimate, particles=None)
@@ -94,7 +92,7 @@ class Track:
     """Number of evaluated histograms (n,)."""
 
     @staticmethod
-    def of(shots: list[Shot], region: Region) -> Track:
+    def of(shots: list[Shot], region: Region) -> "Track":
         """The track of shots."""
         found = [shot.estimate for shot in shots]
         return Track(

@@ -59,16 +59,14 @@ class TrackFile:
             OSError: It cannot be written.
         """
         state = shot.estimate.state
-        region = self._region
-        corners = shot.estimate.outline(region)
         numbers = [
             state.x,
             state.y,
             state.theta,
             state.scale,
-            region.width * state.scale,
-            region.height * state.scale,
-            *corners.ravel().tolist(),
+            self._region.width * state.scale,
+            self._region.height * state.scale,
+            *shot.estimate.outline(self._region).ravel().tolist(),
         ]
         row = [
             shot.index,

@@ -1,7 +1,5 @@
 """Measures of a track against the truth, each with its name, unit and better direction."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -59,7 +57,7 @@ class Comparison:
     """Intersection over union (m,) of the rotated rectangles."""
 
     @staticmethod
-    def of(track: Track, truth: Array, states: Array | None = None) -> Comparison:
+    def of(track: Track, truth: Array, states: Array | None = None) -> "Comparison":
         """Compare a track with its truth, up to the length of the shorter one."""
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])
@@ -67,13 +65,12 @@ class Comparison:
         true = truth[present]
         a = boxes(seen)
         b = boxes(true)
-        centres = a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2
         return Comparison(
             track,
             truth,
             None if states is None else states[:count],
             present,
-            centres,
+            a[:, :2] + a[:, 2:] / 2 - b[:, :2] - b[:, 2:] / 2,
             b[:, 2:],
             box_overlaps(a, b),
             turned_overlaps(seen, true),
@@ -149,8 +146,7 @@ def lost_signal(c: Comparison) -> float:
         return float("nan")
     from scipy import stats  # takes a second
 
-    rank = stats.mannwhitneyu(doubt[off], doubt[~off]).statistic
-    return float(rank / (off.sum() * (~off).sum()))
+    return float(stats.mannwhitneyu(doubt[off], doubt[~off]).statistic / (off.sum() * (~off).sum()))
 
 
 def _state_rmse(c: Comparison, column: int) -> float:
@@ -170,8 +166,7 @@ def _shown(c: Comparison) -> NDArray[np.bool_]:
     """Return for each frame whether the tracker was asked: the first one is given, and a picture
     that cannot be read is not shown.
     """
-    spent = c.track.milliseconds
-    return (spent > 0) & (np.arange(len(spent)) > 0)
+    return (c.track.milliseconds > 0) & (np.arange(len(c.track.milliseconds)) > 0)
 
 
 H = Better.HIGHER

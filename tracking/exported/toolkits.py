@@ -125,7 +125,7 @@ class Got10kTracker:
         self,
         img_files: Sequence[str],
         box: Any,
-        visualize: bool = False,  # noqa: ARG002 (the toolkit gives it)
+        visualize: bool = False,  # the toolkit gives it
     ) -> tuple[Array, Array]:
         """Follow a target through picture files.
 
@@ -167,7 +167,6 @@ class VotHandle(Protocol):
 
     def report(self, region: Any, confidence: float) -> None:
         """Report the target's region to the toolkit; the confidence where it is taken."""
-        ...
 
 
 def run_vot(

@@ -257,13 +257,11 @@ def _ros(path: Path, head: bytes) -> Generator[Contents]:
         packed = ""
         if isinstance(reader, rosbag2.Reader) and reader.compression_mode == "message":
             packed = reader.compression_format or ""
-            metadata = reader.storage.metadata
-            reader.storage.metadata = metadata._replace(compression_mode=None)
+            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
         topics: dict[str, Topic] = {}
         for c in reader.connections:
             written = getattr(c.ext, "serialization_format", "ros1")
-            before = topics[c.topic].count if c.topic in topics else 0
-            count = before + c.msgcount
+            count = (topics[c.topic].count if c.topic in topics else 0) + c.msgcount
             topics[c.topic] = Topic(c.topic, plain_kind(c.msgtype), written, count)
 
         def messages(name: str) -> Iterator[tuple[int, bytes]]:

@@ -1,7 +1,5 @@
 """A sequence of pictures with the target's truth, also read from the layouts of OTB and VOT."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,7 +46,7 @@ class Sequence:
     @staticmethod
     def of_states(
         name: str, family: str, source: Source, region: Region, states: Array
-    ) -> Sequence:
+    ) -> "Sequence":
         """A sequence whose exact states (n, 4) are known: x, y, theta, scale."""
         corners = np.stack([region.corners(State(*row)) for row in states.tolist()])
         return Sequence(name, family, source, corners, region, State(*states[0].tolist()), states)

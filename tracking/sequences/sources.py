@@ -1,7 +1,5 @@
 """Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -80,11 +78,8 @@ class Times:
     def __init__(self, rate: float) -> None:
         self._gap = 1.0 / rate
         self._last = -self._gap
-        self._zero = None
-        self._stamp = None
-
-    _zero: float | None
-    _stamp: float | None
+        self._zero: float | None = None
+        self._stamp: float | None = None
 
     def since_first(self, stamp: float | None) -> float:
         """The time of the next picture.
@@ -116,7 +111,7 @@ class Folder:
     end: End | None = None
 
     @staticmethod
-    def of(folder: Path, rate: float = RATE) -> Folder:
+    def of(folder: Path, rate: float = RATE) -> "Folder":
         """The images of a folder.
 
         Raises:

@@ -4,8 +4,6 @@ All coordinates become continuous pixels from the image's top left corner. OTB c
 so that its box 1,1,w,h starts at the corner; VOT, TLD and CSV count from 0.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from enum import Enum
@@ -50,7 +48,7 @@ class Format(Enum):
     CSV = "columns named by a header"
 
     @staticmethod
-    def named(name: str) -> Format:
+    def named(name: str) -> "Format":
         """A format by its name in small letters.
 
         Raises:

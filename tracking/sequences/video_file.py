@@ -5,8 +5,6 @@ could make it open more files. It gets an open file without a name, so that it r
 and no numbered series.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Generator, Iterator
@@ -78,7 +76,7 @@ class Video:
     end: End | None = None
 
     @staticmethod
-    def of(path: Path) -> Video:
+    def of(path: Path) -> "Video":
         """Open a video file for its rate and number of frames.
 
         Raises:

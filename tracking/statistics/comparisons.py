@@ -1,7 +1,5 @@
 """Statistics of comparisons: McNemar's test, intervals of means, and Holm's correction."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -12,6 +10,10 @@ from annotated_types import Ge, Le
 
 from sim.types import Array
 
+BELOW = 0.975
+"""Share below the upper end of an interval, which holds the true value in 95 % of the cases."""
+Z = NormalDist().inv_cdf(BELOW)
+"""The same end of a normal distribution [standard deviations]."""
 NO_SKEWNESS = 1e-6
 """Smallest skewness that is removed: below it the transformation is the identity."""
 Count = Annotated[int, Ge(0), Le(1 << 53)]
@@ -29,7 +31,7 @@ class McNemar:
     """Number of sequences on which both or neither succeeded; the test does not use them."""
 
     @staticmethod
-    def of(first: Array, second: Array) -> McNemar:
+    def of(first: Array, second: Array) -> "McNemar":
         """Return the test of two scores (n,) of the same sequences; the higher score is a success.
 
         >>> McNemar.of(np.array([1, 1, 1, 1, 0]), np.array([0, 0, 0, 0, 1])).p
@@ -76,10 +78,8 @@ class Interval:
         return bool(np.isfinite(self.low) and np.isfinite(self.high))
 
 
-def mean_of(
-    scores: Array, confidence: float = 0.95, least: float = -np.inf, most: float = np.inf
-) -> Interval:
-    """Return the mean of the scores (n,) of n independent units, with an interval that covers.
+def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
+    """Return the mean of the scores (n,) of n independent units, with its 95 % interval.
 
     Scores that are all 0 or 1, or equal between such bounds, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
@@ -90,7 +90,6 @@ def mean_of(
 
     Args:
         scores: One score for each unit: average over what was measured several times first.
-        confidence: How often such an interval contains the true mean.
         least: Smallest and
         most: largest possible score, beyond which no interval reaches.
 
@@ -106,18 +105,18 @@ def mean_of(
     deviation = float(scores.std(ddof=1))
     equal = np.ptp(scores) == 0 or deviation == 0
     if np.isin(scores, (0.0, 1.0)).all() or (equal and (least, most) == (0, 1)):
-        return _share(mean, count, confidence)
+        return _share(mean, count)
     if equal:
         return Interval(mean, mean, mean, count)
     from scipy.special import stdtrit  # takes a second
 
     skewness = float(np.mean(((scores - mean) / deviation) ** 3))
-    reach = float(stdtrit(count - 1, (1 + confidence) / 2) / np.sqrt(count))
+    reach = float(stdtrit(count - 1, BELOW) / np.sqrt(count))
     low, high = (mean - deviation * _unskewed(t, skewness, count) for t in (reach, -reach))
     return Interval(mean, max(low, least), min(high, most), count)
 
 
-def difference_of_shares(first: Array, second: Array, confidence: float = 0.95) -> Interval:
+def difference_of_shares(first: Array, second: Array) -> Interval:
     """The share of successes of the first less that of the second on the same units, whose flags
     (n,) are 0 or 1 (Bonett and Price, Adjusted Wald confidence interval for a difference of
     binomial proportions based on paired data, 2012).
@@ -130,7 +129,7 @@ def difference_of_shares(first: Array, second: Array, confidence: float = 0.95) 
     shares = (only + 1) / (count + 2)
     middle = float(shares[0] - shares[1])
     variance = float(shares.sum() - middle**2) / (count + 2)
-    width = _quantile(confidence) * variance**0.5
+    width = Z * variance**0.5
     return Interval(value, max(middle - width, -1.0), min(middle + width, 1.0), count)
 
 
@@ -142,17 +141,11 @@ def _unskewed(t: float, skewness: float, count: int) -> float:
     return 3 / skewness * float(np.cbrt(inner) - 1)
 
 
-def _quantile(confidence: float) -> float:
-    """Return the number of standard deviations that a normal variable is within."""
-    return NormalDist().inv_cdf((1 + confidence) / 2)
-
-
-def _share(share: float, count: int, confidence: float) -> Interval:
+def _share(share: float, count: int) -> Interval:
     """A share of n units with its score interval (Wilson, Probable inference, 1927)."""
-    z = _quantile(confidence)
-    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
-    variance = share * (1 - share) / count + (z / count) ** 2 / 4
-    width = z / (1 + z * z / count) * variance**0.5
+    middle = (share + Z * Z / (2 * count)) / (1 + Z * Z / count)
+    variance = share * (1 - share) / count + (Z / count) ** 2 / 4
+    width = Z / (1 + Z * Z / count) * variance**0.5
     # The ends are exact where all or none succeeded: rounding would leave them beyond 0 and 1.
     low = 0.0 if share == 0 else middle - width
     return Interval(share, low, 1.0 if share == 1 else middle + width, count)

@@ -2,8 +2,6 @@
 resample.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
@@ -55,7 +53,7 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
         """Parts of the filter: by default those of Condensation."""
         return CloudMethod()
 
-    def build(self, rng: np.random.Generator) -> ParticleTracker:
+    def build(self, rng: np.random.Generator) -> "ParticleTracker":
         """Return the tracker; its samples are drawn from the generator."""
         return CloudTracker(self, DISC_LIMITS, rng)
 
@@ -96,7 +94,6 @@ class ParticleTracker(ABC):
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Search, estimate, resample."""
-        method = self._settings.method
         cloud = self._cloud
         lost = self._status is Status.LOST
         strewn = lost and self._settings.scatter > 0
@@ -105,14 +102,14 @@ class ParticleTracker(ABC):
         evaluations = self._search(image, self._velocity.step(ego), widen)
         # In many places after views were searched: their mean is none of them.
         searched = lost and self._recogniser is not None
-        proposed = cloud.best() if method.best or searched else cloud.mean()
+        proposed = cloud.best() if self._settings.method.best or searched else cloud.mean()
         state, distance, more = self._judge(image, proposed, frame.time)
         estimate = cloud.estimate(state, distance, self._status, evaluations + more)
         seen = self._status is Status.LOCKED
         # States of strewn particles carry no information on the target's motion; while the target
         # is hidden the velocity stays, and the mean moves by it and by chance.
         self._velocity.learn(state, seen=seen and not strewn)
-        cloud.resample(1.0 if seen else method.hidden)
+        cloud.resample(1.0 if seen else self._settings.method.hidden)
         if seen:
             if strewn:
                 cloud.gather(state)

@@ -1,7 +1,5 @@
 """Kernel mean shift on a colour histogram (Comaniciu, Ramesh, Meer 2003)."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, final
@@ -56,7 +54,7 @@ class ClimbSettings(AppearanceSettings):
     def climb(self) -> Climb:
         """The search."""
 
-    def build(self, rng: np.random.Generator) -> MeanShift:
+    def build(self, rng: np.random.Generator) -> "MeanShift":
         """Return the tracker; it draws nothing."""
         return MeanShift(self)
 
@@ -98,16 +96,15 @@ class MeanShift:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Climb from where the target was, and from around it if that is far off; keep the best."""
-        c = self._climb
         image = self._model.label(frame.image)
         begin = self._state.vector + self._velocity.step(ego)
         found, distances, evaluations = self._climbed(image, self._sizes(begin))
-        if 1 - distances.min() < c.confidence:
+        if 1 - distances.min() < self._climb.confidence:
             more, others, work = self._climbed(image, self._around(begin))
             found = np.vstack([found, more])
             distances = np.append(distances, others)
             evaluations += work
-        index = np.argmin(self._model.energy(image, found) if c.scale else distances)
+        index = np.argmin(self._model.energy(image, found) if self._climb.scale else distances)
         best = found[index]
         distance = float(distances[index])
         best[3] = begin[3] + SCALE_TRUST * (best[3] - begin[3])
@@ -121,7 +118,7 @@ class MeanShift:
             unknown_covariance(),
             distance,
             status,
-            follows=(False, c.scale),
+            follows=(False, self._climb.scale),
             evaluations=evaluations,
         )
 

@@ -141,9 +141,8 @@ class PfSsd(ParticleTracker):
 
     def _descend(self, image: Image, proposed: State) -> Descent:
         """Descend from the proposal; return the proposal itself if that leads too far away."""
-        c = self._config
-        descent = self._kernels.descend(image, proposed, most=STEPS, hopeless=c.occluded)
+        descent = self._kernels.descend(image, proposed, most=STEPS, hopeless=self._config.occluded)
         moved = descent.state.vector - proposed.vector
-        if float(np.hypot(moved[0], moved[1])) <= c.trust * self._cloud.size:
+        if float(np.hypot(moved[0], moved[1])) <= self._config.trust * self._cloud.size:
             return descent
         return Descent(proposed, 1.0, descent.evaluations)

@@ -57,7 +57,6 @@ class Told:
         Raises:
             ValueError: Nobody gave the truth.
         """
-        del frame, region
         if self._truth is None:
             raise ValueError(NO_TRUTH)
         self._first_size = self._truth.size

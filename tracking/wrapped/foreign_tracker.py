@@ -74,12 +74,11 @@ class ForeignTracker:
             ValueError: The region is none; or the tracker cannot be made, or refuses the region.
         """
         check_region(frame, region, state)
-        c = self._settings
         self._source = self._make()
         box = np.array(self._source.start(frame.image, region, state), dtype=float)
-        self._placement = Placement(region, state, box, sizes=c.follow_size)
-        if c.judge == "score":
-            doubt = 1 - c.least_score
+        self._placement = Placement(region, state, box, sizes=self._settings.follow_size)
+        if self._settings.judge == "score":
+            doubt = 1 - self._settings.least_score
             self._loss = LossJudge(LossLimits(floor=doubt, cap=doubt))
         else:
             self._loss = LossJudge(LIMITS)

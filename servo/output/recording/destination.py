@@ -2,9 +2,9 @@
 
 import ctypes
 import shutil
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, final
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -34,15 +34,12 @@ class Recording(Protocol):
         Raises:
             Refused: It cannot.
         """
-        ...
 
     def close(self) -> None:
         """Send the last data, and end; errors are those of `flush`."""
-        ...
 
     def abandon(self) -> None:
         """Leave everything as it is, without waiting for anything."""
-        ...
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
@@ -54,27 +51,41 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
     return stream
 
 
-def flushed(stream: rr.RecordingStream, refused: Callable[[], Refused]) -> None:
-    """Wait until everything that was logged has arrived.
+class SentRecording(ABC):
+    """A recording that is sent while it is made."""
 
-    Raises:
-        Refused: It does not; what `refused` gives.
-    """
-    try:
-        stream.flush(timeout_sec=PATIENCE)
-    except RuntimeError:
-        raise refused() from None
+    _stream: rr.RecordingStream
+
+    @abstractmethod
+    def refusal(self) -> Refused:
+        """The reason why what was logged does not arrive."""
+
+    def flush(self) -> None:
+        """Wait until everything that was logged has arrived.
+
+        Raises:
+            Refused: It does not; what arrived before can be read.
+        """
+        try:
+            self._stream.flush(timeout_sec=PATIENCE)
+        except RuntimeError:
+            raise self.refusal() from None
+
+    def close(self) -> None:
+        """Send the last data, and end; errors are those of `flush`."""
+        self.flush()
+        self._stream.disconnect()
+
+    def abandon(self) -> None:
+        """Never end the stream: deleting it, and Rerun's shutdown, would wait for its last bytes
+        for ever where they cannot be written.
+        """
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
+        rr.unregister_shutdown()
 
 
-def leak(stream: rr.RecordingStream) -> None:
-    """Never end a stream: deleting it, and Rerun's shutdown, would wait for its last bytes for ever
-    where they cannot be written.
-    """
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
-    rr.unregister_shutdown()
-
-
-class RecordingFile:
+@final
+class RecordingFile(SentRecording):
     """A file that a recording goes to; it has the name of its folder."""
 
     def __init__(self, path: Path) -> None:
@@ -95,31 +106,11 @@ class RecordingFile:
         self._stream.save(self.path, default_blueprint=blueprint)
         return self._stream
 
-    def flush(self) -> None:
-        """Wait until everything that was logged is in the file.
-
-        Raises:
-            Refused: The disk cannot be written; the part written before can be opened.
-        """
-        flushed(self._stream, self._refused)
-
-    def _refused(self) -> Refused:
+    def refusal(self) -> Refused:
+        """The disk cannot be written."""
         full = shutil.disk_usage(self.path.parent).free < FULL
         why = "the disk is full" if full else "the disk refuses more"
         return Refused(f"{self.path}: the recording ends too early: {why}")
-
-    def close(self) -> None:
-        """Write the last data and the footer.
-
-        Raises:
-            Refused: As for `flush`; the file then stays as it is.
-        """
-        self.flush()
-        self._stream.disconnect()
-
-    def abandon(self) -> None:
-        """Leave the file as it is."""
-        leak(self._stream)
 
 
 class NotebookRecording:

@@ -24,7 +24,6 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
         rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=False),
     )
     motion = [plot(f"motion/{name}", f"Target motion, {name}") for name in features]
-    tabs = [rrb.Tabs(*part) for part in (motion[0::2], motion[1::2]) if part]
     numbers = rrb.Vertical(
         plot("error", "Distance of the true centre from goal and estimate [px]"),
         rrb.Tabs(
@@ -34,7 +33,7 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
             plot("tilt", "Tilt of the camera [deg]"),
             plot("nis", "Innovation squared over its variance"),
         ),
-        rrb.Horizontal(*tabs),
+        rrb.Horizontal(*[rrb.Tabs(*part) for part in (motion[0::2], motion[1::2]) if part]),
         rrb.Tabs(
             plot("twist/linear", "Camera velocity [m/s]"),
             plot("twist/angular", "Camera turn [rad/s]"),

@@ -10,6 +10,7 @@ import sys
 import time
 import webbrowser
 from pathlib import Path
+from typing import final
 from urllib.parse import quote
 
 import rerun as rr
@@ -18,7 +19,7 @@ import rerun_cli
 
 from servo.mistake import Mistake, Refused
 from servo.output.display import has_display
-from servo.output.recording.destination import flushed, leak, new_stream
+from servo.output.recording.destination import SentRecording, new_stream
 
 HOST = "127.0.0.1"
 EVERY = 0.02
@@ -36,7 +37,8 @@ UNTIL_CLOSED = (
 """Runs a command until stdin is closed, by us or by our end, whatever ends us."""
 
 
-class LiveViewer:
+@final
+class LiveViewer(SentRecording):
     """A viewer, and the server that it gets a recording from."""
 
     def __init__(self, *, web: bool, port: int) -> None:
@@ -89,22 +91,9 @@ class LiveViewer:
         self._stream.connect_grpc(self.source, default_blueprint=blueprint)
         return self._stream
 
-    def flush(self) -> None:
-        """Wait until everything that was logged is served.
-
-        Raises:
-            Refused: The server is gone.
-        """
-        flushed(self._stream, lambda: Refused("the viewer: Rerun's server is gone"))
-
-    def close(self) -> None:
-        """Send the last data; errors are those of `flush`."""
-        self.flush()
-        self._stream.disconnect()
-
-    def abandon(self) -> None:
-        """Send nothing more."""
-        leak(self._stream)
+    def refusal(self) -> Refused:
+        """The server is gone."""
+        return Refused("the viewer: Rerun's server is gone")
 
     def wait(self) -> None:
         """Serve until the window is closed; for a browser, until Ctrl-C."""

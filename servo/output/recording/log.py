@@ -72,13 +72,13 @@ class RerunLog:
     def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
         """Begin a recording, to which data is sent every so many seconds of the wall clock."""
         self._episode = episode
-        world = episode.world
         self._features = episode.loop.features.names
-        self._moving = solids.entities(world.moving)
-        self._plots = _plots(world.robot, self._features)
+        self._moving = solids.entities(episode.world.moving)
+        self._plots = _plots(episode.world.robot, self._features)
         self._every = Every(every)
         self._ways_due = Every()
         self._file = recording
+        self.abandon = recording.abandon
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
@@ -118,16 +118,11 @@ class RerunLog:
         self._log_ways()
         self._file.close()
 
-    def abandon(self) -> None:
-        """Leave the recording as it is; nothing more is logged."""
-        self._file.abandon()
-
     def _log_scene(self) -> None:
-        model = self._episode.world.model
         camera = self._episode.world.camera
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = ["world/fixed", *self._moving]
-        for path, archetype in solids.solids(solids.shapes_of(model), bodies):
+        for path, archetype in solids.solids(solids.shapes_of(self._episode.world.model), bodies):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy],
@@ -230,10 +225,9 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
         return np.append(2 * (step.joints[limited] - low) / (high - low) - 1, [-1.0, 1.0])
 
     def twist(path: str, part: slice) -> Lines:
-        names = [f"{which} {name}" for which in ("commanded", "measured") for name in DOF[part]]
         return Lines(
             f"twist/{path}",
-            names,
+            [f"{which} {name}" for which in ("commanded", "measured") for name in DOF[part]],
             [*XYZ, *dark],
             lambda s: np.concatenate([s.command.twist[part], s.twist_measured[part]]),
         )

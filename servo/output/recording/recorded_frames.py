@@ -82,8 +82,7 @@ def _recorded(
     found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path
 ) -> RecordedFrame:
     time, blob = found[BLOB][frame]
-    raw = np.frombuffer(bytes(blob.as_py()[0]), np.uint8)
-    image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(bytes(blob.as_py()[0]), np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise Mistake(f"{path}: frame {frame} is not a picture")
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))

@@ -198,8 +198,7 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
     if kind == "cylinder":
         return rr.Cylinders3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], centers=centres, **style)
     # The origin of a capsule is its first end in Rerun, and its centre in MuJoCo.
-    axes = np.stack([m.pose.rotation[:, 2] for m in members])
-    begin = centres - axes * sizes[:, 1:2]
+    begin = centres - np.stack([m.pose.rotation[:, 2] for m in members]) * sizes[:, 1:2]
     return rr.Capsules3D(radii=sizes[:, 0], lengths=2 * sizes[:, 1], translations=begin, **style)
 
 

@@ -22,6 +22,8 @@ class TrackLog:
         self._region = region
         self._every = Every(every)
         self._file = recording
+        self.close = recording.close
+        self.abandon = recording.abandon
         self._rec = recording.begin("servobench_track", blueprint_of_track())
 
     def add(self, shot: Shot, truth: Array | None) -> None:
@@ -45,10 +47,3 @@ class TrackLog:
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
         if self._every.due():
             self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()
-
-    def abandon(self) -> None:
-        """Leave the recording as it is; nothing more is logged."""
-        self._file.abandon()

@@ -78,15 +78,14 @@ def local(workers: int) -> Generator[Cluster]:
     with silence():
         try:
             with _deaf_children():  # the client stops the workers
-                # Without certificates that the user has for another cluster.
-                plain = Security(require_encryption=False, tls_ca_file=None)
                 cluster = LocalCluster(
                     n_workers=0,
                     threads_per_worker=1,
                     processes=True,
                     host=LOOPBACK,
                     protocol="tcp://",
-                    security=plain,
+                    # Without certificates that the user has for another cluster.
+                    security=Security(require_encryption=False, tls_ca_file=None),
                     dashboard_address=f"{LOOPBACK}:0",
                     worker_dashboard_address=f"{LOOPBACK}:0",
                     memory_limit=int(MEMORY_LIMIT / workers),

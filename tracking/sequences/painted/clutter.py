@@ -96,8 +96,7 @@ def _ground(rng: np.random.Generator, colours: Array, count: int, kept: int) -> 
             ]
         )
         centre = rng.uniform((0, 0), (WIDTH, HEIGHT))
-        radius = rng.uniform(SMALLEST, RADIUS)
-        _disc(image, centre, radius, mixed[rng.permutation(SECTORS)])
+        _disc(image, centre, rng.uniform(SMALLEST, RADIUS), mixed[rng.permutation(SECTORS)])
     return image
 
 
