@@ -79,8 +79,8 @@ BAD = {
         ["list", "magic"],
         "there is no part, section or kind 'magic'; there is scenario, study, robot, target, "
         "motion, tracker, features, estimator, controller, disturbances, sequences, run, world, "
-        "camera, goal, start, region, sight, believed, measure, vary, expect, sweep, and the kinds "
-        "that servobench list shows",
+        "camera, goal, start, region, sight, believed, measure, ground, clutter, light, vary, "
+        "expect, sweep, and the kinds that servobench list shows",
     ),
     "a folder that is full": (
         ["run", "still", "--out", "full"],

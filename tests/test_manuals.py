@@ -71,7 +71,7 @@ def commands_of(text):
 
 def test_there_is_a_manual_for_each_subject():
     folders = {".", "scenes", "tracking", "servo", "servo/papers", "servo/tutorials"}
-    folders |= {"tests/benchmarks"}
+    folders |= {"scenes/benchmarks", "tests/benchmarks"}
     assert {name(p.parent) for p in MANUALS if p.name == "README.md"} == folders
 
 

@@ -38,8 +38,8 @@ ARRIVED_MM = 10.0
 ARRIVED_DEG = 1.0
 NEAR_MM = 100.0
 NEAR_DEG = 10.0
-"""Arrival in the wider sense of CNS (Chen and others, CNS: Correspondence Encoded Neural Image
-Servo Policy, 2024): a tenth of a way of a metre, and ten degrees."""
+"""Arrival in a wider sense, as learned servoing is judged: a tenth of a way of a metre, and ten
+degrees."""
 DIGITS = 12
 """Digits of a picture's digest."""
 MEASURES = (
