@@ -138,18 +138,24 @@ class Prediction:
     own innovation times the interval."""
     nis: Array
     """Innovation squared over its variance (k,), 1 on average where the filter fits; or nan."""
+    variance: Array | None = None
+    """Stated variances (2, k) of error and motion against the truth; None without a filter."""
 
     def times(self, scales: Array) -> Prediction:
         """Return the same in other units: multiplied by scales (k,)."""
         return Prediction(
-            self.error * scales, self.motion * scales, self.innovation * scales, self.nis
+            self.error * scales,
+            self.motion * scales,
+            self.innovation * scales,
+            self.nis,
+            None if self.variance is None else self.variance * scales**2,
         )
 
     @staticmethod
-    def unmeasured(error: Array, motion: Array) -> Prediction:
+    def unmeasured(error: Array, motion: Array, variance: Array | None = None) -> Prediction:
         """Return a prediction without innovations."""
         none = np.full(len(error), np.nan)
-        return Prediction(error, motion, none, none)
+        return Prediction(error, motion, none, none, variance)
 
 
 class Mode(Enum):

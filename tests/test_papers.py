@@ -1,16 +1,25 @@
 """`servobench papers`: claims end to end, their jobs, the known verdicts, and the tuning."""
 
 import json
+import re
 
 import cv2
 import numpy as np
 import pytest
 
 from servo.cli import main, papers_command
-from servo.papers import estimator_study, experiments, kams_particles, servo_paper, tuning
+from servo.papers import (
+    estimator_study,
+    experiments,
+    kams_particles,
+    kernel_paper,
+    servo_paper,
+    tuning,
+)
 from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS
 from servo.papers.experiments import generated
+from servo.report import papers_section
 from servo.scenario.load import load
 from servo.study.run import Record
 from tracking.statistics.verdicts import Finding
@@ -90,6 +99,57 @@ def test_a_known_verdict_that_changes_ends_a_full_run_with_1(monkeypatch, capfd,
         begins = "servobench: papers: P1-4a: holds, "
         assert err.startswith(begins) if code else err == ""
         assert err.endswith(f"; it was: {finding}, 4 times smaller\n") if code else True
+
+
+def test_other_seeds_have_a_folder_of_their_own_and_stand_beside_the_registered(
+    monkeypatch, capfd, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(kernel_paper, "SEEDS_SURFACE", 3)
+    known = {"P1-3": ("does not hold", "1 times the slope of one kernel")}
+    monkeypatch.setattr(papers_command, "known", lambda: known)
+    code, out, err = call(monkeypatch, capfd, "P1-3", "--first-seed", "7000", "--workers", "1")
+    assert (code, err) == (0, "")  # another verdict is no fault here
+    beside = out[out.index("seeds from 7000 on, beside those that the rules name") :]
+    head, row = (re.split(r"  +", line.strip()) for line in beside.splitlines()[1:3])
+    assert head == ["claim", "verdict", "effect", "registered", "effect, registered"]
+    assert (row[0], row[1], row[3]) == ("P1-3", "undecided", "does not hold")
+    written = json.loads((tmp_path / "runs" / "papers-7000" / "papers.json").read_text())
+    assert written["first_seed"] == 7000
+    assert written["command"] == "servobench papers P1-3 --first-seed 7000"
+    page = papers_section.section(tmp_path / "runs" / "papers-7000")
+    assert [(f.name, f.value) for f in page.facts[2:]] == [("first seed", "7000")]
+
+
+def test_a_first_seed_is_that_of_every_claim():
+    effort = Effort(quick=False, sequences=None, first=7000)
+    for claim in CLAIMS:
+        jobs = claim.jobs(effort)
+        assert not jobs or min(job.seed for job in jobs) == 7000
+    assert effort.seeds(3) == effort.seeds(3, 2000) == range(7000, 7003)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (
+            ["P1-3", "--first-seed", "999"],
+            "--first-seed 999: the settings were tuned on seeds below 1000; give 1000 or more",
+        ),
+        (
+            ["tuning-clutter", "--first-seed", "7000"],
+            "tuning-clutter tunes on its own seeds; leave out --first-seed",
+        ),
+        (
+            ["P1-3", "--quick", "--first-seed", "7000"],
+            "--quick has its own seed; leave out --first-seed",
+        ),
+    ],
+)
+def test_seeds_that_say_nothing_are_refused(monkeypatch, capfd, tmp_path, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(monkeypatch, capfd, *arguments)
+    assert (code, err) == (2, f"servobench: papers: {says}\n")
 
 
 def test_an_unknown_claim_lists_what_there_is(monkeypatch, capfd, tmp_path):

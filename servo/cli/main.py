@@ -218,16 +218,27 @@ def sweep(**options: Any) -> None:
 @click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
 @click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
+@click.option(
+    "--first-seed",
+    type=opt.COUNT,
+    help="Test on other seeds, from this one on (default: those that the rules name).",
+)
 @opt.workers_option
-@opt.out_option("runs/papers, also to continue")
+@opt.out_option("runs/papers or runs/papers-SEED, also to continue")
 @opt.dry_run_option
 @opt.quiet_option
-def papers(claims: tuple[str, ...], quick: bool, sequences: Path | None, **options: Any) -> None:
+def papers(
+    claims: tuple[str, ...],
+    quick: bool,
+    sequences: Path | None,
+    first_seed: int | None,
+    **options: Any,
+) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
 
-    sys.exit(run_papers(claims, Effort(quick, sequences), **options))
+    sys.exit(run_papers(claims, Effort(quick, sequences, first_seed), **options))
 
 
 @app.command()

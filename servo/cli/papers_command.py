@@ -11,13 +11,14 @@ from servo.cli.terminal import complain, escape, plain, print_table
 from servo.mistake import Mistake, check_known
 from servo.output.formats import command_line
 from servo.output.versions import versions
-from servo.papers.claim import WORDS, Claim, Effort, Evidence, Verdict
+from servo.papers.claim import FRESH, WORDS, Claim, Effort, Evidence, Verdict
 from servo.papers.claims import (
     CLAIMS,
     FIGURES,
     JOINED,
     TITLES,
     VERDICTS,
+    Found,
     Judged,
     PapersReport,
     broken,
@@ -47,19 +48,26 @@ def run(
     dry_run: bool,
     quiet: bool,
 ) -> int:
-    """Test claims; the exit code: 1 if a run failed, or a full run found another verdict than is
-    known.
+    """Test claims; the exit code: 1 if a run failed, or a full run on the registered seeds found
+    another verdict than is known.
 
     Raises:
-        Mistake: There is no such claim, or none of the claims uses the given sequences.
+        Mistake: There is no such claim, none of the claims uses the given sequences, or the seeds
+            are not for verdicts.
     """
     chosen = _chosen(names, effort)
     try:
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
     except ValueError as error:
         raise Mistake(str(error)) from None
-    folder = out or Path("runs") / ("papers-quick" if effort.quick else "papers")
-    again = command_line("papers", *names, quick=effort.quick, sequences=effort.sequences)
+    folder = out or Path("runs") / _folder(effort)
+    again = command_line(
+        "papers",
+        *names,
+        quick=effort.quick,
+        sequences=effort.sequences,
+        first_seed=effort.first,
+    )
     console = Console(quiet=quiet)
     runs = {job.key for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}
@@ -83,7 +91,11 @@ def run(
             _print(console, verdict)
         tested = {c.name: Judged.of(c, verdicts[c.name]) for c in chosen if c.name in verdicts}
         written = PapersReport(
-            command=again, versions=versions(), quick=effort.quick, claims=tested
+            command=again,
+            versions=versions(),
+            quick=effort.quick,
+            first_seed=effort.first,
+            claims=tested,
         ).write(folder)
         found = found_in(verdicts)
         atomic.write(folder, VERDICTS, json_text(found))
@@ -91,6 +103,9 @@ def run(
     for name, judged in tested.items():
         plain(console, judged.row(name))
     plain(console, f"  {folder / FIGURES}\n  {written}")
+    if effort.first is not None:
+        _print_beside(console, found, effort.first)
+        return 1 if len(verdicts) < len(chosen) else 0
     others = [] if effort.quick else broken(found, known())
     for sentence in others:
         complain(f"papers: {sentence}")
@@ -127,7 +142,42 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
     chosen = [there[name] for name in names] if names else list(CLAIMS)
     if effort.sequences is not None and there[JOINED] not in chosen:
         raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+    if effort.first is not None:
+        _check_first(effort, effort.first, chosen)
     return chosen
+
+
+def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
+    """Refuse seeds that say nothing about a claim.
+
+    Raises:
+        Mistake: They are those of tuning, or a claim tunes, or one seed is enough.
+    """
+    if effort.quick:
+        raise Mistake("papers: --quick has its own seed; leave out --first-seed")
+    if first < FRESH:
+        raise Mistake(
+            f"papers: --first-seed {first}: the settings were tuned on seeds below {FRESH}; give "
+            f"{FRESH} or more"
+        )
+    tuning = [claim.name for claim in chosen if claim in TUNING]
+    if tuning:
+        raise Mistake(f"papers: {tuning[0]} tunes on its own seeds; leave out --first-seed")
+
+
+def _folder(effort: Effort) -> str:
+    if effort.first is not None:
+        return f"papers-{effort.first}"
+    return "papers-quick" if effort.quick else "papers"
+
+
+def _print_beside(console: Console, found: Found, first: int) -> None:
+    """Print the verdicts beside those on the registered seeds."""
+    plain(console, f"  seeds from {first} on, beside those that the rules name:")
+    before = known()
+    rows = [[name, *new, *before.get(name, ("-", "-"))] for name, new in found.items()]
+    head = ("claim", "verdict", "effect", "registered", "effect, registered")
+    print_table(console, Table(head, rows, words=range(len(head))))
 
 
 def _print_rule(console: Console, claim: Claim) -> None:

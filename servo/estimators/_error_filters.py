@@ -25,6 +25,10 @@ from sim.types import Array
 
 PERSISTENT = 0.5
 """phi: the tracker's error against the truth, a frame later, correlates by 0.3 to 0.8."""
+SLOW_ERROR = 6.0
+"""Standard deviation of the part of a tracker's error that lasts for seconds, over the features'
+noise; from seeds 1 to 6 of `line`, `sine`, `wander` and `circle`. No innovation shows it: to a
+filter it is a part of the target's place."""
 DIFFUSE = 100.0
 """Standard deviation of an unknown velocity, in the measurement's per frame; its square is that of
 an unknown error."""
@@ -103,6 +107,7 @@ class ErrorFilters:
         """Begin with these features."""
         self._features = features
         self._level = Level(np.square(features.noise))
+        self._spread = Level(np.square(features.noise))
         self._begun = np.zeros(len(features.names), dtype=bool)
         self._filters: KalmanFilters | None = None
         self._test = None if self._new_test is None else self._new_test()
@@ -131,10 +136,12 @@ class ErrorFilters:
             f.predict(own.past, self._begun)
         # A jump is the target's doing: it must not count as noise of the tracker.
         nis = self._level.learn(ratio, measured, but=jumped)
+        self._spread.learn(ratio, measured)  # an estimate is less certain where there are jumps
         f.update(y, seen)
         self._begun |= seen
         innovation = np.where(measured, y, np.nan)
-        return Prediction(*self._result(f, np.where(seen, error, 0.0), own), innovation, nis)
+        shown, motion, variance = self._result(f, error, own)
+        return Prediction(shown, motion, innovation, nis, variance)
 
     def forget(self) -> None:
         """Take back the last measurement, but not the first of a feature."""
@@ -143,28 +150,55 @@ class ErrorFilters:
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction, less certain with each frame."""
-        none = np.zeros(len(self._begun))
         if self._filters is None:
+            none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
         self._filters.use(self._model(dt))
         self._filters.predict(own.past, self._begun)
-        return Prediction.unmeasured(*self._result(self._filters, none, own))
+        unseen = np.full(len(self._begun), np.nan)
+        return Prediction.unmeasured(*self._result(self._filters, unseen, own))
 
-    def _result(self, f: KalmanFilters, error: Array, own: OwnMotion) -> tuple[Array, Array]:
-        if not self._predicts:
-            return error, f.x[:, 1].copy()
-        return look_ahead(f.x, own, f.model, self._model)
+    def _result(self, f: KalmanFilters, error: Array, own: OwnMotion) -> tuple[Array, Array, Array]:
+        level = self._spread.value
+        if self._predicts:
+            shown, motion, variance = look_ahead(f.x, f.covariance, own, f.model, self._model)
+        else:
+            seen = np.isfinite(error)
+            shown = np.where(seen, error, 0.0)
+            motion = f.x[:, 1].copy()
+            # The error as it was seen is wrong by the whole noise of the tracker.
+            variance = np.stack([np.where(seen, 1.0, np.nan), f.covariance[:, 1, 1]])
+        return shown, motion, stated(variance, level, self._features)
+
+
+def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
+    """Return the variances (2, k) of error and motion against the truth, from those over the level
+    (k,): the filter's own, and the slow part of the tracker's error.
+    """
+    slow = np.square(SLOW_ERROR * features.noise)
+    return variance * level + np.stack([slow, np.zeros(len(slow))])
 
 
 def look_ahead(
-    x: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
-) -> tuple[Array, Array]:
-    """Return the error (k,) when the command asked for now begins to act, and the target's mean
-    motion (k,) while it does, from states x (k, n) as of the frame.
+    x: Array, covariance: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
+) -> tuple[Array, Array, Array]:
+    """Return the error (k,) when the command asked for now begins to act, the target's mean motion
+    (k,) while it does, and the variances (2, k) of both over the level.
+
+    Args:
+        x: States (k, n) as of the frame.
+        covariance: Their covariances (k, n, n), over the level.
+        own: The commands that act before.
+        model: The filter's model.
+        model_at: The model at another interval [s].
     """
     parts = [model] * len(own.coming)
     if own.durations is not None:
         parts = [model_at(float(held)) for held in own.durations]
     for coming, part in zip(own.coming, parts, strict=True):
         x = x @ part.F.T + np.outer(coming, part.B)
-    return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0]
+        covariance = part.F @ covariance @ part.F.T + part.Q
+    rows = np.stack([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
+    rows[1, 0] = 0.0
+    variance = np.einsum("ri,kij,rj->rk", rows, covariance, rows)
+    return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0], variance

@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-from servo.estimators._error_filters import TargetModel, look_ahead, models
+from servo.estimators._error_filters import TargetModel, look_ahead, models, stated
 from servo.estimators._kalman_filters import KalmanFilters, Level, where
 from servo.estimators.error_kalman import motion
 from servo.parts import FeatureSet
@@ -79,7 +79,8 @@ class Imm:
             f.update(gap, seen)
         self._begun |= seen
         innovation = np.where(measured, z - expected, np.nan)
-        return Prediction(*self._ahead(own), innovation, nis)
+        error, motion, variance = self._ahead(own)
+        return Prediction(error, motion, innovation, nis, variance)
 
     def forget(self) -> None:
         """Take back the last measurement, but not the first of a feature."""
@@ -95,9 +96,19 @@ class Imm:
         self._mix_and_predict(own, dt)
         return Prediction.unmeasured(*self._ahead(own))
 
-    def _ahead(self, own: OwnMotion) -> tuple[Array, Array]:
+    def _ahead(self, own: OwnMotion) -> tuple[Array, Array, Array]:
         x = sum(m[:, None] * f.x for m, f in zip(self._mu, self._filters, strict=True))
-        return look_ahead(np.asarray(x), own, self._filters[0].model, self._model_at[0])
+        level = self._level.value
+        covariance = np.zeros_like(self._filters[0].covariance)
+        for m, f in zip(self._mu, self._filters, strict=True):
+            off = f.x - x
+            apart = off[:, :, None] * off[:, None, :] / level[:, None, None]
+            covariance += m[:, None, None] * (f.covariance + apart)
+        model = self._filters[0].model
+        error, motion, variance = look_ahead(
+            np.asarray(x), covariance, own, model, self._model_at[0]
+        )
+        return error, motion, stated(variance, level, self._features)
 
     def _mix_and_predict(self, own: OwnMotion, dt: float) -> None:
         """Begin each model with what both know, and predict the features that have begun."""

@@ -27,10 +27,15 @@ class Effort:
     """Run one seed of each, none of a verdict's, to check that everything works."""
     sequences: Path | None
     """A folder of real sequences that are added to the claim about them."""
+    first: int | None = None
+    """First seed of every claim; by default those that its rule names."""
 
     def seeds(self, full: int, first: int = FRESH) -> range:
         """Return seeds from the first on, up to the full number; `QUICK` alone if quick."""
-        return range(QUICK, QUICK + 1) if self.quick else range(first, first + full)
+        if self.quick:
+            return range(QUICK, QUICK + 1)
+        begin = first if self.first is None else self.first
+        return range(begin, begin + full)
 
 
 @dataclass(frozen=True, slots=True)

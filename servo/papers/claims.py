@@ -101,6 +101,8 @@ class PapersReport(Made):
     KIND: ClassVar[str] = "papers"
 
     quick: bool
+    first_seed: int | None = None
+    """Of every claim; None: the registered ones."""
     claims: dict[str, Judged]
 
 

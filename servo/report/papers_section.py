@@ -28,6 +28,7 @@ def section(folder: Path) -> Section:
             "quick" if papers.quick else "full",
             "one seed of each: the numbers mean little" if papers.quick else "",
         ),
+        *_other_seeds(papers),
     ]
     rows = [
         [name, Badge(c.finding, TONES.get(c.finding, Tone.PLAIN)), c.says, _effect(c), c.measured]
@@ -41,6 +42,12 @@ def section(folder: Path) -> Section:
     ]
     lead = "Claims of the three papers, tested again."
     return Section("papers", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
+
+
+def _other_seeds(papers: PapersReport) -> list[Fact]:
+    """Return the first seed, where it is not the one that the rules name."""
+    first = papers.first_seed
+    return [] if first is None else [Fact("first seed", str(first), "not the rules' seeds")]
 
 
 def _claim(folder: Path, name: str, claim: Judged) -> Block:

@@ -1,0 +1,112 @@
+"""Stated variances of estimates against their true errors (NEES)."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from servoing import begun, own
+
+from servo.estimators import error_kalman, imm, jump, kalman_ca, kalman_cv
+from servo.estimators._error_filters import PERSISTENT, ErrorFilters
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from servo.types import OwnMotion
+
+FILTERS = {
+    "kalman_cv": kalman_cv,
+    "kalman_ca": kalman_ca,
+    "imm": imm,
+    "jump": jump,
+    "error_kalman": error_kalman,
+}
+DT = 1 / 30
+RNG = np.random.default_rng(0)
+MOTIONS = {
+    "kalman_cv": lambda dt: kalman_cv.motion(dt, kalman_cv.RHO, None),
+    "kalman_ca": kalman_ca.Config().motion,
+    "error_kalman": error_kalman.motion,
+}
+COUNT = 6
+"""Features of one filter; each is another target."""
+TIMES = 40
+SIGMA = 1e-4
+APART = 30
+"""Frames after which estimates are nearly independent."""
+
+
+def nees_of_model(motion, factor):
+    """NEES (times, targets) of the motion of targets that move as the model says, at the level that
+    was learned and at the true one, for a filter whose process noise is the model's times a
+    factor."""
+    rng, model = np.random.default_rng(7000), motion(DT)
+    features = SimpleNamespace(
+        names=range(COUNT), noise=np.full(COUNT, SIGMA), error=lambda a, b: a - b
+    )
+    filters = begun(ErrorFilters(lambda dt: replace(motion(dt), Q=factor * motion(dt).Q)), features)
+    e, n, m = np.zeros(COUNT), np.zeros(COUNT), np.zeros((COUNT, len(model.r)))
+    root, found = SIGMA * np.sqrt(np.diag(model.Q)), []
+    for k in range(100 + TIMES * APART):
+        n = PERSISTENT * n + SIGMA * np.sqrt(1 - PERSISTENT**2) * rng.normal(size=COUNT)
+        predicted = filters.update(e + n, own(np.zeros(COUNT)), DT)
+        if k >= 100 and k % APART == 0:
+            learned = (predicted.motion - m[:, 0]) ** 2 / predicted.variance[1]
+            found.append((learned, learned * filters._spread.value / SIGMA**2))
+        e = e + m @ model.r
+        m = m @ model.M.T + root * rng.normal(size=m.shape)
+    return np.array(found).mean(axis=(0, 2))
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_a_filter_knows_how_wrong_its_motion_is_with_the_right_process_noise_only(kind):
+    """The 99 % band of NEES. A level that is learned hides noise that is too large."""
+    low, high = chi2.ppf([0.005, 0.995], COUNT * TIMES) / (COUNT * TIMES)
+    right, less, more = (nees_of_model(MOTIONS[kind], factor) for factor in (1.0, 0.1, 10.0))
+    assert np.all((low < right) & (right < high))
+    assert np.all(less > high)
+    assert more[1] < low
+
+
+LIMITS = {"kalman_cv": 4.5, "kalman_ca": 4.5, "imm": 3.0, "jump": 8.0, "error_kalman": 3.0}
+"""Largest NEES of the motion in a run. The means of six runs are 3.0, 2.3, 1.0, 2.5, 1.2."""
+
+
+@pytest.mark.parametrize(("name", "seed"), [("sine", 4001), ("circle", 4003)])
+def test_estimates_in_the_rendered_loop_are_as_wrong_as_they_say(name, seed):
+    """The filters see what one of them, in the loop, makes of the pictures."""
+    watching = {kind: begun(module.Config().build(RNG)) for kind, module in FILTERS.items()}
+    errors, motions, estimates = [], [], []
+    with Episode(load(name, ["run.duration=8.0"], seed=seed)) as episode:
+        for step in episode:
+            trace, scene = step.command.trace, step.scene
+            f, goal, truth = scene.features, step.goal_sight, step.truth
+            sight = scene.true_sight(truth.T_world_camera, truth.T_world_target, goal)
+            errors.append(f.error(f.values(sight), f.values(goal)) / trace.scales)
+            motions.append(step.target_motion_true / trace.scales)
+            given = trace.error / trace.scales, OwnMotion(trace.own, np.zeros((0, 4))), DT
+            estimates.append({kind: filters.update(*given) for kind, filters in watching.items()})
+    for kind, limit in LIMITS.items():
+        found = [each[kind] for each in estimates][60:-1]
+        off = np.array([p.error for p in found]) - errors[60:-1]
+        # An estimate is of the interval that follows.
+        wrong = np.array([p.motion for p in found]) - motions[61:]
+        variances = np.swapaxes([p.variance for p in found], 0, 1)
+        in_error, in_motion = np.mean([off**2, wrong**2] / variances, axis=1)
+        # The slow error of a tracker is about one draw a run: 6.6 is its 99 % band.
+        assert np.all((in_error > 0.05) & (in_error < 6.6)), (kind, in_error)
+        assert np.all((in_motion > 0.4) & (in_motion < limit)), (kind, in_motion)
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_what_is_hidden_is_stated_with_more_variance_and_scales_with_the_units(kind):
+    estimator, rest = begun(FILTERS[kind].Config().build(RNG)), own(np.zeros(4))
+    assert begun(FILTERS[kind].Config().build(RNG)).skip(rest, DT).variance is None
+    for _ in range(30):
+        seen = estimator.update(np.zeros(4), rest, DT)
+    for _ in range(10):
+        unseen = estimator.skip(rest, DT)
+    assert np.all(unseen.variance[1] > 2 * seen.variance[1])
+    predicts = kind in ("imm", "error_kalman")
+    assert np.all(np.isfinite(unseen.variance[0])) == predicts
+    np.testing.assert_allclose(seen.times(np.full(4, 3.0)).variance, 9 * seen.variance)
