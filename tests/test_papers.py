@@ -118,7 +118,7 @@ def test_other_seeds_have_a_folder_of_their_own_and_stand_beside_the_registered(
     assert written["first_seed"] == 7000
     assert written["command"] == "servobench papers P1-3 --first-seed 7000"
     page = papers_section.section(tmp_path / "runs" / "papers-7000")
-    assert [(f.name, f.value) for f in page.facts[2:]] == [("first seed", "7000")]
+    assert [(f.label, f.value) for f in page.facts[2:]] == [("first seed", "7000")]
 
 
 def test_a_first_seed_is_that_of_every_claim():
