@@ -52,6 +52,7 @@ def test_a_missed_bound_is_a_failure_with_its_command(tmp_path, capsys):
 
 
 def test_reading_many_scenarios_shows_progress(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(jobs, "FIRST", 0.0)
     monkeypatch.setattr(jobs, "EVERY", 0.0)
     path = tmp_path / "mine.toml"
     path.write_text(SHORT.format(bound=1000))
