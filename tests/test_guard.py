@@ -180,3 +180,23 @@ def test_a_limit_of_memory_is_named_before_a_library_fails_of_it(tmp_path, gigab
         f"servobench: there is not enough memory for this (this process may have {gigabytes} GB of "
         "memory, by ulimit -v; a run needs 3.6 GB, or 1.8 GB without a Rerun recording)\n"
     )
+
+
+def test_a_malformed_entry_point_of_any_package_is_named(tmp_path):
+    info = tmp_path / "theirs-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[console_scripts]\nno equals sign\n")
+    ended = subprocess.run(
+        [BIN, "run", "still"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+    )
+    assert ended.returncode == 2
+    assert ended.stderr == (
+        "servobench: the package theirs is damaged: its entry_points.txt cannot be read; install "
+        "it again, or remove it\n"
+    )

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from importlib import metadata
 from math import inf
 from pathlib import Path
 from threading import Timer
@@ -92,12 +93,22 @@ def _end(sentence: str, code: int) -> None:
     sys.exit(code)
 
 
-def require_memory(*, rerun: bool = False) -> None:
-    """Refuse a limit of memory below which libraries of C and Rust end the process themselves.
+def check_machine(*, rerun: bool = False) -> None:
+    """Refuse what libraries would end in, in their own words, before they are imported.
 
     Raises:
-        MemoryError: There is such a limit.
+        MemoryError: Libraries of C and Rust would get too little memory, and end the process.
+        Mistake: The entry points of some package cannot be read: Numba, Dask, pydantic and Sphinx
+            read those of all packages.
     """
+    for package in metadata.distributions():
+        try:
+            len(package.entry_points)
+        except (TypeError, ValueError):
+            raise Mistake(
+                f"the package {package.name} is damaged: its entry_points.txt cannot be read; "
+                "install it again, or remove it"
+            ) from None
     if _address_space() < (NEEDED_BY_RERUN if rerun else NEEDED):
         raise MemoryError
 
