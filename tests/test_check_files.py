@@ -59,7 +59,7 @@ def test_reading_many_scenarios_shows_progress(tmp_path, monkeypatch, capsys):
     assert check_scenarios([str(path)], [], 0, 2, 1, quiet=False) == 0
     out, err = capsys.readouterr()
     assert out.startswith("check: 2 runs\n")
-    read, _, first, _ = err.splitlines()
+    read, first, *_ = err.splitlines()
     assert read.startswith(f"check: reading scenarios: 1 of 2, {path}, ")
     assert first.startswith("check: 1 of 2, mine, seed 0, ")
 

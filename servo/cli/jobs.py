@@ -51,7 +51,7 @@ def progress(
         nonlocal count, due
         count += 1
         now = time.monotonic()
-        if now >= due:
+        if now >= due and done + count < total:
             due = now + EVERY
             left = (now - began) / count * (total - done - count)
             plain(errors, f"{title}: {done + count:,} of {total:,}, {note}, {duration(left)} left")
