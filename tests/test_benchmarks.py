@@ -1,11 +1,14 @@
 """The public benchmarks: their worlds, scores by hand, rows, and what is refused."""
 
+import dataclasses
 import hashlib
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from publish import PAGES, with_tables
 
 from servo.bench import benchmark as benchmarks
 from servo.bench.benchmark import NAMES, Band, load
@@ -112,6 +115,16 @@ def test_ranks_part_where_one_is_always_better():
     best, *others = standings(rows)
     assert (best.name, best.first, best.last) == ("a", 1, 1)
     assert [(s.first, s.last) for s in others] == [(2, 3), (2, 3)]
+
+
+def test_ranks_compare_what_the_score_is_the_mean_of():
+    """`exact` is better in 24 of 30 worlds, and loses its target in six: Wilcoxon prefers it."""
+    rows = [row("still", [0.1] * 30), row("safe", [0.80] * 30)]
+    rows += [row("exact", [0.81] * 24 + [0.1] * 6)]
+    first, second = standings(rows)
+    assert (first.name, first.beats_next) == ("safe", 0.2)
+    # t = .132 / (.289 / sqrt(30)) = 2.51: p = .018
+    assert (first.first, first.last, second.first, second.last) == (1, 1, 2, 2)
 
 
 def test_a_table_needs_what_fixes_its_scale():
@@ -302,3 +315,21 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
     assert found.slow == {"0": 0.0, "33": 0.0}
     assert found.curve[10] == pytest.approx(1 / 3, abs=1e-4)
     assert found.worlds["reversal-00"].area == pytest.approx((0.75 + 0.5) / 3)
+
+
+def test_the_manuals_show_the_shipped_rows():
+    for page in PAGES:
+        text = page.read_text()
+        assert with_tables(text) == text, f"{page}: python tests/tools/publish.py writes its tables"
+
+
+def test_machines_find_the_rows_and_their_fields():
+    folder = Path("scenes/benchmarks")
+    dataset = json.loads((folder / "croissant.json").read_text())
+    fields = {f.name for f in dataclasses.fields(Row)}
+    for files, records, name in zip(
+        dataset["distribution"], dataset["recordSet"], NAMES, strict=True
+    ):
+        assert files["includes"] == f"rows/{name}/*.json"
+        paths = [f["source"]["extract"]["jsonPath"] for f in records["field"]]
+        assert {path.removeprefix("$.") for path in paths} <= fields

@@ -75,6 +75,7 @@ REFUSED = (
     "only ratios count",
     "do not fit into a frame",
     "so their goal cannot move",
+    "and file go together",
 )
 """What a scenario within all limits may be refused for."""
 

@@ -264,7 +264,7 @@ def test_every_setting_named_exists(path):
 
 
 def test_every_test_that_keeps_a_promise_exists():
-    text = (ROOT / "README.md").read_text().partition("## What you can rely on")[2]
+    text = (ROOT / "CONTRIBUTING.md").read_text().partition("## What you can rely on")[2]
     for file in re.findall(r"`(?:tests/)?(test_[\w*]+\.py)`", text):
         assert list((ROOT / "tests").glob(file)), file
 

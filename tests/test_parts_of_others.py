@@ -225,7 +225,7 @@ def test_settings_of_a_type_that_cannot_be_used_end_nothing_else(package, capsys
     kinds_there = {
         schema["properties"]["kind"]["const"]
         for schema in json.loads(schema_command.text())["$defs"].values()
-        if "kind" in schema.get("properties", {})
+        if "const" in schema.get("properties", {}).get("kind", {})
     }
     assert "good" in kinds_there
     assert "odd" not in kinds_there

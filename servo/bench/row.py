@@ -122,8 +122,9 @@ def won(benchmark: Benchmark, record: Record) -> Won:
         errors = np.asarray(record.series[ERROR], float)
         held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
         return Won(within(errors, FARTHEST), held, picture)
+    lasts = bool(np.isfinite(record.series[ERROR][-1]))
     seen = record.measures["out_of_view_pct"] == 0.0
-    arrived = seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
+    arrived = lasts and seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
     return Won(float(arrived), arrived, picture)
 
 
@@ -180,7 +181,8 @@ def _measures(records: Sequence[Record]) -> dict[str, float | None]:
     """Return medians over all worlds, and the share of arrivals in the wider sense."""
     found: dict[str, float | None] = {}
     for name in MEASURES:
-        median = float(np.median([r.measures[name] for r in records]))
+        values = np.array([r.measures[name] for r in records])
+        median = float(np.median(np.where(np.isnan(values), np.inf, values)))  # nan: never settled
         found[name] = round(median, 4) if np.isfinite(median) else None
     near = float(np.mean([is_within(r, NEAR_MM, NEAR_DEG) for r in records]))
     return found | {"near_pct": round(100 * near, 1)}

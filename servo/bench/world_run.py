@@ -1,7 +1,7 @@
 """A run of a benchmark: one contestant in one world, as a job of the one runner."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,14 @@ import numpy as np
 
 from servo.bench.benchmark import Benchmark, Settings, World
 from servo.bench.contestant import Contestant
-from servo.loop.episode import measured_run
+from servo.loop.episode import Episode
+from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
-from servo.scenario.load import Table, parse
+from servo.scenario.load import Scenario, Table, parse
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
 from sim.types import Array
+from sim.world import Unstable
 
 CONTESTANT = "contestant"
 WORLD = "world"
@@ -57,7 +59,7 @@ class WorldRun:
                 first.append(hashlib.sha256(step.frame.image.tobytes()).hexdigest())
 
         looks = getattr(scenario.tracker, "needs_pictures", True)
-        steps, _ = measured_run(scenario, keep if looks else None)
+        steps = _steps(scenario, keep if looks else None)
         record = record_of(job, scenario, steps)
         errors = errors_of(steps, scenario.frames)
         failed = looks and float(np.mean(errors <= HELD_SIZE)) < HELD_SHARE
@@ -67,6 +69,23 @@ class WorldRun:
             series={ERROR: errors.astype(np.float32)},
             sheet=sheet.jpeg() if failed else None,
         )
+
+
+def _steps(scenario: Scenario, each: Callable[[Step], None] | None) -> list[Step]:
+    """Return the steps of a run without pictures, up to where its law drives the robot beyond all
+    bounds: the simulation ends there, and the world is lost.
+    """
+    steps = list[Step]()
+    with Episode(scenario, seen=each is not None) as episode:
+        try:
+            for step in episode:
+                if each is not None:
+                    each(step)
+                steps.append(step.light())
+        except PartFailed as failed:
+            if not isinstance(failed.__cause__, Unstable):
+                raise
+    return steps
 
 
 def errors_of(steps: Sequence[Step], frames: int) -> Array:

@@ -40,13 +40,15 @@ def show(name: str) -> None:
     Raises:
         Mistake: There is nothing of that name.
     """
+    from servo.scenario.tables import SECTIONS  # it takes time to import
+
     found = [(part, each) for part in PARTS for each in _names(part) if name in (part, each)]
     with_settings = [part for part, each in found if each == name and part in FOLDERS]
+    if not found or (with_settings and name in SECTIONS):
+        _show_section(name)
     for part in with_settings:
         _show_kind(part, name)
-    if not found:
-        _show_section(name)
-    elif not with_settings:
+    if found and not with_settings:
         _show_names(found)
 
 

@@ -13,6 +13,7 @@ from servo.papers import (
     kams_paper,
     kams_particles,
     kernel_paper,
+    law_paper,
     servo_paper,
     texture_paper,
 )
@@ -25,6 +26,7 @@ CLAIMS = (
         kams_paper.CLAIMS
         + kams_particles.CLAIMS
         + kernel_paper.CLAIMS
+        + law_paper.CLAIMS
         + servo_paper.CLAIMS
         + texture_paper.CLAIMS,
         key=lambda claim: claim.name,

@@ -100,7 +100,7 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     note = (
         "Score: 0 where the camera stands still, "
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
-        + "with its 95 % interval over worlds. Rank: as an interval (Wilcoxon, Holm over pairs)."
+        + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs)."
     )
     return Table(head, found, range(2), note)
 

@@ -28,7 +28,8 @@ def block(name: str) -> str:
     rows = shipped_rows(benchmark)
     if not rows:
         return ""
-    text = f"{name} `{benchmark.hash}`, band v1, pictures `{benchmark.rendering or '-'}`."
+    pictures = f", pictures `{benchmark.rendering}`" if benchmark.rendering else ""
+    text = f"{name} `{benchmark.hash}`, band v1{pictures}."
     table = published(name)
     return f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
 

@@ -1,0 +1,184 @@
+"""Claims of papers on schemes, in worlds of the benchmark servo-v1 that nobody has seen before.
+
+F. Chaumette, Potential problems of stability and convergence in image-based and position-based
+visual servoing, 1998. N. R. Gans, S. A. Hutchinson, P. I. Corke, Performance tests for visual servo
+control systems, with application to partitioned approaches to visual servo control, 2003.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from servo.bench.benchmark import Band, load
+from servo.bench.contestant import contestants
+from servo.bench.row import won
+from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
+from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict
+from servo.papers.summaries import column, group, intervals, mean, mean_percent, words
+from servo.study.run import Job, Record
+from sim.types import Array
+from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
+from tracking.statistics.verdicts import Finding, greater, not_worse
+
+BENCHMARK = "servo-v1"
+WORLDS = 42
+"""Of a condition: each of seven errors six times."""
+RETREAT = 0.1
+"""Least mean retreat that is called one [m]; a turn of 90 deg alone gives 0.25 m."""
+MORE = 20.0
+"""Least difference of shares that is called one [% of the worlds]."""
+ALIKE = 15.0
+"""Largest difference of shares that counts as equally good [% of the worlds]."""
+POINTS, POLAR, POSE = "points", "polar", "pose c*Mc"
+CENTRED = "pose cMo"
+
+
+def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
+    """Return the runs of the laws in sealed worlds, whose public value is the first seed."""
+    benchmark = load(BENCHMARK)
+    first = FRESH if effort.first is None else effort.first
+    band = Band("sealed", str(effort.seeds(1)[0] if effort.quick else first), "papers")
+    chosen = next(c for c in benchmark.conditions if c.name == condition)
+    worlds = benchmark.worlds_of(chosen, band)[: 1 if effort.quick else WORLDS]
+    jobs = jobs_of(benchmark, contestants(benchmark, laws), worlds)
+    return [
+        replace(job, name=f"laws/{job.settings[CONTESTANT]}-{job.settings[WORLD]}-{job.seed}")
+        for job in jobs
+    ]
+
+
+def _arrived(records: Sequence[Record]) -> Array:
+    """Return 1 for each world that was reached, else 0 (n,)."""
+    benchmark = load(BENCHMARK)
+    return np.array([won(benchmark, record).area for record in records])
+
+
+def _left(records: Sequence[Record]) -> Array:
+    """Return 1 for each world in which a corner left the picture, else 0 (n,)."""
+    return (column(records, "out_of_view_pct") > 0).astype(float)
+
+
+def _retreat(evidence: Evidence) -> Verdict:
+    """Judge the retreat of image points, less that of polar coordinates."""
+    runs = _runs(evidence, (POINTS, POLAR))
+    found = {law: mean_of(column(of, "retreat_m")) for law, of in runs.items()}
+    own, other = (column(of, "retreat_m") for of in runs.values())
+    gap = mean_of(own - other)
+    return _verdict(greater(gap, RETREAT), gap, "m farther", "retreat [m]", found, runs)
+
+
+def _compared(
+    share: Callable[[Sequence[Record]], Array],
+    judge: Callable[[Interval], Finding],
+    about: str,
+    laws: Sequence[str],
+    evidence: Evidence,
+) -> Verdict:
+    """Judge the share of worlds of the first law less that of the second."""
+    runs = _runs(evidence, laws)
+    flags = {law: share(of) for law, of in runs.items()}
+    gap = difference_of_shares(*flags.values())
+    percent = Interval(100 * gap.value, 100 * gap.low, 100 * gap.high, gap.units)
+    found = {law: mean_percent(of) for law, of in flags.items()}
+    return _verdict(judge(percent), percent, "% of the worlds", f"{about} [%]", found, runs)
+
+
+def _runs(evidence: Evidence, laws: Sequence[str]) -> dict[str, list[Record]]:
+    return {law: group(evidence.records, **{CONTESTANT: law}) for law in laws}
+
+
+def _verdict(
+    finding: Finding,
+    effect: Interval,
+    unit: str,
+    measure: str,
+    found: dict[str, Interval],
+    runs: dict[str, list[Record]],
+) -> Verdict:
+    rows = [
+        [
+            law,
+            words(mean_percent(_arrived(of)), "%"),
+            words(mean_percent(_left(of)), "%"),
+            mean(of, "retreat_m", "m"),
+            mean(of, "camera_path_m", "m"),
+        ]
+        for law, of in runs.items()
+    ]
+    return Verdict(
+        finding,
+        effect,
+        unit,
+        effect.units,
+        f"{measure}: {', '.join(f'{law} {words(of)}' for law, of in found.items())}",
+        [["law", "arrived", "left the picture", "retreat", "way"], *rows],
+        intervals(f"worlds of {BENCHMARK}", measure, found),
+    )
+
+
+UNITS = f"{WORLDS} worlds of `{{}}`, sealed with the first seed ({FRESH})"
+SETTINGS = "servo-v1 as it is frozen; corners are given, seven errors"
+
+
+def _claim(
+    name: str,
+    says: str,
+    measure: str,
+    condition: str,
+    margin: str,
+    holds: str,
+    laws: Sequence[str],
+    judge: Callable[[Evidence], Verdict],
+) -> Claim:
+    rule = Rule(
+        measure, SETTINGS, UNITS.format(condition), margin, "95 % interval over worlds", holds
+    )
+    return Claim(name, says, rule, judge, partial(_jobs, condition, laws))
+
+
+CLAIMS = (
+    _claim(
+        "P3-1",
+        "a turn about the optical axis drives the camera away with image points (Chaumette, 1998)",
+        "largest distance beyond start and goal, less that with polar coordinates",
+        "turn",
+        f"{RETREAT:g} m",
+        f"above {RETREAT:g} m",
+        (POINTS, POLAR),
+        _retreat,
+    ),
+    _claim(
+        "P3-2",
+        "large turns fail with image points and not where the turn has a feature of its own "
+        "(Gans, Hutchinson, Corke, 2003)",
+        "worlds reached with polar coordinates, less those with image points",
+        "turn",
+        f"{MORE:g} %",
+        f"above {MORE:g} %",
+        (POLAR, POINTS),
+        partial(_compared, _arrived, lambda gap: greater(gap, MORE), "arrived", (POLAR, POINTS)),
+    ),
+    _claim(
+        "P3-3",
+        "along the optical axis image points do as well as the pose (Gans, Hutchinson, Corke)",
+        "worlds reached with the pose, less those with image points",
+        "along",
+        f"{ALIKE:g} %",
+        f"below {ALIKE:g} %",
+        (POSE, POINTS),
+        partial(_compared, _arrived, lambda gap: not_worse(gap, ALIKE), "arrived", (POSE, POINTS)),
+    ),
+    _claim(
+        "P3-4",
+        "servoing on the pose loses the target from its picture, where servoing on its centre and "
+        "the pose of the target does not (Chaumette, 1998)",
+        "worlds in which a corner left the picture with c*Mc, less those with cMo",
+        "general",
+        "0",
+        "above 0",
+        (POSE, CENTRED),
+        partial(_compared, _left, lambda gap: greater(gap, 0.0), "left", (POSE, CENTRED)),
+    ),
+)
