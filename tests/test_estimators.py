@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from servoing import METRIC, begun, own
 
-from servo.estimators import difference, error_kalman, imm, jump, kalman_ca, kalman_cv
+from servo.estimators import difference, error_kalman, imm, integral, jump, kalman_ca, kalman_cv
 from servo.estimators._difference_filters import between
 from servo.estimators._error_filters import ErrorFilters
 from servo.estimators.difference import Difference
@@ -39,6 +39,15 @@ def test_difference_of_angles_passes_the_wrap():
     estimator.measure(np.array([0, 0, 0, np.pi / 2 - 0.01]), np.zeros(4), 0.1)
     after, _ = estimator.measure(np.array([0, 0, 0, -np.pi / 2 + 0.01]), np.zeros(4), 0.1)
     assert after[3] == pytest.approx(0.2)
+
+
+def test_the_integral_is_the_sum_of_the_errors_that_were_seen():
+    estimator = begun(integral.Config(gain=2.0).build(RNG))
+    own = OwnMotion(np.zeros(4), np.zeros((0, 4)))
+    for error in (0.1, 0.3, np.nan):
+        found = estimator.update(np.full(4, error), own, 0.5)
+    np.testing.assert_allclose(found.motion, 2.0 * 0.5 * 0.4)
+    np.testing.assert_allclose(estimator.skip(own, 0.5).motion, 0.4)
 
 
 def test_no_difference_spans_a_gap():

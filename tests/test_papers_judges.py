@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from servo.bench.world_run import CONTESTANT, PICTURE
+from servo.bench.world_run import ERROR as ERROR_SIZES
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
 from servo.papers import kams_particles, kernel_paper, texture_paper, tuning
@@ -44,7 +46,9 @@ def measures(rng, worse):
         "milliseconds": 0.7 * error, "completed": float(error < 5.0), "auc": 1 / (1 + error),
         "scale_rmse": 0.05 * error, "frames_until_loss": round(120 / error),
         "evaluations": 100.0 * worse, "servo_rms_px": error, "servo_peak_px": 3 * error,
-        "tilt_peak_deg": 2.0,
+        "tilt_peak_deg": 2.0, "effort_rms_mm_s": 10 * worse, "effort_rms_deg_s": worse,
+        "retreat_m": 0.1 * error, "camera_path_m": error, "end_position_mm": error,
+        "end_rotation_deg": 0.5, "out_of_view_pct": 5.0 * (worse > 2),
     }  # fmt: skip
 
 
@@ -53,12 +57,13 @@ def results(claim, worse):
     rng, found = np.random.default_rng(4), []
     for job in claim.jobs(QUICK):
         settings = dict(job.settings)
-        w = worse.get(settings.get("estimator", settings.get("tracker")), 1.0)
+        who = next(settings[k] for k in ("estimator", "tracker", CONTESTANT) if k in settings)
+        w = worse.get(who, 1.0)
         loop = isinstance(job.subject, EstimatedLoop)
         if not loop:
-            settings["family"] = job.subject.name
+            settings |= {"family": job.subject.name, PICTURE: ""}
         for seed in range(UNITS.get(claim.name, 10)):
-            over_time = series(rng, w) if loop else {}
+            over_time = series(rng, w) if loop else {ERROR_SIZES: np.zeros(2)}
             record = Record(
                 subject=job.subject.name, seed=seed, settings=settings, outcome="CONVERGED",
                 success=True, measures=measures(rng, w), versions={}, series=over_time,
@@ -142,6 +147,14 @@ VARIED = {
     "P1-6b": ({}, {"kalman_cv": 6.0}),
     "P1-7": (KERNELS, {}),
     "P1-8": (KERNELS, {"mk_pf-published": 9.0}),
+    **dict.fromkeys(
+        ("P1-10a", "P1-10b", "P1-11a", "P1-11b"), ({"difference": 2.0}, {"difference": 0.5})
+    ),
+    **dict.fromkeys(("P1-12a", "P1-12b"), ({"integral": 4.0}, {})),
+    "P3-1": ({"points": 5.0}, {}),
+    "P3-2": ({"points": 20.0}, {"polar": 20.0}),
+    "P3-3": ({"pose c*Mc": 20.0}, {"points": 20.0}),
+    "P3-4": ({"pose c*Mc": 20.0}, {"pose cMo": 20.0}),
     "P2-1": (SHIFTED, {}),
     **dict.fromkeys(("P2-3", "P2-3b"), (dict.fromkeys(("texture-alone", "colour-alone"), 9.0), {})),
     "P2-2": ({"5": 1.2, "10": 1.3, "20": 1.5}, {texture_paper.FOUND: 1.5}),

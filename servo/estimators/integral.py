@@ -1,5 +1,5 @@
 """The integral part of a proportional-integral law: the sum of the errors stands for the target's
-motion (Hashimoto, Kimura, Manipulator control with image-based visual servo, 1991).
+motion (P. I. Corke, M. C. Good, Dynamic effects in visual closed-loop systems, 1996).
 """
 
 from dataclasses import dataclass

@@ -29,6 +29,10 @@ AT = {FAST: (), SLOW: ("camera.rate=5.0", "controller.gain=1.0")}
 """Changes of a scenario for each rate; they keep lambda T below 1/4."""
 
 
+TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
+"""An integral is part of a law, whose gain belongs to it, and estimates no motion."""
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """A motion at a rate, its measure, and the bounds on it."""
@@ -64,7 +68,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     return [
         loop_job(case.scenario, estimator, seed, case.changes, rate=case.rate, motion=case.motion)
         for case in CASES
-        for estimator in ESTIMATORS.names()
+        for estimator in TESTED
         for seed in effort.seeds(SEEDS)
     ]
 
@@ -76,7 +80,7 @@ Scores = dict[str, list[Interval]]
 def _judge(evidence: Evidence) -> Verdict:
     found: Scores = {
         estimator: [_score(evidence.records, estimator, case) for case in CASES]
-        for estimator in ESTIMATORS.names()
+        for estimator in TESTED
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)
