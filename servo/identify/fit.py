@@ -9,6 +9,7 @@ limit: residuals of neighbours are not independent, those of blocks are.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -26,8 +27,10 @@ LONGEST = 0.5
 """Longest delay that is looked for [s]."""
 SLOWEST = 0.5
 """Longest lag that is looked for [s]."""
-STANDS = 0.15
-"""A robot stands this long after delay and lags have passed [s]: five of the slowest servos."""
+SETTLED = 5.0
+"""A robot stands so many lags after its delay, and"""
+STANDS = 0.1
+"""so long for its drives' own servo [s]."""
 LEVEL = 0.95
 DRIFT = 2.0
 """A channel's drift may bend this often [s]: what is not modelled adds up in positions."""
@@ -77,9 +80,15 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
     ]
     start = min(starts, key=lambda p: float(np.sum(model.residuals(np.array(p)) ** 2)))
     most = np.array([LONGEST, SLOWEST, *model.spans / 2])
-    found = least_squares(
-        model.residuals, start, bounds=(0.0, most + 1e-12), x_scale=most / 10, diff_step=1e-3
+    solve = partial(
+        least_squares,
+        model.residuals,
+        bounds=(0.0, most + 1e-12),
+        x_scale=most / 10,
+        diff_step=1e-3,
     )
+    model.weigh(solve(start).x)
+    found = solve(start)
     free = np.array([True, True, *model.has_play])
     sd = np.zeros(len(found.x))
     sd[free] = model.block_sd(found.jac[:, free], found.fun)
@@ -94,7 +103,11 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
         delay,
         lag,
         {channel.name: play for channel, play, has in pairs if has},
-        {c.name: noise for c in log.channels if (noise := _noise(c, delay.value + lag.value))},
+        {
+            c.name: noise
+            for c in log.channels
+            if (noise := _noise(c, delay.value + SETTLED * lag.value))
+        },
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
         model.positions(found.x),
@@ -118,9 +131,14 @@ class _Model:
         self._scales = [np.std(c.moved.values) for c in channels]
 
     def residuals(self, parameters: Array) -> Array:
-        """Positions less the modelled ones, over each channel's spread (n,)."""
+        """Positions less the modelled ones, over each channel's scale (n,)."""
         pairs = zip(self._channels, self.positions(parameters), self._scales, strict=True)
         return np.concatenate([(c.moved.values - m.values) / s for c, m, s in pairs])
+
+    def weigh(self, parameters: Array) -> None:
+        """Scale each channel by its own error: one that hardly moves is mostly friction."""
+        pairs = zip(self._channels, self.positions(parameters), strict=True)
+        self._scales = [np.std(c.moved.values - m.values) + 1e-9 for c, m in pairs]
 
     def positions(self, parameters: Array) -> list[Series]:
         """The modelled positions of each channel, at the stamps of its measured ones."""

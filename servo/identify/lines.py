@@ -57,7 +57,7 @@ def picture(log: Log, found: Identified) -> Drawing:
         ax.plot(*_rates(modelled), label="modelled")
         ax.set_xlim(jump - BEFORE, jump - BEFORE + SHOWN)
         ax.set_ylabel(literal(f"{channel.name} [{channel.unit}/s]"))
-    axes[0].legend(loc="upper right")
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False)
     axes[-1].set_xlabel("time [s]")
     return figure
 
