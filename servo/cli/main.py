@@ -416,6 +416,23 @@ def robot(model: str, out: Path, **given: Any) -> None:
     sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
 
 
+@app.command()
+@click.argument("log", type=opt.PATH, help="A file .csv, .parquet (steps.parquet too) or .mcap.")
+@click.option(
+    "--scenario",
+    type=opt.SCENARIO,
+    default="line",
+    show_default=True,
+    help="Whose robot shall be simulated like that one: the servo of its drives is taken off.",
+)
+@opt.out_option("runs/identify-LOG")
+def identify(log: Path, scenario: str, out: Path | None) -> None:
+    """Estimate delay, jitter, lag, play and encoder noise of a robot; write the settings for it."""
+    from servo.cli.identify_command import run
+
+    sys.exit(run(log, scenario, out))
+
+
 def main() -> None:
     """The entry point."""
     guarded(app)
