@@ -143,7 +143,7 @@ def test_a_flange_that_nothing_moves_is_refused(tmp_path):
         '<mujoco><worldbody><body name="stand"><geom size=".1"/></body><body><joint name="a"/>'
         '<geom size=".1"/></body></worldbody></mujoco>'
     )
-    with pytest.raises(ValueError, match="fixed.xml: no joint moves the flange 'stand'"):
+    with pytest.raises(ValueError, match=r"fixed.xml: no joint moves the flange 'stand'"):
         mjcf.Config(model=str(model), flange="stand").build(np.random.default_rng(0))
 
 
