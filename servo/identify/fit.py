@@ -17,12 +17,10 @@ from servo.identify.log import Channel, Log, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
-GRID = 1e-3
-"""Interval of the modelled motion [s]: half a step of the physics."""
+GRID = 2e-3
+"""Interval of the modelled motion [s]: a step of the physics."""
 BLOCK = 2.0
 """Length of a block [s]: as long as an error of the position stays before the drift takes it."""
-RESOLUTION = 2e-3
-"""Half a width below which no interval gets [s]: a step of the physics, or the way in that time."""
 LONGEST = 0.5
 """Longest delay that is looked for [s]."""
 SLOWEST = 0.5
@@ -92,7 +90,8 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
     free = np.array([True, True, *model.has_play])
     sd = np.zeros(len(found.x))
     sd[free] = model.block_sd(found.jac[:, free], found.fun)
-    resolution = RESOLUTION * np.array([1.0, 1.0, *model.rates])
+    # No half of an interval is less than what the grid leaves open, or the way in that time.
+    resolution = GRID * np.array([1.0, 1.0, *model.rates])
     factor = float(student.ppf((1 + LEVEL) / 2, max(1, model.blocks - 1)))
     delay, lag, *plays = (
         _around(value, factor * error, least)
