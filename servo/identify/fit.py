@@ -25,6 +25,8 @@ LONGEST = 0.5
 """Longest delay that is looked for [s]."""
 SLOWEST = 0.5
 """Longest lag that is looked for [s]."""
+TRADE = 8e-3
+"""Delay and lag nearly replace each other, so it is tried again with so much more of one [s]."""
 SETTLED = 5.0
 """A robot stands so many lags after its delay, and"""
 STANDS = 0.1
@@ -85,8 +87,11 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
         x_scale=most / 10,
         diff_step=1e-3,
     )
-    model.weigh(solve(start).x)
-    found = solve(start)
+    first = solve(start).x
+    model.weigh(first)
+    trade = np.array([TRADE, -TRADE, *np.zeros(len(model.spans))])
+    tries = [np.clip(first + shift, 0.0, most) for shift in (-trade, 0.0, trade)]
+    found = min(map(solve, tries), key=lambda result: float(result.cost))
     free = np.array([True, True, *model.has_play])
     sd = np.zeros(len(found.x))
     sd[free] = model.block_sd(found.jac[:, free], found.fun)
@@ -163,7 +168,8 @@ def _modelled(channel: Channel, lags: tuple[float, float], delay: float, play: f
     grid = np.arange(moved.times[0] - GRID, moved.times[-1] + GRID, GRID)
     knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
     asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
-    motion = _after_play(np.interp(grid - delay, knots, asked), play)
+    # The simulated lag begins a step of the physics late, and positions are half a step ahead.
+    motion = _after_play(np.interp(grid - delay - GRID / 2, knots, asked), play)
     for lag in lags:
         motion = _after_lag(motion, lag)
     rate = np.diff(motion, prepend=motion[0])

@@ -111,6 +111,7 @@ LOGS: dict[str, str | bytes] = {
     "log_untimed.csv": "time,command_x_m_s\n0,1\n1,2\n",
     "log_backwards.csv": f"{HEAD}3,1,0\n2,0,1\n1,0,1\n",
     "log_short.csv": f"{HEAD}0,1,0\n1,0,1\n",
+    "log_endless.csv": f"{HEAD}0,1,0\n1e18,0,1\n",
     "log_still.csv": f"{HEAD}0,0,0\n1,0,0\n2,0,0\n3,0,0\n",
     "log_nan.csv": f"{HEAD}0,1,0\nnan,0,1\n3,0,1\n",
     "log_words.parquet": "no log\n",
