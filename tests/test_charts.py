@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 from servo.report import charts
 from servo.report.charts import Curve, Scale, colour
@@ -58,3 +60,8 @@ def test_a_heat_map_of_many_columns_has_none(chart):
     columns = [f"column {i}" for i in range(12)]
     values = np.arange(24.0).reshape(2, 12)
     chart("heat-wide", charts.heat("t", "x", "y", columns, ["u", "v"], values))
+
+
+def test_no_colour_of_a_heat_map_is_one_that_follows_the_page():
+    shades = {to_hex(shade) for shade in colormaps["viridis"](np.arange(256))}
+    assert not shades & set(charts.INKS)

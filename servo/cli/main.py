@@ -200,11 +200,7 @@ def bench(
 @opt.changes_option
 @click.option("--seeds", type=opt.COUNT, help="Number of seeds from 0 on (default: the study's).")
 @opt.workers_option
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
-)
+@opt.scheduler_option
 @opt.out_option("runs/sweep-STUDY, also to continue")
 @click.option(
     "--measures",
@@ -218,6 +214,46 @@ def sweep(**options: Any) -> None:
     from servo.cli import sweep_command
 
     sys.exit(sweep_command.run(**options))
+
+
+@app.command()
+@click.argument(
+    "scenarios", nargs=-1, required=True, type=opt.SCENARIO, metavar="SCENARIO...", help="Where."
+)
+@click.option(
+    "--tracker",
+    multiple=True,
+    metavar="NAME=WHAT",
+    help="A tracker: kind, kind:preset, module:Class, or 'trax:COMMAND'; may be repeated, as "
+    "all of these options.",
+)
+@click.option("--controller", multiple=True, metavar="NAME=WHAT", help="A control law, likewise.")
+@click.option("--estimator", multiple=True, metavar="NAME=WHAT", help="An estimator, likewise.")
+@click.option(
+    "--set-of",
+    multiple=True,
+    metavar="NAME=KEY=VALUE,...",
+    help="Settings, such as slow=controller.gain=0.5,run.latency=3.",
+)
+@click.option("--measured", is_flag=True, help="With the time that the tracker takes here.")
+@opt.changes_option
+@click.option("--seeds", type=opt.COUNT, default=3, show_default=True, help="From 0 on.")
+@opt.workers_option
+@opt.scheduler_option
+@opt.out_option("runs/compare, also to continue")
+@click.option(
+    "--measures", help="Columns of the tables, such as servo_rms_px,age_ms (default: a few)."
+)
+@opt.dry_run_option
+@opt.quiet_option
+def compare(**options: Any) -> None:
+    """Compare parts or settings in scenarios: a study, its page, LaTeX table and PDF figures.
+
+    A worker of Dask gets a class by its name only: its module must be installed there as well.
+    """
+    from servo.cli import compare_command
+
+    sys.exit(compare_command.run(compare_command.CompareRequest(**options)))
 
 
 @app.command()
@@ -251,11 +287,21 @@ def papers(
 @app.command()
 @click.argument("folders", nargs=-1, required=True, type=opt.PATH, metavar="DIR...")
 @click.option("--out", type=opt.PATH, help="File to write (default: report.html in the first DIR).")
-def report(folders: tuple[Path, ...], out: Path | None) -> None:
-    """Write a page about folders of run, bench, papers and sweep."""
-    from servo.cli.report_command import write
+@click.option("--latex", type=opt.PATH, metavar="FILE.tex", help="Also write the tables as LaTeX.")
+@click.option(
+    "--figures",
+    type=click.Choice(["pdf", "svg", "pgf"]),
+    help="Also write each figure as a file, into the folder figures beside the page.",
+)
+@click.option(
+    "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
+)
+def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
+    """Write a page about folders of run, bench, papers, sweep and compare."""
+    from servo.cli.report_command import Printed, write
 
-    click.echo(write(folders, out))
+    for path in write(folders, out, Printed(**printed)):
+        click.echo(path)
 
 
 @app.command("list")
@@ -368,6 +414,23 @@ def robot(model: str, out: Path, **given: Any) -> None:
     from servo.cli.robot_command import examine
 
     sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
+
+
+@app.command()
+@click.argument("log", type=opt.PATH, help="A file .csv, .parquet (steps.parquet too) or .mcap.")
+@click.option(
+    "--scenario",
+    type=opt.SCENARIO,
+    default="line",
+    show_default=True,
+    help="Whose robot shall be simulated like that one: the servo of its drives is taken off.",
+)
+@opt.out_option("runs/identify-LOG")
+def identify(log: Path, scenario: str, out: Path | None) -> None:
+    """Estimate delay, jitter, lag, play and encoder noise of a robot; write the settings for it."""
+    from servo.cli.identify_command import run
+
+    sys.exit(run(log, scenario, out))
 
 
 def main() -> None:

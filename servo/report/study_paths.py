@@ -35,14 +35,17 @@ def paths(study: StudyResults) -> list[PageImage]:
             other = {key: row[key] for key in study.axes if key != study.compared}
             found.setdefault(listed(other), {})[str(row[study.compared])] = row, series
     return [
-        PageImage.of(title or "Paths", _drawn(runs, _size(study)), f"paths of {title}", sheet=False)
-        for title, runs in list(found.items())[:MOST]
+        _picture(title, _drawn(runs, _size(study))) for title, runs in list(found.items())[:MOST]
     ]
 
 
 def shows(study: StudyResults) -> bool:
-    """Return whether the study compares named groups of settings: these have such pictures."""
-    return study.compared in study.plan.table.get("named", {})
+    """Return whether the study compares named groups of settings, and not of trackers only: these
+    have such pictures.
+    """
+    groups = study.plan.table.get("named", {}).get(study.compared, {})
+    keys = {key.split(".")[0] for group in groups.values() for key in group}
+    return bool(keys - {"tracker"})
 
 
 def _size(study: StudyResults) -> tuple[int, int]:
@@ -52,7 +55,14 @@ def _size(study: StudyResults) -> tuple[int, int]:
     return camera.get("width", default.width), camera.get("height", default.height)
 
 
-def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
+def _picture(title: str, figure: Figure) -> PageImage:
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DOTS)
+    place = f"paths of {title}"
+    return PageImage.of(title or "Paths", file.getvalue(), place, sheet=False, drawing=figure)
+
+
+def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
     figure = Figure(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
     ways = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [way for name, way in ways.items() if runs[name][0]["success"]]
@@ -63,9 +73,7 @@ def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
         space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=8)
         image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
         _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DOTS)
-    return file.getvalue()
+    return figure
 
 
 def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
