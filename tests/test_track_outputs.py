@@ -50,7 +50,7 @@ def test_the_times_of_a_track_are_what_the_tracker_took(monkeypatch, tmp_path):
 @pytest.mark.parametrize("extra", [(), ("--rerun",), ("--video", "out.mp4", "--rerun")])
 def test_exactly_what_was_asked_for_is_written_and_listed(monkeypatch, capfd, folder, extra):
     code, out, _ = call(monkeypatch, capfd, "in", "--region", REGION, "--out", "out", *extra)
-    names = {"track.csv", "report.json"}
+    names = {"track.csv", "track.parquet", "report.json"}
     names |= {"track.rrd"} if "--rerun" in extra else set()
     assert code == 0
     assert {path.name for path in (folder / "out").iterdir()} == names

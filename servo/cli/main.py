@@ -11,6 +11,9 @@ from servo.cli.guard import check_machine, guarded
 from servo.cli.outputs import output_options
 from sim.ranges import LONGEST
 
+PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
+"""What `servobench new` begins."""
+
 
 @click.group(
     cls=opt.Commands, no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}
@@ -355,14 +358,17 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
 
 
 @app.command()
-@click.argument("part", type=click.Choice(["tracker"]), expose_value=False)
+@click.argument("part", type=click.Choice(PARTS))
 @click.argument("name")
 @opt.out_option("NAME")
-def new(name: str, out: Path | None) -> None:
-    """Write a small package with a part of your own, to begin with: new tracker my_tracker."""
-    from servo.cli.new_command import new_tracker
+def new(part: str, name: str, out: Path | None) -> None:
+    """Write a small package with a part of your own, or a repository of scenarios, to begin with.
 
-    for path in new_tracker(name, out):
+    For example: new tracker my_tracker.
+    """
+    from servo.cli import new_command
+
+    for path in new_command.new(part, name, out):
         click.echo(path)
 
 

@@ -70,7 +70,7 @@ def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure
     for i, (name, (row, series)) in enumerate(runs.items()):
         space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
         _in_space(space, ways[name], max(*most[:2], 0.7 * most[2]), most[2])
-        space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=8)
+        space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=9)
         image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
         _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
     return figure
@@ -88,8 +88,8 @@ def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
     ax.set(xlim=(-aside, aside), ylim=(-aside, aside), zlim=(0, above))
     ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.25)
     ax.view_init(elev=22, azim=-60)
-    ax.tick_params(labelsize=5, pad=-3)
-    ax.locator_params(nbins=4)
+    ax.tick_params(labelsize=7, pad=-2)
+    ax.locator_params(nbins=3)
 
 
 def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
@@ -105,4 +105,5 @@ def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
         ax.plot(*np.vstack([outline, outline[:1]]).T, color=GREY, lw=0.8, ls=style)
     ax.set(xlim=(0, size[0]), ylim=(size[1], 0), aspect="equal")
     ax.grid(alpha=0.2)
-    ax.tick_params(labelsize=5)
+    ax.tick_params(labelsize=7)
+    ax.locator_params(nbins=4)
