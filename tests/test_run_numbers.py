@@ -164,6 +164,7 @@ def test_the_recording_holds_these_values(scripted, approved):
     approved("run/recording", kept, ROUNDING)
 
 
+@pytest.mark.newest
 def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_path):
     steps, scenario, written = scripted
     report = report_of(scripted)
