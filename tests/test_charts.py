@@ -57,8 +57,8 @@ def test_a_heat_map_has_its_numbers(chart, options, request):
 
 
 def test_a_heat_map_of_many_columns_has_none(chart):
-    columns = [f"column {i}" for i in range(12)]
-    values = np.arange(24.0).reshape(2, 12)
+    columns = [f"column {i}" for i in range(14)]
+    values = np.arange(28.0).reshape(2, 14)
     chart("heat-wide", charts.heat("t", "x", "y", columns, ["u", "v"], values))
 
 
