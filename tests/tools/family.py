@@ -7,6 +7,7 @@ error that its 95 % interval has on that side; of ratios in logarithms. Claims t
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ def main() -> None:
     corrected = dict(zip(names, holm(np.array(p)), strict=True))
     for name in sorted(names, key=lambda n: corrected[n]):
         if verdicts[name][0] == "holds":
-            print(f"{name:8} {corrected[name]:.2g}")
+            sys.stdout.write(f"{name:8} {corrected[name]:.2g}\n")
 
 
 if __name__ == "__main__":
