@@ -196,8 +196,10 @@ class World:
         return self._eye_at if self._held is None else self.robot.eye(self.data)
 
     def _go(self, T_world_camera: Pose) -> Reach:
-        placement.check_sight(self.outline, T_world_camera, self._target_seen())
-        reached = reach(self.robot, self.data, T_world_camera)
+        target = self._target_seen()
+        placement.check_sight(self.outline, T_world_camera, target)
+        point = target.apply(self.outline.mean(axis=0))
+        reached = reach(self.robot, self.data, T_world_camera, point)
         mujoco.mj_forward(self.model, self.data)
         self._eye_at = self._set_stage(0.0)
         return reached

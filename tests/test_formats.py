@@ -180,7 +180,7 @@ def test_the_page_of_each_folder_shows_the_stored_command(kind, monkeypatch, tmp
     line, _ = COMMANDS[kind]
     workers = [] if kind == "run" else ["--workers", "1"]
     call(monkeypatch, ["servobench", *line.split(), *workers, "--out", "out", "-q"])
-    page = write([tmp_path / "out"], tmp_path / "page.html").read_text()
+    page = write([tmp_path / "out"], tmp_path / "page.html")[0].read_text()
     assert unescape(re.findall("<code>(.*)</code>", page)[-1]) == f"servobench {line}"
     if kind == "run":
         again = json.loads((tmp_path / "out" / "report.json").read_text())["command"]
@@ -199,7 +199,7 @@ def test_the_scenario_on_the_page_repeats_the_run_as_well(monkeypatch, tmp_path)
     changes = ["tracker.kind=kams", "tracker.gamma=2.0", "disturbances.0.factor=0.8"]
     sets = [word for change in changes for word in ("--set", change)]
     call(monkeypatch, ["servobench", "run", "mine.toml", *sets, "--out", "out", "-q"])
-    page = write([tmp_path / "out"], tmp_path / "page.html").read_text()
+    page = write([tmp_path / "out"], tmp_path / "page.html")[0].read_text()
     text = unescape(re.findall("<code>(.*?)</code>", page, re.DOTALL)[0])
     (tmp_path / "kept.toml").write_text(text)
     assert scenarios.load("kept.toml").settings() == scenarios.load("mine.toml", changes).settings()

@@ -1,16 +1,19 @@
-"""`servobench new tracker NAME`: the package that it writes keeps the contract and runs."""
+"""`servobench new PART NAME`: what it writes keeps the contract of its kind, and runs."""
 
 import os
 import subprocess
 import sys
 
 import pytest
+import yaml
 
-from servo.cli.new_command import new_tracker
+from servo import testing
+from servo.cli.main import PARTS
+from servo.cli.new_command import SECTIONS, new
+from servo.loop.run_measures import Outcome
 from servo.mistake import Mistake
+from servo.result import simulate
 from servo.testing import check_tracker
-
-pytestmark = pytest.mark.processes
 
 BOTH = """
 import sys, pytest
@@ -29,7 +32,7 @@ sys.exit(pytest.main([package, "-q"]))
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path / "red_dot")
-    new_tracker("red_dot", tmp_path / "red_dot")
+    new("tracker", "red_dot", tmp_path / "red_dot")
     yield tmp_path / "red_dot"
     sys.modules.pop("red_dot", None)
 
@@ -42,13 +45,14 @@ def test_it_writes_a_package_with_an_entry_point_and_a_test(package):
     assert '[project.entry-points."servobench.trackers"]\nred_dot = "red_dot:Config"\n' in text
     assert "class RedDot:" in (package / "red_dot" / "__init__.py").read_text()
     with pytest.raises(Mistake, match="there is something of this name; choose another"):
-        new_tracker("blue_dot", package)
+        new("tracker", "blue_dot", package)
 
 
 def test_its_tracker_keeps_the_contract(package):
     check_tracker("red_dot:Config")
 
 
+@pytest.mark.processes
 def test_it_installs_and_runs_as_it_is(package, pip, tmp_path):
     place = tmp_path / "site"
     pip("--no-build-isolation", "--target", str(place), str(package))
@@ -65,3 +69,56 @@ def test_it_installs_and_runs_as_it_is(package, pip, tmp_path):
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "1 passed" in ended.stdout
     assert "red_dot" in (tmp_path / "out" / "table.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("part", "section", "scenario"),
+    [
+        ("law", "controller", "still"),
+        ("features", "features", "line"),
+        ("estimator", "estimator", "line"),
+        ("motion", "motion", "circle"),
+        ("robot", "robot", "line"),
+    ],
+)
+def test_each_part_keeps_its_contract_and_holds_the_target(
+    part, section, scenario, tmp_path, monkeypatch
+):
+    name = f"my_own_{part}"
+    monkeypatch.syspath_prepend(tmp_path / name)
+    files = new(part, name, tmp_path / name)
+    text = (tmp_path / name / "pyproject.toml").read_text()
+    group = section if section == "features" else f"{section}s"
+    assert f'[project.entry-points."servobench.{group}"]\n{name} = "{name}:Config"\n' in text
+    test = (tmp_path / name / "tests" / f"test_{name}.py").read_text()
+    assert f"    check_{section}(Config)\n" in test
+    getattr(testing, f"check_{section}")(f"{name}:Config")
+    found = simulate(scenario, [f"{section}.kind={name}:Config", "run.duration=6.0"])
+    assert found.outcome == Outcome.CONVERGED
+    assert all("{{" not in path.read_text() for path in files)
+
+
+def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(tmp_path):
+    files = new("scenarios", "my_scenes", tmp_path / "mine")
+    names = sorted(str(path.relative_to(tmp_path / "mine")) for path in files)
+    assert names == [
+        ".github/workflows/scenes.yml",
+        "README.md",
+        "requirements.txt",
+        "scenes/my_scenes.toml",
+    ]
+    workflow = yaml.safe_load((tmp_path / "mine" / names[0]).read_text())
+    steps = workflow["jobs"]["scenes"]["steps"]
+    assert workflow["jobs"]["scenes"]["env"] == {"NUMBA_CACHE_DIR": ".numba"}
+    assert steps[2]["with"] == {
+        "path": ".numba",
+        "key": "numba-${{ runner.os }}-${{ hashFiles('requirements.txt') }}",
+    }
+    assert "servobench check scenes/*.toml" in steps[5]["run"]
+    found = simulate(tmp_path / "mine" / "scenes" / "my_scenes.toml")
+    assert found.outcome == Outcome.CONVERGED
+    assert not found.missed
+
+
+def test_the_command_names_each_part():
+    assert set(PARTS) == {*SECTIONS, "scenarios"}

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from servo.cli import main
-from servo.cli.report_command import write
+from servo.cli.report_command import Printed, write
+from servo.mistake import Mistake
 from servo.report import study_section
+from servo.report.page import LIGHT
 from servo.study import record_file
 from servo.study.bounds import MissedBound
 from servo.study.run import Job, Record
@@ -80,7 +82,7 @@ def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
 
 
 def text_of(folder, tmp_path):
-    return write([folder], tmp_path / "page.html").read_text(encoding="utf-8")
+    return write([folder], tmp_path / "page.html")[0].read_text(encoding="utf-8")
 
 
 def test_a_study_tells_what_held_and_what_did_not(tmp_path):
@@ -93,9 +95,9 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     assert facts["true centre against the goal, rms, median"] == ("3.5 px", "servo_rms_px")
     blocks = {block.title: block for block in section.blocks}
     assert list(blocks) == [
-        "What was varied, and what held",
-        "Compared",
         "Over time",
+        "Compared",
+        "What was varied, and what held",
         "Against the axes",
         "Over two axes",
         "Contact sheets",
@@ -185,8 +187,8 @@ def test_no_text_from_a_file_becomes_part_of_the_page(ran, tmp_path):
     (tmp_path / "run" / "report.json").write_text(json.dumps(report))
     kinds = ("pf_ssd", f"$x{EVIL}")
     folder = make_study(tmp_path / "study", title=EVIL, kinds=kinds, versions={EVIL: EVIL})
-    page = write([tmp_path / "run", folder], tmp_path / "page.html").read_text()
-    assert "<script" not in page
+    page = write([tmp_path / "run", folder], tmp_path / "page.html")[0].read_text()
+    assert page.count("<script") == 1  # the page's own
     assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") > 10
 
 
@@ -195,7 +197,7 @@ def whole(make_papers, ran, tmp_path_factory):
     """A page about several folders."""
     folder = tmp_path_factory.mktemp("whole")
     folders = [ran, make_study(folder / "study"), make_papers(folder / "papers")]
-    return write(folders, folder / "page.html")
+    return write(folders, folder / "page.html")[0]
 
 
 def test_the_page_refers_to_nothing_outside_and_has_no_stand_in_colours(whole):
@@ -204,7 +206,7 @@ def test_the_page_refers_to_nothing_outside_and_has_no_stand_in_colours(whole):
     assert {f.partition(":")[0] for f in found if not f.startswith("#")} == {"data"}
     assert "@import" not in page
     assert not re.search(r"url\((?!#)", page)
-    assert "#ab00" not in page
+    assert not any(f"stroke: {colour}" in page for colour in LIGHT)
     assert "currentColor" in page
     assert "stroke: var(--series-1)" in page
 
@@ -236,3 +238,71 @@ def test_the_page_opens_in_a_browser_and_fits_a_phone(whole, browser):
         taken = browser.execute_script("return document.documentElement.scrollWidth")
         assert taken <= width
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def test_a_click_on_a_head_sorts_the_rows_and_a_second_one_turns_them(browser, tmp_path):
+    page = write([make_study(tmp_path / "study")], tmp_path / "page.html")[0]
+    browser.get(page.as_uri())
+    cells = (
+        "const t = [...document.querySelectorAll('table')].find("
+        "t => t.tHead.textContent.startsWith('run'));"
+        "const at = [...t.tHead.rows[0].cells].findIndex(h => h.textContent === 'servo_rms_px');"
+        "t.tHead.rows[0].cells[at].click();"
+        "return [...t.tBodies[0].rows].map(r => r.cells[at].textContent)"
+    )
+    assert browser.execute_script(cells) == ["0", "1", "2", "3", "4", "5", "6", "7"]
+    assert browser.execute_script(cells) == ["7", "6", "5", "4", "3", "2", "1", "0"]
+    words = cells.replace("'servo_rms_px'", "'outcome'")
+    assert browser.execute_script(words) == ["CONVERGED"] * 6 + ["TARGET_LOST"] * 2
+
+
+def test_tables_and_figures_of_a_page_are_files_with_the_measures_asked_for(tmp_path):
+    folder = make_study(tmp_path / "study", kinds=("pf_ssd", "50_%&"))
+    printed = Printed(tmp_path / "tables.tex", "pdf", "settle_s,servo_rms_px")
+    page, tables, figures = write([folder], tmp_path / "page.html", printed)
+    text = tables.read_text()
+    assert (
+        "tracker.kind & runs & units & success (95 \\%) & CONVERGED & TARGET\\_LOST & settle\\_s & "
+        "servo\\_rms\\_px \\\\\n\\midrule\n"
+        "pf\\_ssd & 4 & 2 draws & 1 (0.342 to 1) & 4 & 0 & -- & 1.5 \\\\\n"
+        "50\\_\\%\\& & 4 & 2 draws & 0.5 (0.0945 to 0.905) & 2 & 2 & -- & 5.5 \\\\\n"
+    ) in text
+    assert text.count("\\begin{table}") == text.count("\\bottomrule") == 6
+    assert "track_ms" not in page.read_text()
+    found = {path.name: path.read_bytes() for path in sorted(figures.iterdir())}
+    assert list(found) == [
+        "01-distance-from-the-goal.pdf",
+        "02-still-on-target.pdf",
+        "03-error-against-camera-rate-true-centre-ag.pdf",
+        "04-success-against-camera-rate.pdf",
+        "05-success-rate.pdf",
+        "06-median-error-servo-rms-px.pdf",
+    ]
+    assert {content[:5] for content in found.values()} == {b"%PDF-"}
+    write([folder], tmp_path / "page.html", Printed(figures="svg"))
+    drawing = (figures / "01-distance-from-the-goal.svg").read_text()
+    assert LIGHT[0] in drawing
+    assert "var(--" not in drawing
+    assert "50_%" in drawing  # the legend
+
+
+def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_path):
+    folder = make_study(tmp_path / "study")
+    cases = [
+        ([folder], Printed(measures="speed"), "--measures: there is no measure 'speed'"),
+        (
+            [folder],
+            Printed(latex=tmp_path / "tables.txt"),
+            "tables.txt: the name of this file should end in .tex",
+        ),
+        ([folder], Printed(latex=tmp_path), "--latex takes the file to write, such as tables.tex"),
+        (
+            [make_papers(tmp_path / "papers")],
+            Printed(measures="settle_s"),
+            "papers: --measures is for the folders of sweep and compare",
+        ),
+    ]
+    for folders, printed, sentence in cases:
+        with pytest.raises(Mistake, match=sentence):
+            write(folders, tmp_path / "page.html", printed)
+    assert not (tmp_path / "page.html").exists()

@@ -1,13 +1,17 @@
 """A track's files beside its rows: where the disk refuses one, the others go on."""
 
+from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from servo.mistake import Refused
 from servo.output.track_folder import TrackFolder
 from tracking.evaluation.track import Shot
+from tracking.evaluation.track_file import HEADER
 from tracking.sequences.sources import Picture
 from tracking.types import Estimate, Region, State, Status
 
@@ -102,4 +106,17 @@ def test_a_recording_without_room_does_not_begin(tmp_path, monkeypatch):
     assert str(files.refused) == (
         f"{tmp_path}/track.rrd: it ends too early: No space left on device"
     )
-    assert [path.name for path in tmp_path.iterdir()] == ["track.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["track.csv", "track.parquet"]
+
+
+def test_the_rows_are_a_parquet_table_too_with_all_digits_of_a_stamp(tmp_path):
+    stamp = 1_700_000_000_250_000_001
+    files = TrackFolder(tmp_path, Region(10.0, 6.0), recording=False)
+    files.add(shot(0), None)
+    files.add(replace(shot(1), picture=Picture("1.png", 1 / 30, None, stamp=stamp)), None)
+    files.close()
+    table = pq.read_table(tmp_path / "track.parquet")
+    assert table.column_names == list(HEADER)
+    assert table["stamp"].to_pylist() == [None, Decimal("1700000000.250000001")]
+    assert table["status"].to_pylist() == ["LOCKED", "LOCKED"]
+    assert table["x1"].to_pylist() == [15.0, 15.0]

@@ -13,6 +13,7 @@ from pathlib import Path
 from servo.bench.benchmark import Benchmark, Settings
 from servo.controllers import KINDS as LAWS
 from servo.mistake import Mistake
+from servo.scenario.catalogue import PLUGINS
 from servo.scenario.toml import assignment
 from sim.installed import Trusted, imported
 from tracking.files.json_text import as_json
@@ -23,6 +24,8 @@ NULL = "still"
 PERFECT = "truth"
 """Names of the contestants that fix the scale."""
 TRAX = "trax:"
+ONNX = "onnx:"
+"""A network file of OpenCV's tracker Vit."""
 UNFIT = ("truth", "tag")
 """Trackers that cannot compete: one is told the truth, one sees tags only."""
 
@@ -60,6 +63,7 @@ class Contestant:
     def _files(self) -> list[Path]:
         command = str(self.settings.get("tracker.command", ""))
         named = [Path(word) for word in command.split()]
+        named.append(Path(str(self.settings.get("tracker.model", ""))))
         kind = next((str(v) for k, v in self.settings.items() if k.endswith(".kind")), "")
         if self.division is Division.OPEN and ":" in kind:
             named.append(Path(inspect.getfile(imported(kind))))
@@ -88,8 +92,9 @@ def contestants(
 
     Args:
         benchmark: Which they enter.
-        given: A name of `home_of`, or name=kind:preset, name=module:Class, or name='trax:COMMAND'
-            for a program that speaks TraX; without any, all of `home_of`.
+        given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
+            for a program that speaks TraX, or name=onnx:FILE for a network of OpenCV's tracker
+            Vit; without any, all of `home_of`.
         changes: Settings of all of them, as for --set, which makes them open.
 
     Raises:
@@ -109,30 +114,50 @@ def contestants(
     return [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
 
 
-def _guest(benchmark: Benchmark, text: str) -> Contestant:
+def named_part(text: str) -> tuple[str, str]:
+    """Return name and part of NAME=PART; without a name, the part is its own name.
+
+    Raises:
+        Mistake: One of them is missing.
+    """
     name, equals, what = text.partition("=")
     if not equals:
         name, what = text, text
     if not name.strip() or not what.strip():
-        raise Mistake(f"'{text}': write NAME=KIND, NAME=module:Class or NAME='trax:COMMAND'")
+        raise Mistake(
+            f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE"
+        )
+    return name.strip(), what.strip()
+
+
+def settings_of(section: str, what: str) -> Settings:
+    """Return the settings that put a part into a section of a scenario.
+
+    Args:
+        section: Such as "tracker" or "controller".
+        what: kind, kind:preset or module:Class; of a tracker also trax:COMMAND or onnx:FILE.
+    """
+    if section == "tracker" and what.startswith(ONNX):
+        network = what.removeprefix(ONNX)
+        return {"tracker.kind": "opencv", "tracker.name": "Vit", "tracker.model": network}
+    if section == "tracker" and what.startswith(TRAX):
+        return {"tracker.kind": "trax", "tracker.command": Trusted(what.removeprefix(TRAX))}
+    table = PLUGINS[section][0].named(what)
+    return {f"{section}.{key}": value for key, value in table.items()}
+
+
+def _guest(benchmark: Benchmark, text: str) -> Contestant:
+    name, what = named_part(text)
     if benchmark.contestant == "law":
         if what in benchmark.home:
             return Contestant(name, benchmark.home[what], Division.HOME)
         division = Division.HOME if what in LAWS.names() else Division.OPEN
-        return Contestant(name, _settings("controller", LAWS.named(what)), division)
+        return Contestant(name, settings_of("controller", what), division)
+    settings = settings_of("tracker", what)
     if what.startswith(TRAX):
-        command = Trusted(what.removeprefix(TRAX))
-        settings = {"tracker.kind": "trax", "tracker.command": command}
         return Contestant(name, settings, Division.CLOSED)
-    table = TRACKERS.named(what)
-    if table["kind"] in UNFIT:
-        raise Mistake(
-            f"the tracker '{table['kind']}' cannot compete: it does not only see pictures"
-        )
-    ours = table["kind"] in TRACKERS.names() and not TRACKERS.package_of(table["kind"])
-    division = Division.HOME if ours else Division.OPEN
-    return Contestant(name, _settings("tracker", table), division)
-
-
-def _settings(section: str, table: dict[str, str]) -> Settings:
-    return {f"{section}.{key}": value for key, value in table.items()}
+    kind = str(settings["tracker.kind"])
+    if kind in UNFIT:
+        raise Mistake(f"the tracker '{kind}' cannot compete: it does not only see pictures")
+    ours = kind in {one.settings["tracker.kind"] for one in home_of(benchmark)}
+    return Contestant(name, settings, Division.HOME if ours else Division.OPEN)

@@ -7,8 +7,12 @@ from typing import Any
 import click
 
 from servo.cli import options as opt
+from servo.cli.guard import check_machine, guarded
 from servo.cli.outputs import output_options
 from sim.ranges import LONGEST
+
+PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
+"""What `servobench new` begins."""
 
 
 @click.group(
@@ -31,6 +35,7 @@ def app() -> None:
 @output_options
 def run(scenario: str, no_rerun: bool, **options: Any) -> None:
     """Run a scenario; write recording, table, report and plots."""
+    check_machine(rerun=not no_rerun)
     from servo.cli.run_command import run_scenario
 
     sys.exit(run_scenario(scenario, rerun=not no_rerun, **options))
@@ -54,6 +59,7 @@ def run(scenario: str, no_rerun: bool, **options: Any) -> None:
 @opt.quiet_option
 def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
+    check_machine()
     from servo.cli.check_command import check_scenarios
 
     sys.exit(check_scenarios(scenarios, count=seeds, **options))
@@ -111,6 +117,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
+    check_machine(rerun=options["rerun"])
     from servo.cli import track_command
 
     sys.exit(track_command.run(track_command.TrackRequest(**options)))
@@ -130,8 +137,8 @@ def track(**options: Any) -> None:
     "given",
     multiple=True,
     metavar="NAME[=WHAT]",
-    help="Of loop-v1 and servo-v1: a shipped one, mine=module:Class, or mine='trax:COMMAND' "
-    "(default: all shipped ones).",
+    help="Of loop-v1 and servo-v1: a shipped one, mine=module:Class, mine='trax:COMMAND' or "
+    "mine=onnx:FILE (default: all shipped ones).",
 )
 @click.option(
     "--band",
@@ -178,6 +185,7 @@ def bench(
     **options: Any,
 ) -> None:
     """Compare trackers; the same command continues a stopped bench."""
+    check_machine()
     from servo.cli import bench_command, benchmark_command
 
     of_benchmarks = given, changes, band, sealed, quick, submit, verify
@@ -195,11 +203,7 @@ def bench(
 @opt.changes_option
 @click.option("--seeds", type=opt.COUNT, help="Number of seeds from 0 on (default: the study's).")
 @opt.workers_option
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
-)
+@opt.scheduler_option
 @opt.out_option("runs/sweep-STUDY, also to continue")
 @click.option(
     "--measures",
@@ -209,9 +213,50 @@ def bench(
 @opt.quiet_option
 def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
+    check_machine()
     from servo.cli import sweep_command
 
     sys.exit(sweep_command.run(**options))
+
+
+@app.command()
+@click.argument(
+    "scenarios", nargs=-1, required=True, type=opt.SCENARIO, metavar="SCENARIO...", help="Where."
+)
+@click.option(
+    "--tracker",
+    multiple=True,
+    metavar="NAME=WHAT",
+    help="A tracker: kind, kind:preset, module:Class, or 'trax:COMMAND'; may be repeated, as "
+    "all of these options.",
+)
+@click.option("--controller", multiple=True, metavar="NAME=WHAT", help="A control law, likewise.")
+@click.option("--estimator", multiple=True, metavar="NAME=WHAT", help="An estimator, likewise.")
+@click.option(
+    "--set-of",
+    multiple=True,
+    metavar="NAME=KEY=VALUE,...",
+    help="Settings, such as slow=controller.gain=0.5,run.latency=3.",
+)
+@click.option("--measured", is_flag=True, help="With the time that the tracker takes here.")
+@opt.changes_option
+@click.option("--seeds", type=opt.COUNT, default=3, show_default=True, help="From 0 on.")
+@opt.workers_option
+@opt.scheduler_option
+@opt.out_option("runs/compare, also to continue")
+@click.option(
+    "--measures", help="Columns of the tables, such as servo_rms_px,age_ms (default: a few)."
+)
+@opt.dry_run_option
+@opt.quiet_option
+def compare(**options: Any) -> None:
+    """Compare parts or settings in scenarios: a study, its page, LaTeX table and PDF figures.
+
+    A worker of Dask gets a class by its name only: its module must be installed there as well.
+    """
+    from servo.cli import compare_command
+
+    sys.exit(compare_command.run(compare_command.CompareRequest(**options)))
 
 
 @app.command()
@@ -235,6 +280,7 @@ def papers(
     **options: Any,
 ) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
+    check_machine()
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
 
@@ -244,11 +290,21 @@ def papers(
 @app.command()
 @click.argument("folders", nargs=-1, required=True, type=opt.PATH, metavar="DIR...")
 @click.option("--out", type=opt.PATH, help="File to write (default: report.html in the first DIR).")
-def report(folders: tuple[Path, ...], out: Path | None) -> None:
-    """Write a page about folders of run, bench, papers and sweep."""
-    from servo.cli.report_command import write
+@click.option("--latex", type=opt.PATH, metavar="FILE.tex", help="Also write the tables as LaTeX.")
+@click.option(
+    "--figures",
+    type=click.Choice(["pdf", "svg", "pgf"]),
+    help="Also write each figure as a file, into the folder figures beside the page.",
+)
+@click.option(
+    "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
+)
+def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
+    """Write a page about folders of run, bench, papers, sweep and compare."""
+    from servo.cli.report_command import Printed, write
 
-    click.echo(write(folders, out))
+    for path in write(folders, out, Printed(**printed)):
+        click.echo(path)
 
 
 @app.command("list")
@@ -302,14 +358,17 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
 
 
 @app.command()
-@click.argument("part", type=click.Choice(["tracker"]), expose_value=False)
+@click.argument("part", type=click.Choice(PARTS))
 @click.argument("name")
 @opt.out_option("NAME")
-def new(name: str, out: Path | None) -> None:
-    """Write a small package with a part of your own, to begin with: new tracker my_tracker."""
-    from servo.cli.new_command import new_tracker
+def new(part: str, name: str, out: Path | None) -> None:
+    """Write a small package with a part of your own, or a repository of scenarios, to begin with.
 
-    for path in new_tracker(name, out):
+    For example: new tracker my_tracker.
+    """
+    from servo.cli import new_command
+
+    for path in new_command.new(part, name, out):
         click.echo(path)
 
 
@@ -326,6 +385,7 @@ def doctor() -> None:
 @click.option("--no-open", is_flag=True, help="Only build the pages.")
 def docs(out: Path | None, no_open: bool) -> None:
     """Open the documentation in a browser; build it first."""
+    check_machine()
     import webbrowser
 
     from servo.cli.docs_command import build
@@ -362,8 +422,23 @@ def robot(model: str, out: Path, **given: Any) -> None:
     sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
 
 
+@app.command()
+@click.argument("log", type=opt.PATH, help="A file .csv, .parquet (steps.parquet too) or .mcap.")
+@click.option(
+    "--scenario",
+    type=opt.SCENARIO,
+    default="line",
+    show_default=True,
+    help="Whose robot shall be simulated like that one: the servo of its drives is taken off.",
+)
+@opt.out_option("runs/identify-LOG")
+def identify(log: Path, scenario: str, out: Path | None) -> None:
+    """Estimate delay, jitter, lag, play and encoder noise of a robot; write the settings for it."""
+    from servo.cli.identify_command import run
+
+    sys.exit(run(log, scenario, out))
+
+
 def main() -> None:
     """The entry point."""
-    from servo.cli.guard import guarded
-
     guarded(app)

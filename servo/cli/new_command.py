@@ -1,4 +1,6 @@
-"""What `servobench new` does: write a small package with a tracker, which installs and runs."""
+"""What `servobench new` does: write a small package with a part, which installs and runs, or a
+repository of scenarios.
+"""
 
 import keyword
 import re
@@ -10,64 +12,103 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from servo.mistake import Mistake, unwritable
+from servo.scenario.catalogue import PLUGINS
 from tracking.files import atomic
-from tracking.trackers import KINDS as TRACKERS
 
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-FILES = {
+PART = {
     "pyproject.toml.jinja": "pyproject.toml",
     "README.md.jinja": "README.md",
-    "tracker.py.jinja": "{module}/__init__.py",
-    "test_tracker.py.jinja": "tests/test_{module}.py",
+    "test_part.py.jinja": "tests/test_{kind}.py",
 }
-"""Templates, and the files that are made of them."""
+"""Templates of a package with a part, and the files that are made of them."""
+SCENARIOS = "scenarios"
+SCENES = {
+    "scenarios.md.jinja": "README.md",
+    "requirements.txt.jinja": "requirements.txt",
+    "scenes.yml.jinja": ".github/workflows/scenes.yml",
+    "scenario.toml.jinja": "scenes/{kind}.toml",
+}
+"""The same, of a repository of scenarios."""
+SECTIONS = {
+    "tracker": "tracker",
+    "law": "controller",
+    "features": "features",
+    "estimator": "estimator",
+    "motion": "motion",
+    "robot": "robot",
+}
+"""The section of a scenario in which each part has its kind."""
+ROBOT = "arm.xml"
+"""The shipped model that a new robot begins with."""
 TAKEN = {
     "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
     "Python's module '{}'": sys.stdlib_module_names,
 }
 
 
-def new_tracker(kind: str, folder: Path | None) -> list[Path]:
-    """Write the package of a new tracker, by default into a folder of its kind's name; the paths of
-    its files.
+def new(part: str, kind: str, folder: Path | None) -> list[Path]:
+    """Write the package of a new part, or a repository of scenarios; the paths of its files.
+
+    Args:
+        part: One of `SECTIONS`, or "scenarios".
+        kind: Its name.
+        folder: To write (default: a folder of this name).
 
     Raises:
         Mistake: The name is no name of a package, is taken, or there is such a folder.
     """
-    _check_name(kind)
+    _check_name(part, kind)
     folder = folder or Path(kind)
-    words = {
-        "kind": kind,
-        "module": kind,
-        "package": kind.replace("_", "-"),
-        "name": "".join(word.capitalize() for word in kind.split("_")),
-    }
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
-    templates = resources.files("servo.cli") / "templates"
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise Mistake(f"{folder}: there is something of this name; choose another with --out")
-        return [
-            atomic.write(
-                folder,
-                name.format(**words),
-                environment.from_string((templates / template).read_text("utf-8")).render(words),
-            )
-            for template, name in FILES.items()
-        ]
+        return [atomic.write(folder, name, text) for name, text in _files(part, kind).items()]
     except OSError as error:
         raise unwritable(folder, error) from None
 
 
-def _check_name(kind: str) -> None:
+def _files(part: str, kind: str) -> dict[str, str]:
+    """Return the text of each file by its name."""
+    section = SECTIONS.get(part, "")
+    words = {
+        "part": part,
+        "noun": f"{'an' if part[0] in 'aeiou' else 'a'} {part}".replace("a features", "features"),
+        "section": section,
+        "group": PLUGINS[section][0].group if section else "",
+        "kind": kind,
+        "module": kind,
+        "package": kind.replace("_", "-"),
+        "name": "".join(word.capitalize() for word in kind.split("_")),
+        "scenario": {"law": "still", "motion": "circle"}.get(part, "line"),
+    }
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
+    templates = resources.files("servo.cli") / "templates"
+    chosen = PART | {f"{part}.py.jinja": "{kind}/__init__.py"} if section else SCENES
+    found = {
+        name.format(kind=kind): environment.from_string(
+            (templates / template).read_text("utf-8")
+        ).render(words)
+        for template, name in chosen.items()
+    }
+    if part == "robot":
+        model = resources.files("scenes") / "robots" / ROBOT
+        found[f"{kind}/robot.xml"] = model.read_text("utf-8")
+    return found
+
+
+def _check_name(part: str, kind: str) -> None:
+    asked = f"new {part} {kind}"
     if not NAME.fullmatch(kind) or keyword.iskeyword(kind):
         raise Mistake(
-            f"new tracker {kind}: a name has small letters, digits and single underscores, such as "
-            "my_tracker"
+            f"{asked}: a name has small letters, digits and single underscores, such as my_{part}"
         )
-    if kind in TRACKERS.names():
-        raise Mistake(f"new tracker {kind}: there is a tracker '{kind}' already")
+    if part == SCENARIOS:
+        return
+    section = SECTIONS[part]
+    if kind in PLUGINS[section][0].names():
+        raise Mistake(f"{asked}: there is a {part} '{kind}' already")
     owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
     if owner or find_spec(kind) is not None:
         what = owner or "the module '{}', which is installed here"
-        raise Mistake(f"new tracker {kind}: this would hide {what.format(kind)}")
+        raise Mistake(f"{asked}: this would hide {what.format(kind)}")

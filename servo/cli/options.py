@@ -96,6 +96,11 @@ changes_option = click.option(
 workers_option = click.option(
     "--workers", type=COUNT, default=2, show_default=True, help="Processes at the same time."
 )
+scheduler_option = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="A Dask scheduler to work on, such as tls://10.0.0.1:8786; it must be one you trust.",
+)
 dry_run_option = click.option(
     "--dry-run",
     is_flag=True,

@@ -1,8 +1,12 @@
-"""The command `servobench report`: write one page about the results in some folders."""
+"""The command `servobench report`: write one page about the results in some folders, and its tables
+and figures as files.
+"""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from servo.cli.sweep_command import measures_of
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
@@ -14,61 +18,100 @@ from servo.report import (
     study_section,
 )
 from servo.report.page import Section, render
+from servo.report.printed import figures, latex
 from servo.study.run_report import RunReport
 from servo.study.store import StudyFile
 from tracking.files import atomic
 
 PAGE = "report.html"
 PAGES = (".html", ".htm")
+FIGURES = "figures"
+"""Folder of the figures, beside the page."""
+ONLY_STUDIES = "--measures is for the folders of sweep and compare"
 
 
-def _study(folder: Path) -> Section:
+def _study(folder: Path, measures: Sequence[str] | None) -> Section:
     study = StudyFile.read(folder / StudyFile.FILE)
+    if measures is not None and study.holds != "sweep":
+        raise Mistake(f"{folder}: {ONLY_STUDIES}")
     if study.holds == "bench":
         return bench_section.section(folder, study)
     if study.holds == "benchmark":
         return benchmark_section.section(folder, study)
     if study.holds == "papers":
         return papers_section.section(folder)
-    return study_section.section(folder)
+    return study_section.section(folder, measures)
 
 
 KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
-    ((StudyFile.FILE,), _study),
     ((PapersReport.FILE,), papers_section.section),
     ((TABLE, STREAM), run_section.section),
 )
-"""Files by which a kind of folder is recognised, and the function that makes its section."""
+"""Files by which a folder without a study is known, and the function that makes its section."""
 
 
-def write(folders: Sequence[Path], out: Path | None) -> Path:
-    """Write the page; its path.
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """What is written beside the page."""
+
+    latex: Path | None = None
+    """File of the tables."""
+    figures: str | None = None
+    """Format of the figures: pdf, svg or pgf."""
+    measures: str | None = None
+    """Columns of the tables of studies, with commas."""
+
+
+def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = None) -> list[Path]:
+    """Write the page, and what is asked for beside it; the paths of the page, the tables and the
+    folder of figures.
 
     Raises:
-        Mistake: A folder is missing, unknown or damaged, or the page cannot be written.
+        Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
         Refused: The disk is full.
     """
-    text = render([_section(folder) for folder in folders])
+    printed = printed or Printed()
+    measures = None if printed.measures is None else measures_of(printed.measures)
+    sections = [_section(folder, measures) for folder in folders]
     path = out or folders[0] / PAGE
-    _check_out(path)
-    try:
-        return atomic.write(path.parent, path.name, text)
-    except OSError as error:
-        raise unwritable(path, error, "this page") from None
+    _check_out(path, *PAGES)
+    files: dict[Path, str | bytes] = {path: render(sections)}
+    if printed.latex is not None:
+        _check_out(printed.latex, ".tex")
+        files[printed.latex] = latex(sections)
+    paths = list(files)
+    if printed.figures is not None:
+        paths.append(path.parent / FIGURES)
+        named = figures(sections, printed.figures)
+        files |= {path.parent / FIGURES / name: content for name, content in named}
+    for place, content in files.items():
+        try:
+            atomic.write(place.parent, place.name, content)
+        except OSError as error:
+            raise unwritable(place, error, "this page") from None
+    return paths
 
 
-def _check_out(path: Path) -> None:
-    """Refuse a path at which the page must not be written."""
+def _check_out(path: Path, *suffixes: str) -> None:
+    """Refuse a path at which a file with one of these endings must not be written."""
     if not path.parent.is_dir():
         raise Mistake(f"{path}: cannot write this page: there is no such folder")
     if path.is_dir():
-        raise Mistake(f"{path}: this is a folder; --out takes the file to write, such as page.html")
-    check_suffix(path, *PAGES)
+        option, name = ("--latex", "tables") if ".tex" in suffixes else ("--out", "page")
+        raise Mistake(
+            f"{path}: this is a folder; {option} takes the file to write, such as "
+            f"{name}{suffixes[0]}"
+        )
+    check_suffix(path, *suffixes)
 
 
-def _section(folder: Path) -> Section:
+def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
     if not folder.is_dir():
         raise Mistake(f"{folder}: there is no such folder")
+    if (folder / StudyFile.FILE).exists():
+        return _study(folder, measures)
+    if measures is not None:
+        raise Mistake(f"{folder}: {ONLY_STUDIES}")
     for names, section in KINDS:
         if any((folder / name).exists() for name in names):
             return section(folder)

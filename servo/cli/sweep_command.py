@@ -48,7 +48,7 @@ def run(
     console = Console(quiet=quiet)
     with console.status("reading the study"):
         parsed = load(study, changes, seeds)
-    chosen = None if measures is None else _measures(measures)
+    chosen = None if measures is None else measures_of(measures)
     if scheduler is None:
         gl.is_there()
     again = command_line("sweep", study, set=list(changes), seeds=seeds)
@@ -56,7 +56,12 @@ def run(
     return run_study(parsed, again, pool, out, console, dry_run=dry_run, measures=chosen)
 
 
-def _measures(text: str) -> list[str]:
+def measures_of(text: str) -> list[str]:
+    """Return the measures that are named in a text, with commas between them.
+
+    Raises:
+        Mistake: There is no such measure.
+    """
     names = [name.strip() for name in text.split(",")]
     check_known(names, MEASURED, "--measures", "measure")
     return list(dict.fromkeys(names))

@@ -16,6 +16,8 @@ COMPILING = "(the first run on a machine compiles the hot loops)"
 ROOMY = 6
 """Most columns with wide gaps."""
 WAITING = f"preparing {COMPILING}"
+NARROWEST = 6
+"""Width of a column of words where the numbers beside it leave no room [characters]."""
 COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "bold"}
 
 
@@ -38,7 +40,13 @@ def print_table(console: Console, shown: words.Table) -> None:
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
         justify = "left" if is_text else "right"
-        table.add_column(escape(title), justify=justify, overflow="fold", no_wrap=not is_text)
+        table.add_column(
+            escape(title),
+            justify=justify,
+            overflow="fold",
+            no_wrap=not is_text,
+            min_width=NARROWEST if is_text else None,
+        )
     for row in shown.rows:
         table.add_row(*map(_marked, row))
     console.print(table)

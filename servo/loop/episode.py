@@ -110,6 +110,9 @@ class Episode:
         """Release the world; also as a context manager."""
         if hasattr(self, "world"):
             self.world.close()
+        # They ask this episode for the truth: a circle, in which a tracker's process would live on.
+        for asking in ("running", "_timeline"):
+            vars(self).pop(asking, None)
 
     def __enter__(self) -> "Episode":
         return self

@@ -1,10 +1,15 @@
-"""The files of a track: rows, report, and optionally a recording."""
+"""The files of a track: rows as CSV and as Parquet, report, and optionally a recording."""
 
+import io
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pyarrow import csv
 
 from servo.mistake import Refused
 from servo.output.formats import Made, Number
@@ -12,9 +17,13 @@ from servo.output.sinks import Sink, Sinks
 from sim.types import Array
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import TrackFile
+from tracking.files import atomic
 from tracking.types import Region
 
 TRACK = "track.csv"
+TABLE = "track.parquet"
+STAMP = pa.decimal128(19, 9)
+"""Type of a stamp [s], whose digits all count."""
 RECORDING = "track.rrd"
 SPARE = 1 << 18
 """Free space that is kept for rows and report; with less, the other files end [bytes]."""
@@ -52,7 +61,7 @@ class TrackFolder:
 
             path = folder / RECORDING
             self._sinks.begin(path, lambda: TrackLog(RecordingFile(path), region))
-        self.paths = [folder / TRACK, *self._sinks.paths]
+        self.paths = [folder / TRACK, folder / TABLE, *self._sinks.paths]
 
     @property
     def refused(self) -> Refused | None:
@@ -71,18 +80,27 @@ class TrackFolder:
         self._sinks.add(shot, truth)
 
     def close(self) -> None:
-        """Finish all files.
+        """Finish all files, and write the rows as Parquet.
 
         Raises:
             OSError: The last rows cannot be written.
         """
         try:
             self._rows.close()
+            atomic.write(self._folder, TABLE, _parquet(self._folder / TRACK))
         finally:
             self._sinks.close()
 
     def _nearly_full(self) -> bool:
         return shutil.disk_usage(self._folder).free < SPARE
+
+
+def _parquet(rows: Path) -> bytes:
+    """Return the rows of a track's CSV file as a Parquet table."""
+    columns = csv.ConvertOptions(column_types={"stamp": STAMP})
+    file = io.BytesIO()
+    pq.write_table(csv.read_csv(rows, convert_options=columns), file)
+    return file.getvalue()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     if not table:
         raise Mistake(f"{folder}: no contestant of this benchmark has run in all worlds")
     of_band = rows[0]
-    band = Band(of_band.band, of_band.value, of_band.digest)  # type: ignore[arg-type]
+    band = Band(of_band.band, of_band.value, of_band.digest)
     worlds = [w for w in benchmark.every_world(band) if w.key in of_band.worlds]
     blocks = [
         *blocks_of(benchmark, worlds, rows, table),
@@ -132,9 +132,14 @@ def _curves(rows: Sequence[Row]) -> Figure:
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
     names = [c.name for c in benchmark.conditions]
     upwards = table[::-1]
-    values = np.array([[s.mean_in(name) for name in names] for s in upwards])
+    values = np.array([[round(s.mean_in(name)) for name in names] for s in upwards])
     title = "Points by condition"
-    return heat(title, "", "", names, [s.name for s in upwards], values, limits=(0.0, 100.0))
+    note = (
+        "In points of all worlds: where standing still costs less than elsewhere, there is less "
+        "to win, and where it costs more, more than 100."
+    )
+    labels = [s.name for s in upwards]
+    return heat(title, "", "", names, labels, values, limits=(0.0, 100.0), note=note)
 
 
 def _sizes(

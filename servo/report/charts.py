@@ -1,8 +1,8 @@
 """The figures of a page as SVG: curves, values by name, and heat maps.
 
-The ground is transparent. Matplotlib draws with placeholder colours. In the SVG they become
-`currentColor` and the page's variables `--series-N`, which have one set of values for light mode
-and one for dark mode.
+The ground is transparent. Matplotlib draws with the colours of light mode, which are those of a
+file to print. In a page's SVG they become `currentColor` and its variables `--series-N`, which have
+other values in dark mode.
 """
 
 import io
@@ -21,7 +21,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
-from servo.report.page import LIGHT, Figure, Key
+from servo.mistake import Mistake
+from servo.report.page import LIGHT, Figure, Key, PageImage
 from servo.report.words import shown
 from sim.types import Array
 from tracking.drawing.figures import plain_logarithm
@@ -36,21 +37,24 @@ MARGIN = 1.15
 """Factor by which a logarithmic axis reaches beyond the values."""
 FRAME_HEIGHT = 0.7
 """Height of a heat map without its rows [inch]."""
-MOST_NUMBERED_COLUMNS = 10
+MOST_NUMBERED_COLUMNS = 12
 """Most columns of a heat map with numbers in its cells."""
 WIDEST_NAMES = 45
 """Most characters in the names of all columns; longer names are turned."""
 DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
-INK = "#ab00ff"
-"""Placeholder for the colour of the page's text."""
+INK = "#1b1f26"
+"""Colour of the page's text in light mode."""
+INKS = {INK: "currentColor"} | {one: f"var(--series-{i})" for i, one in enumerate(LIGHT)}
+"""Colours of CSS by those that are drawn; no colour of a heat map is one of these."""
 SIZE = (4.9, 2.9)
 """Size of a figure [inch]: about the width of a phone, where its text must be readable."""
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "text.parse_math": False,
     "svg.fonttype": "none",
+    "pdf.fonttype": 42,
     "svg.hashsalt": "servobench",
     "text.color": INK,
     "axes.labelcolor": INK,
@@ -68,7 +72,7 @@ STYLE: dict[Any, Any] = {
     "axes.linewidth": 0.7,
     "path.simplify_threshold": 0.3,
 }
-"""Matplotlib's settings; text from files is never parsed as a formula."""
+"""Matplotlib's settings; text from files is never parsed as a formula, and a PDF has its fonts."""
 
 Shade = tuple[Array, NDArray[np.bool_]]
 """Times (n,), and flags (n,): where they are true, a figure is shaded."""
@@ -130,8 +134,8 @@ def curves(
         _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
         if any(c.points for c in drawn):
             axes.margins(x=0.05)
-        keys = [Key(c.label, _css(c.colour), c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
-        return Figure(title, svg(figure, title), keys, note)
+        keys = [Key(c.label, INKS[c.colour], c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
+        return Figure(title, svg(figure, title), keys, note, figure)
 
 
 def heat(
@@ -173,7 +177,7 @@ def heat(
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         axes.set(xlabel=x, ylabel=y)
-        return Figure(title, svg(figure, title), note=note)
+        return Figure(title, svg(figure, title), note=note, drawing=figure)
 
 
 def _draw(axes: Axes, curve: Curve) -> None:
@@ -181,13 +185,21 @@ def _draw(axes: Axes, curve: Curve) -> None:
     if curve.points and ends is not None:
         bars = np.maximum([curve.y - ends[0], ends[1] - curve.y], 0)
         axes.errorbar(
-            curve.x, curve.y, yerr=bars, fmt="o-", ms=3.5, lw=1.4, capsize=2, color=curve.colour
+            curve.x,
+            curve.y,
+            yerr=bars,
+            fmt="o-",
+            ms=3.5,
+            lw=1.4,
+            capsize=2,
+            color=curve.colour,
+            label=curve.label,
         )
         return
     if ends is not None:
         axes.fill_between(curve.x, *ends, color=curve.colour, alpha=BAND_OPACITY, lw=0)
     dashes, width = ("--", 1.0) if curve.dashed else ("-", 1.5)
-    axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width)
+    axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width, label=curve.label)
 
 
 def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
@@ -208,21 +220,23 @@ def _range(values: Array) -> float:
 
 
 def colour(i: int) -> str:
-    """Return the placeholder for the colour of series i."""
-    return f"#ab00{i % len(LIGHT):02x}"
+    """Return the colour of series i."""
+    return LIGHT[i % len(LIGHT)]
 
 
-def _css(placeholder: str) -> str:
-    """Return the colour in CSS for a placeholder."""
-    return "currentColor" if placeholder == INK else f"var(--series-{int(placeholder[-2:], 16)})"
+@contextmanager
+def _styled() -> Generator[None]:
+    """Draw and save within the block as all figures are drawn."""
+    with mpl.rc_context(STYLE), warnings.catch_warnings():
+        # The browser has the characters that our font lacks.
+        warnings.filterwarnings("ignore", "Glyph")
+        yield
 
 
 @contextmanager
 def _canvas(height: float = SIZE[1]) -> Generator[tuple[Drawing, Axes]]:
     """Yield a figure with axes; draw it and turn it into SVG within the block."""
-    with mpl.rc_context(STYLE), warnings.catch_warnings():
-        # The browser has the characters that our font lacks.
-        warnings.filterwarnings("ignore", "Glyph")
+    with _styled():
         figure = Drawing(figsize=(SIZE[0], height), layout="constrained")
         axes = figure.subplots()
         axes.set_axisbelow(True)
@@ -240,7 +254,36 @@ def svg(figure: Drawing, title: str) -> Markup:
     )
     text = file.getvalue()
     text = text[text.index("<svg") :]
-    text = re.sub(r"#ab00(?:ff|0[0-9a-f])", lambda found: _css(found.group()), text)
+    text = re.sub("|".join(INKS), lambda found: INKS[found.group()], text)
     head, rest = text.split(">", 1)
     head = re.sub(r' (?:width|height)="[^"]*"', "", head)
     return Markup(f'{head} role="img" aria-label="{Markup.escape(title)}">{rest}')
+
+
+def saved(figure: Figure | PageImage, kind: str) -> bytes:
+    """Return a figure of a page as a file to print, with its legend.
+
+    Args:
+        figure: One that has a drawing.
+        kind: pdf, svg or pgf.
+
+    Raises:
+        Mistake: TeX, which measures the words of a PGF, is not there.
+    """
+    assert figure.drawing is not None
+    file = io.BytesIO()
+    dated = {"pdf": "CreationDate", "svg": "Date"}
+    with _styled():
+        if isinstance(figure, Figure) and figure.keys:
+            figure.drawing.legend(loc="outside upper left", ncols=3, frameon=False)
+        try:
+            figure.drawing.savefig(
+                file,
+                format=kind,
+                metadata={dated[kind]: None} if kind in dated else None,
+                # Its whole width: words beside a drawing in space are no part of its layout.
+                bbox_inches="tight",
+            )
+        except (RuntimeError, FileNotFoundError) as error:
+            raise Mistake(f"a PGF figure needs TeX here (xelatex): {error}") from None
+    return file.getvalue()

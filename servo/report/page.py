@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure as Drawing
 
 from servo.mistake import Mistake
 from servo.output.formats import Made, content
@@ -76,6 +77,8 @@ class Figure:
     svg: Markup
     keys: Sequence[Key] = ()
     note: str = ""
+    drawing: Drawing | None = None
+    """Matplotlib's figure, for files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,8 @@ class PageImage:
     """[px]."""
     sheet: bool = True
     """A contact sheet keeps a minimum width; a plot fits the page."""
+    drawing: Drawing | None = None
+    """Matplotlib's figure, where it is one."""
 
     @staticmethod
     def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
@@ -96,7 +101,9 @@ class PageImage:
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
-    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
+    def of(
+        title: str, encoded: bytes, place: str, *, sheet: bool, drawing: Drawing | None = None
+    ) -> "PageImage":
         """Return the image of a PNG or JPEG file; a sheet becomes a JPEG.
 
         Raises:
@@ -114,7 +121,7 @@ class PageImage:
             is_jpeg = True
         text = base64.b64encode(encoded).decode("ascii")
         kind = "jpeg" if is_jpeg else "png"
-        return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet)
+        return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet, drawing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,10 +171,15 @@ def rows_of(
     return Block(what.capitalize(), list(text), tables=[table], folded=True)
 
 
+def template(name: str) -> str:
+    """Return the text of a template of this package."""
+    return resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
+
+
 def render(sections: Sequence[Section]) -> str:
     """Return the complete page as HTML."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = resources.files("servo.report").joinpath("page.html.jinja").read_text(encoding="utf-8")
+    text = template("page.html.jinja")
     return environment.from_string(text).render(sections=sections, light=LIGHT, dark=DARK)

@@ -35,14 +35,17 @@ def paths(study: StudyResults) -> list[PageImage]:
             other = {key: row[key] for key in study.axes if key != study.compared}
             found.setdefault(listed(other), {})[str(row[study.compared])] = row, series
     return [
-        PageImage.of(title or "Paths", _drawn(runs, _size(study)), f"paths of {title}", sheet=False)
-        for title, runs in list(found.items())[:MOST]
+        _picture(title, _drawn(runs, _size(study))) for title, runs in list(found.items())[:MOST]
     ]
 
 
 def shows(study: StudyResults) -> bool:
-    """Return whether the study compares named groups of settings: these have such pictures."""
-    return study.compared in study.plan.table.get("named", {})
+    """Return whether the study compares named groups of settings, and not of trackers only: these
+    have such pictures.
+    """
+    groups = study.plan.table.get("named", {}).get(study.compared, {})
+    keys = {key.split(".")[0] for group in groups.values() for key in group}
+    return bool(keys - {"tracker"})
 
 
 def _size(study: StudyResults) -> tuple[int, int]:
@@ -52,7 +55,14 @@ def _size(study: StudyResults) -> tuple[int, int]:
     return camera.get("width", default.width), camera.get("height", default.height)
 
 
-def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
+def _picture(title: str, figure: Figure) -> PageImage:
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DOTS)
+    place = f"paths of {title}"
+    return PageImage.of(title or "Paths", file.getvalue(), place, sheet=False, drawing=figure)
+
+
+def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
     figure = Figure(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
     ways = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [way for name, way in ways.items() if runs[name][0]["success"]]
@@ -60,12 +70,10 @@ def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> bytes:
     for i, (name, (row, series)) in enumerate(runs.items()):
         space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
         _in_space(space, ways[name], max(*most[:2], 0.7 * most[2]), most[2])
-        space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=8)
+        space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=9)
         image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
         _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DOTS)
-    return file.getvalue()
+    return figure
 
 
 def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
@@ -80,8 +88,8 @@ def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
     ax.set(xlim=(-aside, aside), ylim=(-aside, aside), zlim=(0, above))
     ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.25)
     ax.view_init(elev=22, azim=-60)
-    ax.tick_params(labelsize=5, pad=-3)
-    ax.locator_params(nbins=4)
+    ax.tick_params(labelsize=7, pad=-2)
+    ax.locator_params(nbins=3)
 
 
 def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
@@ -97,4 +105,5 @@ def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
         ax.plot(*np.vstack([outline, outline[:1]]).T, color=GREY, lw=0.8, ls=style)
     ax.set(xlim=(0, size[0]), ylim=(size[1], 0), aspect="equal")
     ax.grid(alpha=0.2)
-    ax.tick_params(labelsize=5)
+    ax.tick_params(labelsize=7)
+    ax.locator_params(nbins=4)

@@ -40,8 +40,12 @@ UNITS = (
 )
 
 
-def section(folder: Path) -> Section:
+def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
     """Return the section about the folder of a study.
+
+    Args:
+        folder: Of the study.
+        measures: Columns of its tables (default: a few that suit what is compared).
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -50,8 +54,9 @@ def section(folder: Path) -> Section:
     plan = study.plan
     broken = missed_by_cells(grouped(list(study.axes), study.rows), plan.expect)
     blocks = [
+        *(_results(study, measures or _columns(study)) if study.rows else []),
         _overview(study, broken),
-        *(_shown(study) if study.rows else []),
+        *(_details(study, measures or _columns(study)) if study.rows else []),
         *_failures(study),
         page.again(plan),
     ]
@@ -60,15 +65,17 @@ def section(folder: Path) -> Section:
     return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
 
 
-def _shown(study: StudyResults) -> list[Block]:
+def _results(study: StudyResults, columns: Sequence[str]) -> list[Block]:
+    return [*_figures("Over time", study_time.figures(study)), *_compared(study, columns)]
+
+
+def _details(study: StudyResults, columns: Sequence[str]) -> list[Block]:
     return [
-        *_compared(study),
-        *_figures("Over time", study_time.figures(study)),
         *_figures("Against the axes", study_time.against(study)),
         *_figures("Over two axes", study_time.heat_maps(study)),
         *_paths(study),
         *_sheets(study),
-        _cells(study),
+        _cells(study, columns),
         _runs(study),
     ]
 
@@ -134,13 +141,13 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])
 
 
-def _compared(study: StudyResults) -> list[Block]:
+def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
     groups = study.groups(study.compared)
     outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
     rows: list[list[Cell]] = []
     for name, group in groups.items():
         ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
-        medians = [shown(median(group, m)) for m in _columns(study)]
+        medians = [shown(median(group, m)) for m in columns]
         units = study.units(group)
         rate = units.mean(SUCCESS)
         over = counted(rate, units.name)
@@ -151,7 +158,7 @@ def _compared(study: StudyResults) -> list[Block]:
         "units",
         "success (95 %)",
         *outcomes,
-        *_columns(study),
+        *columns,
     )
     note = f"{UNITS} Outcomes are counts of runs, measures are medians over runs."
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
@@ -216,18 +223,18 @@ def _named(study: StudyResults, row: Row) -> str:
     return f"run {row['run']}, {listed(settings | {'seed': row.get('seed')})}"
 
 
-def _cells(study: StudyResults) -> Block:
+def _cells(study: StudyResults, columns: Sequence[str]) -> Block:
     found = grouped(list(study.axes), study.rows)
     rows = (
         [
             *(shown(v) for v in settings.values()),
             str(len(group)),
             counted((units := study.units(group)).mean(SUCCESS), units.name),
-            *(spread(units.mean(name), len(units.rows)) for name in (SUCCESS, *_columns(study))),
+            *(spread(units.mean(name), len(units.rows)) for name in (SUCCESS, *columns)),
         ]
         for settings, group in found
     )
-    head = (*study.axes, "runs", "units", "success", *_columns(study))
+    head = (*study.axes, "runs", "units", "success", *columns)
     block = page.rows_of("cells", head, rows, len(found), range(len(study.axes)))
     return replace(block, text=[f"Means with 95 % intervals. {UNITS}", *block.text])
 

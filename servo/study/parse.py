@@ -62,18 +62,38 @@ def load(
     if "sweep" in table:
         table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
     check_known(table, KEYS, place)
-    bases = _bases(table.get("scenario"), path, place)
-    table = found_beside(table, path.parent, *(base.table for base in bases))
-    changed = _changed(table, changes, place)
-    if changes:
-        table["set"] = changed
     if seeds is not None:
         if seeds > MOST_RUNS:
             raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
     if trackers is not None:
         table = table | {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
-    study = _study(table, changed, bases, path, place)
+    title = sentence(path.read_text(encoding="utf-8-sig"))
+    return parsed(table, changes, path, place, title)
+
+
+def parsed(
+    table: dict[str, Any], changes: Sequence[str], path: Path, place: str, title: str
+) -> Study:
+    """Return the study of a table with the keys `KEYS`.
+
+    Args:
+        table: As in a TOML file.
+        changes: Settings of all runs, as for --set.
+        path: The file, or the one in which the table would be: files beside it count as named
+            from there, and its stem is the study's name.
+        place: Names the table in messages.
+        title: The study's sentence.
+
+    Raises:
+        Mistake: The user's mistake, in one sentence.
+    """
+    bases = _bases(table.get("scenario"), path, place)
+    table = found_beside(table, path.parent, *(base.table for base in bases))
+    changed = _changed(table, changes, place)
+    if changes:
+        table["set"] = changed
+    study = _study(table, changed, bases, path, place, title)
     _check(study, place)
     return study
 
@@ -108,6 +128,7 @@ def _study(
     bases: tuple[StudiedScenario, ...],
     path: Path,
     place: str,
+    title: str,
 ) -> Study:
     axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
     named = named_of(_table(table.get("named", {}), f"{place}: named"), place)
@@ -118,7 +139,7 @@ def _study(
     )
     study = Study(
         name=path.stem,
-        title=sentence(path.read_text(encoding="utf-8-sig")),
+        title=title,
         table=table,
         bases=bases,
         files=files,

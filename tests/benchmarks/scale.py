@@ -98,7 +98,7 @@ def sum_up(folder):
 def report(folder):
     from servo.cli.report_command import write  # `sweep` does not import what it needs
 
-    return f"{write([folder / 'out'], None).stat().st_size / 1e6:.1f} MB"
+    return f"{write([folder / 'out'], None)[0].stat().st_size / 1e6:.1f} MB"
 
 
 def timed(step, *given):
