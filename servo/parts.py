@@ -69,6 +69,21 @@ class FeatureSet(Protocol):
         ...
 
 
+@runtime_checkable
+class OwnInverse(Protocol):
+    """A feature set that gives the law an inverse of its own, where all features are known."""
+
+    def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
+        """Return the map (6, k) from e to the twist, in place of the pseudo-inverse L#.
+
+        Args:
+            L: The interaction matrix (k, 6) that the law has chosen.
+            values: The features (k,) as they were last seen.
+            camera: Intrinsics and image size.
+        """
+        ...
+
+
 class FeaturesConfig(Protocol):
     """The settings of a feature set."""
 

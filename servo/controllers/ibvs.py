@@ -22,7 +22,7 @@ from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits
 from servo.controllers._pending_commands import PendingCommands
 from servo.controllers._target_loss import TargetLoss
 from servo.mistake import unknown
-from servo.parts import FeatureSet, Task
+from servo.parts import FeatureSet, OwnInverse, Task
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.types import Array, Posture
 
@@ -78,6 +78,8 @@ class Ibvs:
         """
         c = self._config
         self._features = task.features
+        self._own_inverse = task.features if isinstance(task.features, OwnInverse) else None
+        self._camera = task.camera
         self._estimator = task.estimator
         self._fed = _fed_forward(c, self._features)
         if self._guard is not None:
@@ -203,6 +205,10 @@ class Ibvs:
         if 0 < posture.jacobian.shape[1] < len(DOF):  # none: a robot that takes any twist
             rows = self._known & self._servoed_by(posture)
             return Inverse.through_joints(self._chosen_matrix(), rows, posture.jacobian)
+        if self._own_inverse is not None and self._known.all():
+            L = self._chosen_matrix()
+            pseudo = self._own_inverse.inverse(L, self._seen, self._camera)
+            return Inverse(pseudo, L, np.ones(len(DOF), bool))
         six = self._tilt_seen and len(self._known) >= len(DOF)
         moves = self._config.moves(six=six)
         if not self._known.all():

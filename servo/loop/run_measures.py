@@ -99,7 +99,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     """Measures and outcome of the steps of one run; period is the frame interval [s]."""
     counted = [s for s in steps if s.frame.time >= config.after] or list(steps[-1:])
     servo = _series(counted, lambda s: s.servo_error)
-    turned = np.degrees(_series(steps, _servo_angle))
+    turned = np.degrees(_servo_angles(steps))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
     estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
     tracked = _series(estimated, lambda s: s.tracking_error)
@@ -239,14 +239,21 @@ def _held(step: Step) -> bool:
     if step.servo_error > CONVERGED_PX:
         return False
     angle, size = step.servoed
-    turned = angle and abs(_servo_angle(step)) > CONVERGED_RAD
+    turned = angle and abs(_servo_angles([step])[0]) > CONVERGED_RAD
     grown = size and abs(step.truth.size / step.goal_size - 1) > CONVERGED_SCALE
     return not (turned or grown)
 
 
-def _servo_angle(step: Step) -> float:
-    """Return the true angle against the goal, over half a turn [rad]."""
-    return half_turn(step.truth.theta - step.goal_theta)
+def _servo_angles(steps: Sequence[Step]) -> Array:
+    """Return the true angles (n,) against the goal [rad], over half a turn where the features do
+    not tell front from back.
+    """
+    apart = _series(steps, lambda s: s.truth.theta - s.goal_theta)
+    nearer = np.array([half_turn(angle) for angle in apart])
+    if not steps[-1].tells_front_from_back:
+        return nearer
+    whole = np.angle(np.exp(1j * apart))
+    return np.where(np.abs(whole) > np.pi / 2, whole, nearer)
 
 
 def _tracking_angle(step: Step) -> float:

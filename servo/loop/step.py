@@ -13,6 +13,10 @@ from sim.placement import object_frame
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
+HALF_TURN = Pose.planar(0.0, 0.0, np.pi)
+ROUNDING = 1e-6
+"""Errors of features below it are rounding: those of a half turn are of the size of the target."""
+
 
 @dataclass(frozen=True, slots=True)
 class Seconds:
@@ -218,6 +222,17 @@ class Step:
         needed = [(known(goal) & ~known(sight) & by_joints).any() for sight in without]
         angle, size = (follows & needed).tolist()
         return angle, size
+
+    @property
+    def tells_front_from_back(self) -> bool:
+        """Whether a target that is turned by half a turn has an error in the features."""
+        goal = self.goal_sight
+        if goal.picture is not None:
+            return True  # features made of pixels
+        features = self.scene.features
+        around = sight_of(goal.pose @ HALF_TURN, self.scene.outline, goal)
+        error = features.error(features.values(around), features.values(goal))
+        return bool(np.abs(error).max() > ROUNDING)
 
     @property
     def joints(self) -> Array:

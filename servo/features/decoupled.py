@@ -1,0 +1,36 @@
+"""A straight way of the camera, and a turn that moves the corners least (Deguchi 1998)."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from servo.features._points_and_pose import POINTS, TRANSLATION, PointsAndPose
+from sim.types import Array, Camera
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, outline: Array) -> "DecoupledFeatures":
+        """Return the features of any target."""
+        return DecoupledFeatures()
+
+
+@final
+class DecoupledFeatures(PointsAndPose):
+    """The translation from the pose, the rotation from what the corners then still lack.
+
+    Deguchi 1998 (Optimal motion control for image-based visual servoing by decoupling translation
+    and rotation, IROS), as Gans, Hutchinson and Corke 2003 describe it: v = -lambda t in the
+    camera's frame, and w = Lw+ (-lambda e - Lv v) over the corners. Written without the text.
+    """
+
+    def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
+        """Return the map (6, 14) from the error to the twist."""
+        inverse = np.zeros(L.T.shape)
+        inverse[:3, TRANSLATION] = L[TRANSLATION, :3].T
+        left = np.eye(POINTS.stop, len(L)) - L[POINTS, :3] @ inverse[:3]
+        inverse[3:] = np.linalg.pinv(L[POINTS, 3:]) @ left
+        return inverse

@@ -1,0 +1,82 @@
+"""Corners, with the motion along and about the optical axis by features of its own (Corke,
+Hutchinson 2001).
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from servo.features._points import OfCorners
+from servo.features.points import NOISE, PointFeatures
+from servo.sight.point_rows import corner_rows, corners_of
+from servo.types import Sight
+from sim.types import Array, Camera
+
+NOISES = (1e-3, 1e-3)
+"""Standard deviations of ln sigma and of the angle [rad], from frame to frame."""
+POINTS = slice(0, 8)
+SIGMA, ANGLE = 8, 9
+ALONG, ABOUT = 2, 5
+"""vz and wz in a twist."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing to set."""
+
+    def build(self, outline: Array) -> "PartitionedFeatures":
+        """Return the features of any target."""
+        return PartitionedFeatures()
+
+
+@final
+class PartitionedFeatures(OfCorners):
+    """s = (x0, y0, ..., x3, y3, ln sigma, theta): the corners, the root of the area that they
+    enclose, and the angle of the side from the first to the second.
+
+    Corke and Hutchinson 2001 (A new partitioned approach to image-based visual servo control, IEEE
+    Transactions on Robotics and Automation 17), equations 8 to 11, without the potential that
+    repels the corners from the border. vz takes ln sigma and wz takes theta to the goal, each by
+    its own entry of the interaction matrix; the other four the corners, as those two leave them.
+    """
+
+    names = (*PointFeatures.names, "sigma", "theta")
+    units = (*PointFeatures.units, "1", "rad")
+    turns = slice(ANGLE, None)
+    feed_forward = names
+    noise = np.array([NOISE] * 8 + [*NOISES])
+
+    def values(self, sight: Sight) -> Array:
+        """Return s (10,)."""
+        corners = corners_of(sight)
+        (dx, dy) = corners[1] - corners[0]
+        return np.array([*corners.ravel(), np.log(_area(corners)) / 2, np.arctan2(dy, dx)])
+
+    def matrix(self, sight: Sight) -> Array:
+        """Return L (10, 6)."""
+        corners = corners_of(sight)
+        Lx, Ly = corner_rows(sight)
+        # The area changes with each corner by half the vector between its neighbours, turned.
+        (nx, ny) = (np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)).T / 2
+        wider = ny @ Lx - nx @ Ly
+        (dx, dy) = corners[1] - corners[0]
+        turned = (dx * (Ly[1] - Ly[0]) - dy * (Lx[1] - Lx[0])) / (dx * dx + dy * dy)
+        points = np.stack([Lx, Ly], axis=1).reshape(8, 6)
+        return np.vstack([points, wider / (2 * _area(corners)), turned])
+
+    def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
+        """Return the map (6, 10) from the error to the twist."""
+        inverse = np.zeros(L.T.shape)
+        inverse[ALONG, SIGMA] = 1 / L[SIGMA, ALONG]
+        inverse[ABOUT, ANGLE] = 1 / L[ANGLE, ABOUT]
+        others = [i for i in range(len(inverse)) if i not in (ALONG, ABOUT)]
+        left = np.eye(8, len(L)) - L[POINTS] @ inverse
+        inverse[others] = np.linalg.pinv(L[POINTS, others]) @ left
+        return inverse
+
+
+def _area(corners: Array) -> float:
+    """Return the area that corners (4, 2) enclose, positive in their order."""
+    (x, y) = corners.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
