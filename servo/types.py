@@ -7,6 +7,7 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.types import Array, Camera, Image, Pose
 
@@ -181,6 +182,8 @@ class Trace:
     """What the estimator's features were divided by (k,)."""
     own: Array
     """de/dt (k,) that the camera's own motion caused since the last frame, over `scales`."""
+    servoed: NDArray[np.bool_] | None = None
+    """The features (k,) that the joints can servo; None: all."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,6 +84,11 @@ class Pose:
     translation: Array
     """Translation (3,) [m]."""
 
+    def __post_init__(self) -> None:
+        found = np.shape(self.rotation), np.shape(self.translation)
+        if found != ((3, 3), (3,)):
+            raise ValueError(f"a rotation (3, 3) and a translation (3,) expected, got {found}")
+
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
         """A pose on the table: position [m] and heading [rad] about world z."""

@@ -178,8 +178,10 @@ class World:
         return self._go(placement.camera_facing(self.outline, target, T_camera_object))
 
     def _go(self, T_world_camera: Pose) -> Reach:
-        placement.check_sight(self.outline, T_world_camera, self._stage.target(0.0))
-        reached = reach(self.robot, self.data, T_world_camera)
+        target = self._stage.target(0.0)
+        placement.check_sight(self.outline, T_world_camera, target)
+        point = target.apply(self.outline.mean(axis=0))
+        reached = reach(self.robot, self.data, T_world_camera, point)
         mujoco.mj_forward(self.model, self.data)
         self._eye_at = self._set_stage(0.0)
         return reached

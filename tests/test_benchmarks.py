@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from publish import PAGES, with_tables
+from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import benchmark as benchmarks
 from servo.bench.benchmark import NAMES, Band, load
@@ -320,7 +320,10 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
 def test_the_manuals_show_the_shipped_rows():
     for page in PAGES:
         text = page.read_text()
-        assert with_tables(text) == text, f"{page}: python tests/tools/publish.py writes its tables"
+        most = FEW if page == FIRST_PAGE else None
+        assert with_tables(text, most) == text, (
+            f"{page}: python tests/tools/publish.py writes its tables"
+        )
 
 
 def test_machines_find_the_rows_and_their_fields():

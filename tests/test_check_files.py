@@ -52,13 +52,14 @@ def test_a_missed_bound_is_a_failure_with_its_command(tmp_path, capsys):
 
 
 def test_reading_many_scenarios_shows_progress(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(jobs, "FIRST", 0.0)
     monkeypatch.setattr(jobs, "EVERY", 0.0)
     path = tmp_path / "mine.toml"
     path.write_text(SHORT.format(bound=1000))
     assert check_scenarios([str(path)], [], 0, 2, 1, quiet=False) == 0
     out, err = capsys.readouterr()
     assert out.startswith("check: 2 runs\n")
-    read, _, first, _ = err.splitlines()
+    read, first, *_ = err.splitlines()
     assert read.startswith(f"check: reading scenarios: 1 of 2, {path}, ")
     assert first.startswith("check: 1 of 2, mine, seed 0, ")
 

@@ -125,3 +125,19 @@ def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
     assert err.count("\n") == 1
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
     assert json.loads((pictures / "out" / "report.json").read_text())["frames"] == 90
+
+
+def test_a_check_keeps_the_older_file_where_the_new_one_has_no_room(here, tmp_path):
+    (tmp_path / "out.xml").write_text("older")
+    code, err = here(1, "check still --set run.duration=0.1 --seeds 3 --workers 1 --junit out.xml")
+    assert code == 1
+    assert err.endswith("servobench: out.xml: cannot write this file: File too large\n")
+    assert (tmp_path / "out.xml").read_text() == "older"
+    assert list(tmp_path.iterdir()) == [tmp_path / "out.xml"]
+
+
+def test_a_page_that_has_no_room_is_not_written(tmp_path):
+    limited(100_000, f"run still --out out --no-rerun {QUICK} --set run.duration=0.1", tmp_path)
+    code, err = limited(8, "report out --out page.html", tmp_path)
+    assert (code, err) == (1, "servobench: page.html: cannot write this page: File too large\n")
+    assert list(tmp_path.iterdir()) == [tmp_path / "out"]

@@ -87,3 +87,15 @@ def test_poses_are_equal_where_their_numbers_are():
     assert one != "pose"
     with pytest.raises(TypeError, match="unhashable"):
         hash(one)
+
+
+@pytest.mark.parametrize(
+    ("given", "shapes"),
+    [(("x", "y"), "((), ())"), ((np.zeros(3), np.eye(3)), "((3,), (3, 3))")],
+)
+def test_what_is_no_rotation_and_translation_is_refused(given, shapes):
+    with pytest.raises(ValueError) as refused:
+        Pose(*given)
+    assert str(refused.value) == (
+        f"a rotation (3, 3) and a translation (3,) expected, got {shapes}"
+    )

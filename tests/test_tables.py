@@ -203,14 +203,15 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
 
 
 def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch, capsys):
-    clock = iter([0.0, 4.0, 33.0, 60.0, 3600.0])
+    clock = iter([0.0, 0.9, 4.0, 33.0, 60.0, 3600.0])
     monkeypatch.setattr(jobs.time, "monotonic", lambda: next(clock))
     with jobs.progress(Console(), "sweep mine", 1000, 100) as ended:
-        for note in ("a", "b", "c", "d"):
+        for note in ("a", "b", "c", "d", "e"):
             ended(note)
     assert capsys.readouterr().err.splitlines() == [
-        "sweep mine: 102 of 1,000, b, 4.1 h left",
-        "sweep mine: 104 of 1,000, d, 224.0 h left",
+        "sweep mine: 102 of 1,000, b, 30 min left",
+        "sweep mine: 104 of 1,000, d, 3.7 h left",
+        "sweep mine: 105 of 1,000, e, 179.0 h left",
     ]
     monkeypatch.setattr(jobs.time, "monotonic", itertools.count(0.0, 60.0).__next__)
     with jobs.progress(Console(quiet=True), "sweep mine", 2) as ended:

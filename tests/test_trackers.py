@@ -6,6 +6,7 @@ import pytest
 
 from sim.types import Frame
 from tracking import create
+from tracking.trackers import KINDS
 from tracking.types import Region, State, Status
 
 SECTORS = ((200, 40, 40), (40, 160, 60), (50, 70, 210), (230, 200, 50))
@@ -144,3 +145,19 @@ def test_create_refuses_what_there_is_not():
         create("csrt")
     with pytest.raises(TypeError):
         create("kams", particels=3)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS.names() if kind != "truth"])
+def test_an_update_before_the_start_is_refused(kind):
+    with pytest.raises(ValueError) as refused:
+        create(kind).update(Frame(np.zeros((60, 80, 3), np.uint8), 0.0, 0))
+    owner, _, rest = str(refused.value).partition(": ")
+    assert rest == "start(frame, region, state) goes before update(frame)"
+    assert owner in {one.__name__ for one in type(create(kind)).__mro__}
+
+
+@pytest.mark.parametrize("seed", ["x", 1.5, -1])
+def test_a_seed_that_is_none_is_refused(seed):
+    with pytest.raises(ValueError) as refused:
+        create("kams", seed=seed)
+    assert str(refused.value) == f"seed = {seed!r}: expected a whole number from 0 on"

@@ -107,3 +107,9 @@ def test_a_convention_or_a_score_that_is_not_there_is_refused():
     with pytest.raises(ValueError) as refused:
         follow(wrap(Moving, score="sure", name="theirs")())
     assert str(refused.value) == "theirs has no 'sure', which is to give its score"
+
+
+def test_what_makes_no_tracker_is_refused_at_once():
+    with pytest.raises(ValueError) as refused:
+        wrap(5)
+    assert str(refused.value) == "5 is no tracker: expected init and update, or a function"

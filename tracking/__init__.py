@@ -45,8 +45,12 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
+    try:
+        rng = np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise ValueError(f"seed = {seed!r}: expected a whole number from 0 on") from None
     config = checked(KINDS.config(Trusted(kind), preset, **settings), kind)
-    return config.build(np.random.default_rng(seed))
+    return config.build(rng)
 
 
 def __getattr__(name: str) -> Any:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 from numbers import Real
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -15,6 +15,17 @@ from sim.types import LARGEST_PICTURE, Array, Frame, Truth
 
 LARGEST_LOG = 5.0
 """Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
+
+
+class _SetByStart:
+    def __get__(self, tracker: object | None, owner: type) -> Any:
+        if tracker is None:
+            return self
+        raise ValueError(f"{owner.__name__}: start(frame, region, state) goes before update(frame)")
+
+
+SET_BY_START: Any = _SetByStart()
+"""An attribute of a tracker's class that `start` sets; to read it before raises a ValueError."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -160,8 +160,8 @@ class Effect:
 def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
     """Return the main effects of all factors; the unit is the world."""
     found = list[Effect]()
-    levels = dict.fromkeys(level for world in worlds for level in world.levels.items())
-    for factor, level in levels:
+    levels = {level for world in worlds for level in world.levels.items()}
+    for factor, level in sorted(levels):
         keys = [w.key for w in worlds if w.levels.get(factor) == level]
         means = [
             float(np.mean(of))

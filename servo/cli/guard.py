@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from importlib import metadata
 from math import inf
 from pathlib import Path
 from threading import Timer
@@ -27,9 +28,10 @@ from sim.kinds import UnknownKind
 MISTAKEN = 2
 REFUSED = 1
 """Exit codes of a mistake that the user can correct, and of a failure of the machine."""
-NEEDED = 2_500_000_000
-"""Address space that a run needs [bytes], mostly for its libraries: with 1.9 GB Rerun's was
-refused on the machine that it was tried on, with 2.5 GB a run was whole."""
+NEEDED = 1_800_000_000
+NEEDED_BY_RERUN = 3_600_000_000
+"""Address space that a run needs [bytes] without and with a recording, mostly for its libraries: on
+two cores all runs had enough; with 0.2 GB less some ended in OpenBLAS or in Rerun's threads."""
 ENVIRONMENT = {
     "RUST_LOG": "off",  # Rerun
     "OPENCV_LOG_LEVEL": "SILENT",
@@ -91,19 +93,45 @@ def _end(sentence: str, code: int) -> None:
     sys.exit(code)
 
 
+def check_machine(*, rerun: bool = False) -> None:
+    """Refuse what libraries would end in, in their own words, before they are imported.
+
+    Raises:
+        MemoryError: Libraries of C and Rust would get too little memory, and end the process.
+        Mistake: The entry points of some package cannot be read: Numba, Dask, pydantic and Sphinx
+            read those of all packages.
+    """
+    for package in metadata.distributions():
+        try:
+            len(package.entry_points)
+        except (TypeError, ValueError):
+            raise Mistake(
+                f"the package {package.name} is damaged: its entry_points.txt cannot be read; "
+                "install it again, or remove it"
+            ) from None
+    if _address_space() < (NEEDED_BY_RERUN if rerun else NEEDED):
+        raise MemoryError
+
+
 def _memory_limit() -> str:
     """Return the limit of this process's memory, for any failure where it is below a run's need:
     libraries that get no memory name other causes, such as a driver or a file.
     """
+    limit = _address_space()
+    if limit >= NEEDED_BY_RERUN:
+        return ""
+    return (
+        f" (this process may have {limit / 1e9:.1f} GB of memory, by ulimit -v; a run needs "
+        f"{NEEDED_BY_RERUN / 1e9:.1f} GB, or {NEEDED / 1e9:.1f} GB without a Rerun recording)"
+    )
+
+
+def _address_space() -> float:
+    """Return the largest size of this process [bytes]."""
     import resource  # Windows has none
 
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if not 0 <= limit < NEEDED:
-        return ""
-    return (
-        f" (this process may have {limit / 1e9:.1f} GB of memory, by ulimit -v; "
-        f"a run needs {NEEDED / 1e9:.1f} GB)"
-    )
+    return inf if limit == resource.RLIM_INFINITY else limit
 
 
 class Printer:

@@ -15,8 +15,9 @@ from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job
 from servo.study.store import Store
 
+FIRST = 1.0
 EVERY = 30.0
-"""Time between two lines of progress where there is no terminal [s]."""
+"""Times until the first line of progress, and between two, where there is no terminal [s]."""
 MINUTE = 60
 HOUR = 3600
 
@@ -42,15 +43,16 @@ def progress(
             yield lambda note: bar.update(task, advance=1, note=escape(note))
         return
     errors = Console(stderr=True, quiet=console.quiet)
-    began = shown = time.monotonic()
+    began = time.monotonic()
+    due = began + FIRST
     count = 0
 
     def ended(note: str) -> None:
-        nonlocal count, shown
+        nonlocal count, due
         count += 1
         now = time.monotonic()
-        if now - shown >= EVERY:
-            shown = now
+        if now >= due and done + count < total:
+            due = now + EVERY
             left = (now - began) / count * (total - done - count)
             plain(errors, f"{title}: {done + count:,} of {total:,}, {note}, {duration(left)} left")
 

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from servo.cli import options as opt
+from servo.cli.guard import check_machine, guarded
 from servo.cli.outputs import output_options
 from sim.ranges import LONGEST
 
@@ -34,6 +35,7 @@ def app() -> None:
 @output_options
 def run(scenario: str, no_rerun: bool, **options: Any) -> None:
     """Run a scenario; write recording, table, report and plots."""
+    check_machine(rerun=not no_rerun)
     from servo.cli.run_command import run_scenario
 
     sys.exit(run_scenario(scenario, rerun=not no_rerun, **options))
@@ -57,6 +59,7 @@ def run(scenario: str, no_rerun: bool, **options: Any) -> None:
 @opt.quiet_option
 def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
+    check_machine()
     from servo.cli.check_command import check_scenarios
 
     sys.exit(check_scenarios(scenarios, count=seeds, **options))
@@ -114,6 +117,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
+    check_machine(rerun=options["rerun"])
     from servo.cli import track_command
 
     sys.exit(track_command.run(track_command.TrackRequest(**options)))
@@ -181,6 +185,7 @@ def bench(
     **options: Any,
 ) -> None:
     """Compare trackers; the same command continues a stopped bench."""
+    check_machine()
     from servo.cli import bench_command, benchmark_command
 
     of_benchmarks = given, changes, band, sealed, quick, submit, verify
@@ -208,6 +213,7 @@ def bench(
 @opt.quiet_option
 def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
+    check_machine()
     from servo.cli import sweep_command
 
     sys.exit(sweep_command.run(**options))
@@ -274,6 +280,7 @@ def papers(
     **options: Any,
 ) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
+    check_machine()
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
 
@@ -378,6 +385,7 @@ def doctor() -> None:
 @click.option("--no-open", is_flag=True, help="Only build the pages.")
 def docs(out: Path | None, no_open: bool) -> None:
     """Open the documentation in a browser; build it first."""
+    check_machine()
     import webbrowser
 
     from servo.cli.docs_command import build
@@ -414,8 +422,23 @@ def robot(model: str, out: Path, **given: Any) -> None:
     sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
 
 
+@app.command()
+@click.argument("log", type=opt.PATH, help="A file .csv, .parquet (steps.parquet too) or .mcap.")
+@click.option(
+    "--scenario",
+    type=opt.SCENARIO,
+    default="line",
+    show_default=True,
+    help="Whose robot shall be simulated like that one: the servo of its drives is taken off.",
+)
+@opt.out_option("runs/identify-LOG")
+def identify(log: Path, scenario: str, out: Path | None) -> None:
+    """Estimate delay, jitter, lag, play and encoder noise of a robot; write the settings for it."""
+    from servo.cli.identify_command import run
+
+    sys.exit(run(log, scenario, out))
+
+
 def main() -> None:
     """The entry point."""
-    from servo.cli.guard import guarded
-
     guarded(app)

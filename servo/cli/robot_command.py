@@ -16,10 +16,11 @@ from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.report.words import Table
 from servo.scenario.fill import fill
+from servo.types import DOF
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.choice import renderer_of
 from sim.geometry import tilt
-from sim.kinematics.chain import Chain, flanges
+from sim.kinematics.chain import ALL_WAYS, Chain, flanges
 from sim.kinematics.drives import drive_of, kind_of_joint, random_joints, wrong_drive
 from sim.kinematics.inverse_kinematics import comfort
 from sim.kinematics.model import camera_chain
@@ -49,6 +50,12 @@ LEVEL = np.radians(25.0)
 BEST = 0.2
 """The part of the postures, the most comfortable ones, from which a base is proposed."""
 
+NEAR = 0.01
+"""A camera that is nearer than this to a pose is there [m]."""
+WEAK = 1e-6
+"""A direction that is weaker than this share of the strongest is none."""
+LEAST_SHARE = 0.05
+"""A part of the twist that follows less than this is not told."""
 ONE_SIDED = 0.5
 """Mean place over mean distance of those postures from which on an arm has a direction."""
 
@@ -125,11 +132,33 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
         for item in (room, eye, world):
             item.close()
     text = f"From the base below the camera can be {DEPTH:g} m above the target"
-    text += "." if reach else f" only nearly: {reach}."
+    text += "." if reach and reach.distance < NEAR else f" only nearly: {reach}."
+    joints = len(world.robot.ids)
+    if joints < ALL_WAYS:
+        text += f"\n{directions(world.robot.jacobian(world.data))}"
     if seen.any():
         share = 100 * seen.mean()
         text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
     return np.hstack(views), text
+
+
+def directions(jacobian: Array) -> str:
+    """Return a sentence about the degrees of freedom that a few joints can move alone.
+
+    Args:
+        jacobian: Camera twist per joint rate (6, n).
+    """
+    basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
+    alone = np.linalg.norm(basis[:, strengths > WEAK * strengths[0]], axis=1)
+    parts = ", ".join(
+        f"{name} {100 * part:.0f} %"
+        for name, part in zip(DOF, alone, strict=True)
+        if part > LEAST_SHARE
+    )
+    return (
+        f"Its {jacobian.shape[1]} joint{'s' * (jacobian.shape[1] > 1)} can follow these parts of "
+        f"the camera's twist there: {parts}."
+    )
 
 
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:

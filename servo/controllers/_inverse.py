@@ -9,12 +9,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.types import DOF
 from sim.geometry import inverse_if_strong
 from sim.types import Array, Posture
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this share of the largest count as zero: far above rounding, far below
 what features of different units differ by."""
+INDEPENDENT = 0.05
+"""A feature is servoed where the joints move it, without moving those before it, by more than this
+share of what the camera could; chosen by hand."""
 Secondary = Literal["level", "avoid_limits", "centre"]
 FAR = 0.75
 """A joint farther than this from its middle, over half its range, is near its limit (the threshold
@@ -40,6 +44,20 @@ class Inverse:
         return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
     @staticmethod
+    def through_joints(L: Array, rows: NDArray[np.bool_], jacobian: Array) -> "Inverse":
+        """Return the inverse over what the joints of a robot can do: J (L J)+, the twist of the
+        joint rates that come nearest to the desired de/dt.
+
+        Args:
+            L: Interaction matrix (k, 6).
+            rows: Features (k,) that are servoed; the others are left out.
+            jacobian: J (6, n), camera twist per joint rate.
+        """
+        pseudo = np.zeros(L.shape[::-1])
+        pseudo[:, rows] = jacobian @ _pinv(L[rows] @ jacobian)
+        return Inverse(pseudo, L, np.ones(len(DOF), bool))
+
+    @staticmethod
     def of(
         L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array
     ) -> "Inverse":
@@ -60,6 +78,27 @@ class Inverse:
         pseudo = np.zeros(L.shape[::-1])
         pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)
         return Inverse(pseudo, L, moves)
+
+
+def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
+    """Return the features (k,) that the joints of a robot can servo: of a set with at most as many
+    features as a camera has degrees of freedom, those that move independently, in their order; of
+    a larger one all, as nearly as the joints can.
+
+    Args:
+        L: Interaction matrix (k, 6).
+        jacobian: Camera twist per joint rate (6, n).
+    """
+    if jacobian.shape[1] >= len(DOF) or len(L) > len(DOF):
+        return np.ones(len(L), bool)
+    basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
+    moved = L @ basis[:, strengths > RANK_TOLERANCE * strengths[0]]
+    servoed = np.zeros(len(L), bool)
+    for i, row in enumerate(moved):
+        others = moved[servoed]
+        apart = row - row @ np.linalg.pinv(others) @ others if len(others) else row
+        servoed[i] = np.linalg.norm(apart) > INDEPENDENT * np.linalg.norm(L[i])
+    return servoed
 
 
 def _pinv(A: Array) -> Array:

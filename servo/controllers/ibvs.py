@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from servo.controllers._inverse import Inverse, twist_of
+from servo.controllers._inverse import Inverse, servoed_by, twist_of
 from servo.controllers._law_settings import LawSettings, adaptive_gain
 from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits
 from servo.controllers._pending_commands import PendingCommands
@@ -94,6 +95,7 @@ class Ibvs:
         self._change: Array | None = None
         self._first: Array | None = None
         self._time = 0.0
+        self._servoed: NDArray[np.bool_] | None = None
 
     def aim(self, goal: Sight) -> None:
         """Go on with another goal."""
@@ -123,7 +125,7 @@ class Ibvs:
             twist,
             saturated or bool(asked.limits),
             mode,
-            Trace(self._seen, error, predicted, scales, own.past),
+            Trace(self._seen, error, predicted, scales, own.past, self._servoed),
             asked.limits,
             asked.violated,
         )
@@ -174,7 +176,7 @@ class Ibvs:
         if mode is Mode.SEARCHING:
             return LimitedTwist(self._loss.search(dt))
         c = self._config
-        inverse = self._inverse()
+        inverse = self._inverse(posture)
         ahead = inverse.pseudo @ predicted.error
         gain = adaptive_gain(c, ahead)
         target = inverse.pseudo @ (self._fed * predicted.motion)
@@ -193,17 +195,26 @@ class Ibvs:
         moves = inverse.moves & (self._weights > 0)
         return self._guard.limited(DesiredTwist(twist, target, L, moves, way, seen, posture, dt))
 
-    def _inverse(self) -> Inverse:
+    def _inverse(self, posture: Posture) -> Inverse:
         """Return the inverse over the known features and the degrees of freedom that may move:
         while the depth or the angle is not known, the part of the twist that it alone controls is
-        zero.
+        zero. With fewer than six joints these decide what may move.
         """
+        if 0 < posture.jacobian.shape[1] < len(DOF):  # none: a robot that takes any twist
+            rows = self._known & self._servoed_by(posture)
+            return Inverse.through_joints(self._chosen_matrix(), rows, posture.jacobian)
         six = self._tilt_seen and len(self._known) >= len(DOF)
         moves = self._config.moves(six=six)
         if not self._known.all():
             for name, dof in self._features.sole_dof.items():
                 moves[DOF.index(dof)] &= self._known[self._features.names.index(name)]
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
+
+    def _servoed_by(self, posture: Posture) -> NDArray[np.bool_]:
+        """Return the features (k,) that the robot's joints can servo, as found in the beginning."""
+        if self._servoed is None:
+            self._servoed = servoed_by(self._goal_matrix, posture.jacobian)
+        return self._servoed
 
     def _chosen_matrix(self) -> Array:
         match self._config.matrix:

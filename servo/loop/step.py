@@ -206,14 +206,16 @@ class Step:
 
     @property
     def servoed(self) -> tuple[bool, bool]:
-        """True where the features servo the angle, and the size: they are known only with it, and
-        the tracker follows it.
+        """True where the features servo the angle, and the size: they are known only with it, the
+        tracker follows it, and the robot's joints can change it.
         """
         goal = self.goal_sight
         known = self.scene.features.known
         follows = np.array(self.estimate.follows) | (self.estimate.corners is not None)
         without = (replace(goal, angle_known=False), replace(goal, size_known=False))
-        needed = [(known(goal) & ~known(sight)).any() for sight in without]
+        trace = self.command.trace
+        by_joints = True if trace is None or trace.servoed is None else trace.servoed
+        needed = [(known(goal) & ~known(sight) & by_joints).any() for sight in without]
         angle, size = (follows & needed).tolist()
         return angle, size
 

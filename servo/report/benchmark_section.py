@@ -132,9 +132,14 @@ def _curves(rows: Sequence[Row]) -> Figure:
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
     names = [c.name for c in benchmark.conditions]
     upwards = table[::-1]
-    values = np.array([[s.mean_in(name) for name in names] for s in upwards])
+    values = np.array([[round(s.mean_in(name)) for name in names] for s in upwards])
     title = "Points by condition"
-    return heat(title, "", "", names, [s.name for s in upwards], values, limits=(0.0, 100.0))
+    note = (
+        "In points of all worlds: where standing still costs less than elsewhere, there is less "
+        "to win, and where it costs more, more than 100."
+    )
+    labels = [s.name for s in upwards]
+    return heat(title, "", "", names, labels, values, limits=(0.0, 100.0), note=note)
 
 
 def _sizes(

@@ -37,7 +37,7 @@ MARGIN = 1.15
 """Factor by which a logarithmic axis reaches beyond the values."""
 FRAME_HEIGHT = 0.7
 """Height of a heat map without its rows [inch]."""
-MOST_NUMBERED_COLUMNS = 10
+MOST_NUMBERED_COLUMNS = 12
 """Most columns of a heat map with numbers in its cells."""
 WIDEST_NAMES = 45
 """Most characters in the names of all columns; longer names are turned."""

@@ -179,10 +179,11 @@ def _pictures(folder: Path) -> Block:
     path = folder / RECORDING
     if not path.exists():
         return Block(title, ["There is no recording in this folder, so there are no pictures."])
-    from servo.output.recording.recorded_frames import (
-        pictures,
-    )  # rerun takes half a second to import
-
+    try:
+        # Rerun takes half a second to import; before 0.38 it read no recordings.
+        from servo.output.recording.recorded_frames import pictures
+    except ImportError:
+        return Block(title, ["To read the pictures of a recording takes rerun-sdk 0.38 or newer."])
     found = pictures(path, TILES)
     if not found:
         return Block(title, ["There are no pictures in this recording."])

@@ -9,7 +9,7 @@ import numpy as np
 from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
-FEWEST = 6
+ALL_WAYS = 6
 """Joints that a camera needs to be moved and turned in all directions."""
 
 
@@ -61,11 +61,8 @@ def chain_to(model: mujoco.MjModel, name: str) -> Chain:
                 f"the joint '{model.joint(joint).name}' is a ball joint; between base and flange "
                 "there may be hinges and slides only"
             )
-    if len(joints) < FEWEST:
-        raise ValueError(
-            f"there are {len(joints)} joints between the base and the flange '{name}'; a camera "
-            f"needs {FEWEST} or more"
-        )
+    if not joints:
+        raise ValueError(f"no joint moves the flange '{name}'")
     return Chain(name, body, pose, joints)
 
 
@@ -80,11 +77,14 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
 
 
 def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
-    """Return candidates for the flange: kind, name and number of joints, the most joints first."""
+    """Return candidates for the flange: kind, name and number of joints, the most joints first;
+    with six joints or more if there are any.
+    """
     bodies = [("body", model.body(i).name, i) for i in range(1, model.nbody)]
     sites = [("site", model.site(i).name, int(model.site_bodyid[i])) for i in range(model.nsite)]
     found = [(what, name, len(joints_to(model, b))) for what, name, b in sites + bodies if name]
-    return sorted((f for f in found if f[2] >= FEWEST), key=lambda f: -f[2])
+    least = min(ALL_WAYS, max((joints for _, _, joints in found), default=1)) or 1
+    return sorted((f for f in found if f[2] >= least), key=lambda f: -f[2])
 
 
 def _default(model: mujoco.MjModel) -> str:
@@ -110,7 +110,7 @@ def _end(model: mujoco.MjModel) -> int:
         moving = [c for c in children[body] if below[c]]
         if not moving and len(children[body]) == 1 and body:
             body = children[body][0]  # a link fixed to the last one, such as a tool's frame
-        elif not moving or (len(moving) > 1 and len(joints_to(model, body)) >= FEWEST):
+        elif not moving or (len(moving) > 1 and len(joints_to(model, body)) >= ALL_WAYS):
             break
         else:
             body = max(moving, key=lambda c: below[c])
@@ -122,4 +122,4 @@ def _near(model: mujoco.MjModel, name: str) -> str:
     near = get_close_matches(name, known, n=1)
     if near:
         return f"did you mean '{near[0]}'?"
-    return f"there is {', '.join(known)}" if known else f"nothing is moved by {FEWEST} joints"
+    return f"there is {', '.join(known)}" if known else "nothing is moved by joints"

@@ -13,6 +13,7 @@ import numpy as np
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import angle_of
+from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import random_joints
 from sim.kinematics.robot import Robot
 from sim.types import Array, Pose
@@ -27,6 +28,14 @@ LEAST_COST = 1e-4
 """Weight of a step's size, which keeps it small in singular poses."""
 COMFORT = 1.0
 """Room before a limit beyond which more does not count [rad or m]."""
+LOOKS = 12
+"""Places from which a robot of few joints begins to look at a point."""
+BESIDE = 1e-3
+"""Weight of the pose beside the direction in which a point is seen."""
+SEEN = 1e-3
+"""A point in this direction is seen there [rad]: a third of a pixel."""
+NEARLY_SEEN = 0.3
+"""The same of a single joint [rad]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""
 
@@ -57,18 +66,25 @@ class Reach:
         return f"{left}, and no joint is at a limit; '{self.joint}' is nearest to one"
 
 
-def reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
+def reach(
+    robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array | None = None
+) -> Reach:
     """Set the joints so that the camera takes a pose, or comes near it; how near.
 
-    The first of the robot's homes that leads there is taken.
+    The first of the robot's homes that leads there is taken. A robot of fewer than six joints, for
+    which there is no way, is there where the camera sees a point in the right direction.
 
     Args:
         robot: Its joints, their limits and its homes.
         data: What is set.
         T_world_camera: The pose.
+        point: What the camera looks at (3,), in the world; by default what is on its axis.
     """
     there = any(robot.converge(data, home, T_world_camera) for home in robot.homes)
-    if not there:
+    if not there and len(robot.ids) < ALL_WAYS:
+        axis = T_world_camera.apply(np.array([0.0, 0.0, 1.0]))
+        there = _look(robot, data, T_world_camera, axis if point is None else point)
+    elif not there:
         there = _search(robot, data, T_world_camera)
     error = robot.eye(data).inverse() @ T_world_camera
     q = data.qpos[robot.qpos]
@@ -84,6 +100,45 @@ def reach(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> Reach:
         joint=robot.names[tightest] if limited.any() else "",
         room=float(room[tightest]),
     )
+
+
+def _look(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array) -> bool:
+    """Turn the camera so that it sees a point in the direction in which a pose would, and comes as
+    near to this pose as that leaves room for; whether it sees it there.
+
+    One joint cannot centre a point: then it is enough to come near.
+    """
+    from scipy.optimize import least_squares  # only now: it takes a second
+
+    wanted = _direction(T_world_camera, point)
+
+    def left(q: Array) -> Array:
+        data.qpos[robot.qpos] = q
+        robot.refresh(data)
+        eye = robot.eye(data)
+        away = np.concatenate(
+            [
+                eye.translation - T_world_camera.translation,
+                (eye.rotation - T_world_camera.rotation).ravel(),
+            ]
+        )
+        return np.concatenate([_direction(eye, point) - wanted, BESIDE * away])
+
+    starts = [
+        *robot.homes,
+        *random_joints(robot.model, robot.ids, np.random.default_rng(0), LOOKS),
+    ]
+    inside = (np.clip(start, robot.lower, robot.upper) for start in starts)
+    found = [least_squares(left, q, bounds=(robot.lower, robot.upper)) for q in inside]
+    best = min(found, key=lambda f: f.cost)
+    error = float(np.linalg.norm(left(best.x)[:3]))
+    return error < (SEEN if len(robot.ids) > 1 else NEARLY_SEEN)
+
+
+def _direction(T_world_camera: Pose, point: Array) -> Array:
+    """Return the unit vector (3,) from a camera to a point, in the camera frame."""
+    towards = T_world_camera.inverse().apply(point)
+    return towards / np.linalg.norm(towards)
 
 
 def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:

@@ -17,6 +17,7 @@ from annotated_types import Ge, Le
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import angle_of, exp_se3, inverse_if_strong, log_se3
+from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import wrong_drive
 from sim.ranges import EachPlay
 from sim.types import Array, Pose, Posture
@@ -161,7 +162,7 @@ class Robot:
         self.slowest, self.fastest = rates.T
         stops = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
         self._limited = limited
-        self._freedom = len(joints) > 6
+        self._freedom = len(joints) > ALL_WAYS
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
         self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
         self._jacobians = np.zeros((2, 3, model.nv))

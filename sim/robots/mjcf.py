@@ -1,4 +1,4 @@
-"""A robot from a file, MJCF or URDF: six joints or more, and a camera at its flange."""
+"""A robot from a file, MJCF or URDF: its joints, and a camera at its flange."""
 
 import functools
 import os
@@ -14,14 +14,13 @@ import numpy as np
 from annotated_types import Ge, Le, MinLen
 
 from sim.files.shipped import file_of
-from sim.kinematics.chain import FEWEST
 from sim.kinematics.model import camera_chain, drive, make_robot, mount_pose
 from sim.kinematics.robot import Design, Drives, Inversion
 from sim.models.model_files import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
 from sim.types import Pose
 
-Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(FEWEST)]
+Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(1)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
 WHAT = "robot model"
 FOLDER = "robots"

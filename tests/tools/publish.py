@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from servo.bench.benchmark import NAMES, load
@@ -11,7 +12,10 @@ from servo.bench.row import Row, check_version, file_name, shipped_rows
 from servo.report.benchmark_section import difficulty_of, published
 from servo.report.words import Table
 
-PAGES = (Path("scenes/benchmarks/README.md"), Path("README.md"))
+FIRST_PAGE = Path("README.md")
+PAGES = (Path("scenes/benchmarks/README.md"), FIRST_PAGE)
+FEW = 5
+"""Rows of a table on the first page."""
 FOLDER = Path("scenes/benchmarks")
 
 
@@ -22,8 +26,8 @@ def markdown(table: Table) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def block(name: str) -> str:
-    """Return what the manuals say of a benchmark's rows."""
+def block(name: str, most: int | None = None) -> str:
+    """Return what the manuals say of a benchmark's rows; the first ones only, if there are most."""
     benchmark = load(name)
     rows = shipped_rows(benchmark)
     if not rows:
@@ -31,14 +35,18 @@ def block(name: str) -> str:
     pictures = f", pictures `{benchmark.rendering}`" if benchmark.rendering else ""
     text = f"{name} `{benchmark.hash}`, band v1{pictures}."
     table = published(name)
-    return f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
+    shown = replace(table, rows=table.rows[:most])
+    if most is not None and len(table.rows) > most:
+        text += f" The first {most} of {len(table.rows)}."
+        return f"{text}\n\n{markdown(shown)}\n"
+    return f"{text}\n\n{markdown(shown)}\n\n{table.note} {difficulty_of(rows)}\n"
 
 
-def with_tables(text: str) -> str:
+def with_tables(text: str, most: int | None = None) -> str:
     """Return a page with the present tables between its marks."""
     for name in NAMES:
         mark = re.compile(rf"(<!-- table of {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        text = mark.sub(lambda found, of=name: f"{found[1]}{block(of)}{found[2]}", text)
+        text = mark.sub(lambda found, of=name: f"{found[1]}{block(of, most)}{found[2]}", text)
     return text
 
 
@@ -60,4 +68,4 @@ if __name__ == "__main__":
     for given in sys.argv[1:]:
         take(Path(given))
     for page in PAGES:
-        page.write_text(with_tables(page.read_text()))
+        page.write_text(with_tables(page.read_text(), FEW if page == FIRST_PAGE else None))

@@ -18,7 +18,7 @@ from tracking.search.newton import shows_angle
 from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import ParticleSettings
-from tracking.types import Estimate, Region, State, Status, check_region
+from tracking.types import SET_BY_START, Estimate, Region, State, Status, check_region
 
 DISC_LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of a distance of sampled histograms: of hard bins, it is never near 0."""
@@ -60,6 +60,8 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
 
 class ParticleTracker(ABC):
     """A particle filter on one model of the target."""
+
+    _cloud: ParticleFilter = SET_BY_START
 
     def __init__(
         self, settings: CloudSettings, limits: LossLimits, rng: np.random.Generator

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
 from tracking.loss import LossJudge, LossLimits
-from tracking.types import Estimate, Region, State, check_picture, check_region, unknown_covariance
+from tracking.types import (
+    SET_BY_START,
+    Estimate,
+    Region,
+    State,
+    check_picture,
+    check_region,
+    unknown_covariance,
+)
 from tracking.wrapped.boxes import box_of
 
 # As OpenCV's own sample program of CamShift has them, which most users start from.
@@ -76,6 +84,7 @@ class HueTracker:
 
     follows = (False, False)
     """True where it follows the angle, and the size."""
+    _region: Region = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram."""

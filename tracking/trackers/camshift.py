@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.trackers._hue import ENDS, HueTracker
-from tracking.types import Region, State
+from tracking.types import SET_BY_START, Region, State
 from tracking.wrapped.boxes import box_of
 
 SMALLEST_BOX = 4
@@ -29,6 +29,7 @@ class Camshift(HueTracker):
     """A box whose size and angle follow the moments of the back-projection."""
 
     follows = (False, True)
+    _box: tuple[int, int, int, int] = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Learn the histogram, and fit the first ellipse."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.trackers._hue import HueTracker
-from tracking.types import Region, State
+from tracking.types import SET_BY_START, Region, State
 from tracking.wrapped.boxes import box_of
 from tracking.wrapped.cv2_tracker import Cv2Tracker
 
@@ -30,6 +30,8 @@ class Config:
 @final
 class CvMil(HueTracker):
     """A box of fixed size, found by an online boosted classifier."""
+
+    _mil: Cv2Tracker = SET_BY_START
 
     def __init__(self, seed: int) -> None:
         self._seed = seed

@@ -6,7 +6,15 @@ from typing import final
 import numpy as np
 
 from sim.types import Array, Frame
-from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
+from tracking.types import (
+    SET_BY_START,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +29,8 @@ class Config:
 @final
 class Frozen:
     """The first state for ever; it never claims to see the target."""
+
+    _state: State = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Remember the first state."""

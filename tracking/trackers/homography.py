@@ -19,6 +19,7 @@ from tracking.search.velocity import Velocity
 from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
     FARTHEST,
+    SET_BY_START,
     Estimate,
     Region,
     State,
@@ -86,6 +87,8 @@ class Config:
 @final
 class Homography:
     """Two descents a frame, on a coarse and on the full template."""
+
+    _velocity: Velocity = SET_BY_START
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng

@@ -11,12 +11,20 @@ from sim.ranges import Share
 from sim.types import Array, Frame
 from tracking.appearance.bins import LabelledImage
 from tracking.appearance.layout import Kernel, Sampling
-from tracking.appearance.model import AppearanceSettings
+from tracking.appearance.model import AppearanceSettings, SampledModel
 from tracking.loss import LossJudge
 from tracking.search.velocity import Velocity
 from tracking.settings import PLAIN
 from tracking.trackers._cloud import DISC_LIMITS
-from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
+from tracking.types import (
+    SET_BY_START,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
 
 SCALE_STEP = 0.1
 """With scale, sizes 10 % smaller and larger are tried too (Comaniciu, Ramesh, Meer)."""
@@ -80,6 +88,8 @@ class Config(ClimbSettings):
 @final
 class MeanShift:
     """One climb a frame, from where the target was."""
+
+    _model: SampledModel = SET_BY_START
 
     def __init__(self, settings: ClimbSettings) -> None:
         self._settings = settings

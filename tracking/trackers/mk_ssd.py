@@ -16,7 +16,15 @@ from tracking.loss import LossJudge, LossLimits
 from tracking.search.newton import KernelGrid, KernelModel, shows_angle
 from tracking.search.velocity import Velocity
 from tracking.settings import Inset, Levels
-from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
+from tracking.types import (
+    SET_BY_START,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
 
 STEPS = 12
 """Most histogram evaluations of one descent: starts up to 15 px away need 6 to 10."""
@@ -47,6 +55,8 @@ class Config:
 @final
 class MkSsd:
     """One descent a frame; a hidden target is waited for where it was seen last."""
+
+    _velocity: Velocity = SET_BY_START
 
     def __init__(self, config: Config) -> None:
         self._config = config

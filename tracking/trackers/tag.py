@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sim.types import Array, Frame, Image
 from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
 from tracking.types import (
+    SET_BY_START,
     SMALLEST_SIDE,
     Estimate,
     Region,
@@ -58,6 +59,8 @@ class Config:
 @final
 class Tag:
     """Reports the region's corners, which keep their place in the tag's plane."""
+
+    _state: State = SET_BY_START
 
     def __init__(self) -> None:
         options = cv2.aruco.DetectorParameters()

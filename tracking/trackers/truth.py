@@ -64,7 +64,8 @@ class Told:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the truth with its errors; LOST outside the picture, UNSURE in a dropout."""
-        assert self._truth is not None
+        if self._truth is None:
+            raise ValueError(NO_TRUTH)
         c = self._config
         truth = self._truth
         errors = self._rng.normal(size=(6, 2))

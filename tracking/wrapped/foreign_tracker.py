@@ -13,7 +13,15 @@ from sim.ranges import Share
 from sim.types import Array, Frame, Image
 from tracking.appearance.model import AppearanceSettings
 from tracking.loss import LossJudge, LossLimits
-from tracking.types import Estimate, Region, State, Status, check_region, unknown_covariance
+from tracking.types import (
+    SET_BY_START,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
 from tracking.wrapped.boxes import Box
 
 UPRIGHT = 1e-3
@@ -62,6 +70,8 @@ class ForeignTracker:
 
     The other tracker is given neither angle nor camera motion.
     """
+
+    _source: RegionSource = SET_BY_START
 
     def __init__(self, settings: JudgeSettings, make: Callable[[], RegionSource]) -> None:
         self._settings = settings

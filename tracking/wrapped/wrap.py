@@ -198,8 +198,8 @@ def wrap(
         name: The kind; None: module:class.
 
     Raises:
-        ValueError: There is no such convention; or the tracker's score is to judge, but none is
-            named.
+        ValueError: It is no tracker; there is no such convention; or the tracker's score is to
+            judge, but none is named.
 
     Example:
         >>> class Still:
@@ -214,6 +214,8 @@ def wrap(
     """
     of = factory if hasattr(factory, "__qualname__") else type(factory)
     kind = name or ":".join(filter(None, (of.__module__, of.__qualname__)))
+    if not callable(factory) and not is_foreign(factory):
+        raise ValueError(f"{factory!r} is no tracker: expected init and update, or a function")
     if convention not in (None, *get_args(Convention)):
         there = ", ".join(get_args(Convention))
         raise ValueError(f"{kind}: there is no convention '{convention}'; there is {there}")

@@ -46,8 +46,9 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
     """A stream that goes nowhere yet, of a recording with a name, without Rerun's own times."""
     rr.set_strict_mode(True)
     stream = rr.RecordingStream(app, recording_id=name)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
+    if hasattr(stream, "set_log_time_enabled"):  # Rerun 0.33 has not
+        stream.set_log_time_enabled(False)
+        stream.set_log_tick_enabled(False)
     return stream
 
 

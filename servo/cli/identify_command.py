@@ -1,0 +1,65 @@
+"""`servobench identify`: from the log of a robot to the settings that simulate it."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from servo.cli.terminal import plain
+from servo.identify.fit import identify
+from servo.identify.lines import lines, picture
+from servo.identify.log import Channel, read
+from servo.loop.episode import Episode
+from servo.mistake import unwritable
+from servo.output.run_folder import prepare
+from servo.scenario.load import load
+from servo.types import DOF
+from sim.types import Array
+from sim.world import World
+from tracking.drawing.figures import save
+from tracking.files import atomic
+
+LINES = "robot.toml"
+PICTURE = "response.png"
+
+
+def run(path: Path, scenario: str, out: Path | None) -> int:
+    """Identify the robot of a log; write its settings for a scenario's robot, and a picture.
+
+    Raises:
+        Mistake: The log or the scenario cannot be used, or the folder not be written.
+    """
+    log = read(path)
+    with Episode(load(scenario), seen=False) as episode:
+        world = episode.world
+        servos = [_servo(world, channel) for channel in log.channels]
+        tick = float(world.ticks[1]) if len(world.ticks) > 1 else world.period
+        joints = world.robot.names
+    found = identify(log, servos)
+    text = lines(found, joints, tick)
+    folder = prepare(out, f"identify-{path.stem}")
+    try:
+        files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    console = Console()
+    for each in (text, *files):
+        plain(console, str(each))
+    return 0
+
+
+def _servo(world: World, channel: Channel) -> float:
+    """Time constant of the simulated drive's own servo [s], a servo of implicit steps; of a part of
+    the twist that of the joints that move it.
+    """
+    model = world.model
+    at = [model.jnt_dofadr[joint] for joint in world.robot.ids]
+    strength = model.actuator_gainprm[:, 0] + model.dof_damping[at]
+    step = model.opt.timestep
+    each = step / np.log1p(step * strength / model.dof_M0[at])
+    if channel.name in world.robot.names:
+        return float(each[world.robot.names.index(channel.name)])
+    if channel.name in DOF:
+        weights: Array = world.posture().jacobian[DOF.index(channel.name)] ** 2
+        return float(weights @ each / weights.sum())
+    return float(each.mean())

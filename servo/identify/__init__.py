@@ -1,0 +1,1 @@
+"""From the log of a robot to the settings that simulate it: read, estimate, write."""

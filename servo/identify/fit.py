@@ -1,0 +1,252 @@
+"""Delay, lag, play and noise of a robot, each with an interval, from how it followed its commands.
+
+The model is the simulator's: the sum of the commands, later by the delay, passes the play of the
+gear, then the drive's lag, then the drive's own servo, which is known. What is linear (a channel's
+drift, gain and friction) is solved for in each step (variable projection, Golub and Pereyra 1973);
+the rest by least squares. Intervals are those of a bootstrap over blocks of the log in its linear
+limit: residuals of neighbours are not independent, those of blocks are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from servo.identify.log import Channel, Log, Series
+from sim.types import Array
+from tracking.statistics.comparisons import Interval
+
+GRID = 1e-3
+"""Interval of the modelled motion [s]: half a step of the physics."""
+BLOCK = 2.0
+"""Length of a block [s]: as long as an error of the position stays before the drift takes it."""
+RESOLUTION = 2e-3
+"""Half a width below which no interval gets [s]: a step of the physics, or the way in that time."""
+LONGEST = 0.5
+"""Longest delay that is looked for [s]."""
+SLOWEST = 0.5
+"""Longest lag that is looked for [s]."""
+SETTLED = 5.0
+"""A robot stands so many lags after its delay, and"""
+STANDS = 0.1
+"""so long for its drives' own servo [s]."""
+LEVEL = 0.95
+DRIFT = 2.0
+"""A channel's drift may bend this often [s]: what is not modelled adds up in positions."""
+MOST_KNOTS = 40
+STILL = 0.02
+"""Part of a channel's largest rate below which friction holds it."""
+FEWEST = 3
+"""Readings of one stand from which its noise is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """What a log shows; None where it does not."""
+
+    delay: Interval
+    """From a command's stamp to the moment when the drives take it over [s]."""
+    lag: Interval
+    """Time constant of the drives before their own servo [s]."""
+    play: dict[str, Interval]
+    """Play of each joint that was measured behind its gear and reversed [m, rad]."""
+    noise: dict[str, Interval]
+    """Standard deviation of each encoder's readings while it stands [m, rad]."""
+    jitter: Interval | None
+    """Longest less shortest time from a picture's stamp to its arrival [s]."""
+    transport: float
+    """Shortest such time [s]."""
+    modelled: list[Series]
+    """The modelled positions of each channel."""
+
+
+def identify(log: Log, servos: Sequence[float]) -> Identified:
+    """Estimate all that a log shows of its robot.
+
+    Args:
+        log: What was asked, and what moved.
+        servos: Time constant of the drive's own servo in each of its channels [s].
+    """
+    from scipy.optimize import least_squares  # takes a second
+    from scipy.stats import t as student
+
+    model = _Model(log.channels, servos)
+    starts = [
+        (delay, lag, *(fraction * model.spans * model.has_play))
+        for delay in np.linspace(0.0, LONGEST / 2, 11)
+        for lag in (0.01, 0.06)
+        for fraction in (0.0, 0.05)
+    ]
+    start = min(starts, key=lambda p: float(np.sum(model.residuals(np.array(p)) ** 2)))
+    most = np.array([LONGEST, SLOWEST, *model.spans / 2])
+    solve = partial(
+        least_squares,
+        model.residuals,
+        bounds=(0.0, most + 1e-12),
+        x_scale=most / 10,
+        diff_step=1e-3,
+    )
+    model.weigh(solve(start).x)
+    found = solve(start)
+    free = np.array([True, True, *model.has_play])
+    sd = np.zeros(len(found.x))
+    sd[free] = model.block_sd(found.jac[:, free], found.fun)
+    resolution = RESOLUTION * np.array([1.0, 1.0, *model.rates])
+    factor = float(student.ppf((1 + LEVEL) / 2, max(1, model.blocks - 1)))
+    delay, lag, *plays = (
+        _around(value, factor * error, least)
+        for value, error, least in zip(found.x, sd, resolution, strict=True)
+    )
+    pairs = zip(log.channels, plays, model.has_play, strict=True)
+    return Identified(
+        delay,
+        lag,
+        {channel.name: play for channel, play, has in pairs if has},
+        {
+            c.name: noise
+            for c in log.channels
+            if (noise := _noise(c, delay.value + SETTLED * lag.value))
+        },
+        _jitter(log.transport),
+        float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
+        model.positions(found.x),
+    )
+
+
+class _Model:
+    """The motion of all channels as a function of delay, lag and the play of each."""
+
+    def __init__(self, channels: Sequence[Channel], servos: Sequence[float]) -> None:
+        self._channels = channels
+        self._servos = servos
+        self.spans = np.array([np.ptp(c.moved.values) for c in channels])
+        self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
+        begin = min(c.moved.times[0] for c in channels)
+        times = [c.moved.times for c in channels]
+        self.rates = [np.std(c.command.values) for c in channels]
+        self._blocks = np.concatenate([(t - begin) // BLOCK for t in times])
+        self.blocks = len(np.unique(self._blocks))
+        """Number of blocks."""
+        self._scales = [np.std(c.moved.values) for c in channels]
+
+    def residuals(self, parameters: Array) -> Array:
+        """Positions less the modelled ones, over each channel's scale (n,)."""
+        pairs = zip(self._channels, self.positions(parameters), self._scales, strict=True)
+        return np.concatenate([(c.moved.values - m.values) / s for c, m, s in pairs])
+
+    def weigh(self, parameters: Array) -> None:
+        """Scale each channel by its own error: one that hardly moves is mostly friction."""
+        pairs = zip(self._channels, self.positions(parameters), strict=True)
+        self._scales = [np.std(c.moved.values - m.values) + 1e-9 for c, m in pairs]
+
+    def positions(self, parameters: Array) -> list[Series]:
+        """The modelled positions of each channel, at the stamps of its measured ones."""
+        delay, lag, *plays = parameters
+        each = zip(self._channels, self._servos, plays, strict=True)
+        return [_modelled(channel, (lag, servo), delay, play) for channel, servo, play in each]
+
+    def block_sd(self, jacobian: Array, residuals: Array) -> Array:
+        """Standard deviations of the parameters by the scores of blocks (the sandwich of Huber
+        1967 and White 1980, with blocks as units).
+        """
+        bread = np.linalg.pinv(jacobian.T @ jacobian)
+        scores = jacobian * residuals[:, None]
+        of_blocks = np.array(
+            [scores[self._blocks == b].sum(axis=0) for b in np.unique(self._blocks)]
+        )
+        return np.sqrt(np.diag(bread @ of_blocks.T @ of_blocks @ bread))
+
+
+def _modelled(channel: Channel, lags: tuple[float, float], delay: float, play: float) -> Series:
+    moved = channel.moved
+    command = channel.command
+    grid = np.arange(moved.times[0] - GRID, moved.times[-1] + GRID, GRID)
+    knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
+    asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
+    motion = _after_play(np.interp(grid - delay, knots, asked), play)
+    for lag in lags:
+        motion = _after_lag(motion, lag)
+    rate = np.diff(motion, prepend=motion[0])
+    slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
+    friction = _after_lag(GRID * np.cumsum(slides), lags[-1])
+    knots = np.linspace(grid[0], grid[-1], 1 + min(MOST_KNOTS, 1 + int(np.ptp(grid) / DRIFT)))
+    drift = [np.interp(moved.times, knots, hat) for hat in np.eye(len(knots))]
+    basis = [np.interp(moved.times, grid, each) for each in (motion, friction)]
+    basis = np.stack([*drift, *basis], axis=1)
+    return Series(moved.times, basis @ np.linalg.lstsq(basis, moved.values)[0])
+
+
+def _after_play(motion: Array, play: float) -> Array:
+    """The joint's motion where the motor's is given; it begins in the middle of the play."""
+    if play == 0.0:
+        return motion
+    half = play / 2
+    joint = motion.copy()
+    last = motion[0]
+    way = np.sign(np.diff(motion))
+    turns = np.flatnonzero(np.diff(way)) + 1
+    for piece in np.split(np.arange(len(motion)), turns + 1):
+        low = np.maximum(motion[piece] - half, last)
+        joint[piece] = np.minimum(low, motion[piece] + half) if motion[piece[-1]] < last else low
+        last = joint[piece[-1]]
+    return joint
+
+
+def _after_lag(motion: Array, lag: float) -> Array:
+    """What follows a motion that is straight between the grid's times with a time constant [s]."""
+    from scipy.signal import lfilter
+
+    if lag < GRID / 20:
+        return motion
+    kept = np.exp(-GRID / lag)
+    now = 1.0 - (1.0 - kept) * lag / GRID
+    return motion[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], motion - motion[0])
+
+
+def _reverses(command: Series) -> bool:
+    return bool(command.values.min() < 0 < command.values.max())
+
+
+def _around(value: float, error: float, resolution: float) -> Interval:
+    """An interval of what cannot be less than zero."""
+    half = error + resolution
+    return Interval(float(value), max(0.0, float(value - half)), float(value + half))
+
+
+def _noise(channel: Channel, settled: float) -> Interval | None:
+    """The standard deviation of readings about the mean of each stand, with that of chi2."""
+    from scipy.stats import chi2
+
+    command = channel.command
+    read = channel.encoder
+    if not len(read.values):
+        return None
+    squares = 0.0
+    freedom = 0
+    changed = np.flatnonzero(np.diff(command.values, prepend=np.nan) != 0)
+    for first, after in zip(changed, [*changed[1:], None], strict=True):
+        if command.values[first] != 0:
+            continue
+        until = np.inf if after is None else command.times[after]
+        still = (read.times > command.times[first] + settled + STANDS) & (read.times < until)
+        if still.sum() >= FEWEST:
+            squares += float(still.sum() * np.var(read.values[still]))
+            freedom += int(still.sum()) - 1
+    if freedom < FEWEST:
+        return None
+    low, high = chi2.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], freedom)
+    value, least, most = np.sqrt(squares / np.array([freedom, low, high]))
+    return Interval(float(value), float(least), float(most))
+
+
+def _jitter(transport: Array) -> Interval | None:
+    """The width of an even distribution by its range R: R over the width is Beta(n - 1, 2)."""
+    from scipy.stats import beta
+
+    n = len(transport)
+    if n < FEWEST or np.ptp(transport) == 0:
+        return None
+    width = float(np.ptp(transport))
+    low, high = beta.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], n - 1, 2)
+    return Interval(width * (n + 1) / (n - 1), width / float(low), width / float(high))

@@ -1,0 +1,83 @@
+"""What was identified, as lines of a scenario and as a picture."""
+
+from collections.abc import Mapping, Sequence
+from math import floor
+
+import numpy as np
+
+from servo.identify.fit import Identified
+from servo.identify.log import Log, Series
+from tracking.drawing.figures import Drawing, literal, panels
+from tracking.statistics.comparisons import Interval
+
+MILLI = 1e3
+BEFORE = 0.3
+SHOWN = 3.0
+"""Of each channel so much is drawn, from so long before its largest change of command on [s]."""
+NO_JITTER = "# jitter_ms: not known; the log has no column arrived_s with varied times"
+NO_PLAY = (
+    "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, and "
+    "its positions behind the gear, joint_JOINT_m"
+)
+NO_NOISE = "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that stands for a while"
+
+
+def lines(found: Identified, joints: Sequence[str], tick: float) -> str:
+    """Return the settings that simulate what was identified, with their intervals.
+
+    Args:
+        found: What was identified.
+        joints: The simulated robot's joints, in order.
+        tick: Interval of its drives, which take a command over at the next multiple of it [s].
+    """
+    late = found.delay.value + found.transport
+    latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
+    said = f"latency_ms = {latency * MILLI:.2f}  # delay {_said(found.delay, MILLI)} ms"
+    if found.transport > 0:
+        said += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
+    run = [f"{said}; the drives round it up"]
+    if found.jitter is None:
+        run.append(NO_JITTER)
+    else:
+        run.append(f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {_said(found.jitter, MILLI)}")
+    lag = f"lag_ms = {found.lag.value * MILLI:.2f}  # {_said(found.lag, MILLI)}"
+    play = _each("backlash", found.play, joints) or [NO_PLAY]
+    noise = _each("encoder_noise", found.noise, joints) or [NO_NOISE]
+    return "\n".join(["[run]", *run, "", "[robot]", lag, *play, *noise, ""])
+
+
+def picture(log: Log, found: Identified) -> Drawing:
+    """Draw what was asked, measured and modelled where each channel's command changes most."""
+    figure, axes = panels(9.0, 2.4 * len(log.channels), len(log.channels))
+    for channel, modelled, ax in zip(log.channels, found.modelled, axes, strict=True):
+        command = channel.command
+        jump = command.times[1:][np.argmax(np.abs(np.diff(command.values)))]
+        ax.step(command.times, command.values, where="post", color="grey", label="asked")
+        ax.plot(*_rates(channel.moved), ".", label="measured")
+        ax.plot(*_rates(modelled), label="modelled")
+        ax.set_xlim(jump - BEFORE, jump - BEFORE + SHOWN)
+        ax.set_ylabel(literal(f"{channel.name} [{channel.unit}/s]"))
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False)
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _rates(positions: Series) -> tuple[np.ndarray, np.ndarray]:
+    """Mean rates between two readings, at the middle of them."""
+    intervals = np.diff(positions.times)
+    return positions.times[1:] - intervals / 2, np.diff(positions.values) / intervals
+
+
+def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> list[str]:
+    """A setting of joints: of the simulated robot's, if they have these names."""
+    if not found:
+        return []
+    order = joints if found.keys() <= set(joints) else list(found)
+    values = [f"{found[name].value:.3g}" if name in found else "0.0" for name in order]
+    said = ", ".join(f"{name} {_said(interval, 1.0)}" for name, interval in found.items())
+    return [f"{key} = [{', '.join(values)}]  # {said}"]
+
+
+def _said(interval: Interval, unit: float) -> str:
+    value, low, high = (f"{x * unit:.3g}" for x in (interval.value, interval.low, interval.high))
+    return f"{value} ({low} to {high})"

@@ -1,0 +1,173 @@
+"""A robot's log: what was asked of it, how it moved, and when pictures arrived.
+
+Columns have the names of those of steps.parquet; a row may leave any of them empty but `time_s`.
+"""
+
+import io
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from servo.mistake import Mistake
+from sim.files import reading
+from sim.types import Array
+
+COMMAND = re.compile(r"command_(\w+)_(m|rad)_s")
+SHORTEST = 2.0
+"""A shorter log has too few movements [s]."""
+LARGEST = 1 << 30
+"""Most bytes of a log."""
+NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Numbers (n,) and their stamps, in order."""
+
+    times: Array
+    """[s]."""
+    values: Array
+
+    @property
+    def varies(self) -> bool:
+        """True where the values are not all the same."""
+        return len(self.values) > 1 and bool(np.ptp(self.values) > 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One direction of motion: a joint, or a part of the camera's twist."""
+
+    name: str
+    unit: str
+    """Of its positions: m or rad."""
+    command: Series
+    """Rates asked for, each held until the next one [m/s, rad/s]."""
+    moved: Series
+    """Positions [m, rad]; of a twist, its sum over time."""
+    encoder: Series
+    """Readings of the motor's encoder [m, rad]; empty where there are none."""
+    shows_play: bool
+    """True for a joint whose positions were measured behind the gear."""
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """What was read from a log."""
+
+    channels: list[Channel]
+    """Those that were asked to move, and moved."""
+    transport: Array
+    """From each picture's stamp to its arrival (n,) [s]; empty where it is not known."""
+
+
+def read(path: Path) -> Log:
+    """Read a log: CSV, Parquet, or MCAP with JSON messages, such as /step of our own.
+
+    Raises:
+        Mistake: It cannot be read, or nothing in it was asked to move and moved.
+    """
+    try:
+        columns = _columns(path)
+    except (pa.ArrowException, ValueError) as error:
+        if isinstance(error, Mistake) or str(error).startswith(str(path)):
+            raise Mistake(str(error)) from None
+        raise Mistake(f"{path}: cannot read this log: {error}") from error
+    time = columns.get("time_s")
+    if time is None:
+        raise Mistake(f"{path}: this log has no column time_s")
+    if not np.all(np.diff(time) > 0):
+        raise Mistake(f"{path}: time_s should increase from row to row")
+    if len(time) < 2 or time[-1] - time[0] < SHORTEST:
+        raise Mistake(f"{path}: this log is shorter than {SHORTEST:g} s")
+    asked, transport = _pictures(columns)
+    named = [found for name in columns if (found := COMMAND.fullmatch(name))]
+    channels = [_channel(columns, asked, *found.groups()) for found in named]
+    moving = [c for c in channels if c.command.varies and c.moved.varies]
+    if not moving:
+        raise Mistake(
+            f"{path}: nothing in this log was asked to move and moved; it needs columns "
+            "command_NAME_m_s (or _rad_s) and joint_NAME_m, encoder_NAME_m or measured_NAME_m_s"
+        )
+    return Log(moving, transport)
+
+
+def _columns(path: Path) -> dict[str, Array]:
+    """Return the columns of numbers; an empty cell is nan."""
+    data = reading.content(path, "log", LARGEST)
+    match path.suffix.lower():
+        case ".csv":
+            table = pyarrow.csv.read_csv(io.BytesIO(data))
+        case ".parquet":
+            table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
+        case ".mcap":
+            table = pa.Table.from_pylist(_messages(data))
+        case _:
+            raise Mistake(f"{path}: a log is a file .csv, .parquet or .mcap")
+    numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
+    return {
+        name: np.array(column.to_pylist(), np.float64)
+        for name, column in zip(table.column_names, table.columns, strict=True)
+        if any(is_kind(column.type) for is_kind in numbers)
+    }
+
+
+def _messages(data: bytes) -> list[dict[str, Any]]:
+    """Return the JSON messages with a time_s of a log in MCAP."""
+    try:
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+    except ImportError:
+        raise Mistake(NEEDS) from None
+    try:
+        found = list(make_reader(io.BytesIO(data)).iter_messages())
+    except McapError as error:
+        raise ValueError(error) from error
+    rows = [json.loads(m.data) for _, channel, m in found if channel.message_encoding == "json"]
+    return [row for row in rows if isinstance(row, dict) and "time_s" in row]
+
+
+def _pictures(columns: dict[str, Array]) -> tuple[Array, Array]:
+    """Return the stamps (n,) of the commands, nan where there is none; and from each picture's
+    stamp to its arrival (k,) [s].
+    """
+    time = columns["time_s"]
+    if "age_s" in columns and {"picture", "frame", "decided"} <= columns.keys():
+        at = np.searchsorted(columns["frame"], columns["picture"])
+        made = np.where(columns["decided"] > 0, time[at] + columns["age_s"], np.nan)
+        return made, columns["age_s"][columns["decided"] > 0]
+    waited = columns.get("arrived_s", np.full(len(time), np.nan)) - time
+    return columns.get("asked_s", time), waited[np.isfinite(waited)]
+
+
+def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> Channel:
+    time = columns["time_s"]
+    empty = np.full(len(time), np.nan)
+    joint = columns.get(f"joint_{name}_{unit}", empty)
+    encoder = columns.get(f"encoder_{name}_{unit}", empty)
+    measured = columns.get(f"measured_{name}_{unit}_s", empty)
+    is_behind = bool(np.isfinite(joint).any())
+    moved = next((each for each in (joint, encoder) if np.isfinite(each).any()), None)
+    if moved is None:
+        moved = np.cumsum(np.diff(time, prepend=time[0]) * measured)
+    return Channel(
+        name,
+        unit,
+        _series(asked, columns[f"command_{name}_{unit}_s"]),
+        _series(time, moved),
+        _series(time, encoder),
+        is_behind,
+    )
+
+
+def _series(times: Array, values: Array) -> Series:
+    """The values that there are."""
+    known = np.isfinite(times) & np.isfinite(values)
+    return Series(times[known], values[known])

@@ -1,0 +1,103 @@
+"""Simulate a robot with drawn errors, identify it from its log, and simulate what was identified.
+
+    python tests/benchmarks/identify_circle.py 30
+
+prints how often each interval covers the true value, and the gain from which the loop swings, of the
+robot and of the one that was identified.
+"""
+
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from click.testing import CliRunner
+from robot_log import STILL, write_log
+
+from servo.cli.main import app
+from servo.identify.fit import identify
+from servo.identify.log import read
+from servo.loop.episode import measured_run
+from servo.scenario.load import load
+
+SERVOS = 0.0119, 0.0079
+"""Of the gantry's slides x and y [s]."""
+SECONDS = 40.0
+SWINGS = 2.0
+"""A loop swings whose error in its second half is more than this [px]."""
+
+
+def drawn(rng):
+    """Draw the errors of a robot: delay, lag, jitter [ms], play, noise [m]."""
+    low, high = np.array([(10, 80), (10, 100), (5, 30), (0.5e-3, 8e-3), (0.05e-3, 0.4e-3)]).T
+    values = rng.uniform(low, high).tolist()
+    return dict(zip(("delay", "lag", "jitter", "play", "noise"), values, strict=True))
+
+
+def settings(true):
+    """The changes of a scenario."""
+    noise = [true["noise"]] * 3 + [0.0] * 3
+    play = [true["play"]] * 3 + [0.0] * 3
+    return [
+        f"run.latency_ms={true['delay']}",
+        f"run.jitter_ms={true['jitter']}",
+        f"robot.lag_ms={true['lag']}",
+        f"robot.backlash={play}",
+        f"robot.encoder_noise={noise}",
+    ]
+
+
+def covered(true, found, delay):
+    """Name and, for each interval, whether it covers."""
+    pairs = [("delay", found.delay, delay), ("lag", found.lag, true["lag"] / 1e3)]
+    pairs += [("jitter", found.jitter, true["jitter"] / 1e3)]
+    pairs += [(f"play {joint}", each, true["play"]) for joint, each in found.play.items()]
+    pairs += [(f"noise {joint}", each, true["noise"]) for joint, each in found.noise.items()]
+    return {name: bool(each.low <= value <= each.high) for name, each, value in pairs}
+
+
+def gain_that_swings(changes):
+    """The gain from which the loop swings on a still target [1/s], to 2 %."""
+    low, high = 0.5, 40.0
+    while high / low > 1.02:
+        middle = np.sqrt(low * high)
+        still = [each for each in STILL if "controller" not in each]
+        more = [f"controller.gain={middle}", "run.duration=8", "start.x=-30"]
+        steps, _ = measured_run(load("line", [*still, *more, *changes]))
+        late = [step.servo_error for step in steps[len(steps) // 2 :]]
+        low, high = (low, middle) if np.sqrt(np.mean(np.square(late))) > SWINGS else (middle, high)
+    return low
+
+
+def identified(log, folder):
+    """The changes that `servobench identify` writes."""
+    done = CliRunner().invoke(app, ["identify", str(log), "--out", str(folder)])
+    assert done.exit_code == 0, done.output
+    table = tomllib.loads((folder / "robot.toml").read_text())
+    return [f"{part}.{key}={value}" for part, keys in table.items() for key, value in keys.items()]
+
+
+def main(count, first=0):
+    """Print the coverage of each interval, and both gains of each robot."""
+    hits = []
+    ratios = []
+    for seed in range(first, first + count):
+        with tempfile.TemporaryDirectory() as name:
+            log = Path(name) / "log.csv"
+            true = drawn(np.random.default_rng([1, seed]))
+            delay = write_log(log, settings(true), seed=seed, seconds=SECONDS)
+            hits.append(covered(true, identify(read(log), SERVOS), delay))
+            gains = [
+                gain_that_swings(c) for c in (settings(true), identified(log, Path(name) / "out"))
+            ]
+            ratios.append(gains[1] / gains[0])
+            missed = [key for key, hit in hits[-1].items() if not hit]
+            print(seed, f"gains {gains[0]:.2f} {gains[1]:.2f}", *missed, flush=True)  # noqa: T201
+    for key in hits[0]:
+        print(f"{key}: {sum(hit[key] for hit in hits)} of {count}")  # noqa: T201
+    print(f"ratios of gains: {min(ratios):.3f} to {max(ratios):.3f}")  # noqa: T201
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

@@ -1,0 +1,107 @@
+"""Robots of fewer than six joints: what they servo, the nearest twist, where they begin."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servo.cli.robot_command import directions
+from servo.controllers._inverse import Inverse, servoed_by
+from servo.features.moments import Config as Moments
+from servo.loop.episode import Episode, measured_run
+from servo.scenario.load import load
+
+SCENES = Path(__file__).parents[1] / "scenes"
+EVERY = np.ones(4, bool)
+
+
+def seen_from_above():
+    """Features of a plate seen from straight above, and their interaction matrix."""
+    with Episode(load("still")) as episode:
+        sight = episode.running.goal_sight
+        features = Moments().build(episode.world.outline)
+    return features, features.matrix(sight)
+
+
+def test_features_are_servoed_in_their_order_as_far_as_the_joints_move_them():
+    features, L = seen_from_above()
+    assert features.names == ("xn", "yn", "an", "theta")
+    moves = np.eye(6)
+    stage = moves[:, [0, 1, 5]]  # along x and y, and about z
+    assert servoed_by(L, stage).tolist() == [True, True, False, True]
+    pan_tilt = moves[:, [3, 4]]
+    assert servoed_by(L, pan_tilt).tolist() == [True, True, False, False]
+    scara = moves[:, [0, 1, 2, 5]]
+    assert servoed_by(L, scara).tolist() == [True] * 4
+    assert servoed_by(L, moves).tolist() == [True] * 4
+    lift = moves[:, [2]]
+    assert servoed_by(L, lift).tolist() == [False, False, True, False]
+    corners = np.vstack([L, L])  # more features than degrees of freedom: all, as nearly as can be
+    assert servoed_by(corners, pan_tilt).all()
+
+
+def test_the_twist_is_the_best_that_the_joints_can_do():
+    """Against least squares over joint rates."""
+    rng = np.random.default_rng(3)
+    L, J, wanted = rng.normal(size=(8, 6)), rng.normal(size=(6, 3)), rng.normal(size=8)
+    twist = Inverse.through_joints(L, np.ones(8, bool), J).pseudo @ wanted
+    rates, *_ = np.linalg.lstsq(L @ J, wanted, rcond=None)
+    np.testing.assert_allclose(twist, J @ rates, atol=1e-12)
+
+
+def test_with_all_joints_the_twist_is_that_of_the_camera():
+    rng = np.random.default_rng(4)
+    L, J = rng.normal(size=(4, 6)), rng.normal(size=(6, 6))
+    pseudo = Inverse.through_joints(L, EVERY, J).pseudo
+    np.testing.assert_allclose(L @ pseudo, np.eye(4), atol=1e-10)
+
+
+@pytest.mark.parametrize("x", [-30.0, 0.0, 40.0])
+def test_a_pan_tilt_begins_with_the_target_where_it_is_asked_for(x):
+    with Episode(load("pan_tilt_line", [f"start.x={x}", "start.y=10.0"])) as episode:
+        centre = episode.shown[2].x, episode.shown[2].y
+    # 1e-3 rad are .3 px.
+    np.testing.assert_allclose(centre, [160 + x, 130.0], atol=0.4)
+
+
+def test_the_outcome_judges_what_two_joints_can_servo():
+    scenario = load("pan_tilt_line", ["run.duration=1.5", "tracker.kind=truth"])
+    steps, summary = measured_run(scenario)
+    assert summary.outcome.name == "CONVERGED"
+    assert steps[-1].servoed == (False, False)
+    assert summary.measures["servo_scale_peak_pct"] > 20
+    assert len(steps[-1].joints) == 2
+
+
+def test_one_joint_follows_across(tmp_path):
+    text = (SCENES / "robots" / "pan_tilt.xml").read_text()
+    still = text.replace('<joint name="tilt" axis="0 1 0" range="-30 100"/>', "")
+    still = still.replace(
+        '<velocity name="tilt" joint="tilt" kv="20" ctrlrange="-2 2" forcerange="-20 20"/>', ""
+    )
+    model = tmp_path / "pan.xml"
+    model.write_text(
+        still.replace(
+            '<body name="tilt" pos="0 0 .08"', '<body name="tilt" pos="0 0 .08" euler="0 49 0"'
+        )
+    )
+    scenario = load(
+        "pan_tilt_line", [f"robot.model={model}", "run.duration=3", "tracker.kind=truth"]
+    )
+    steps, _ = measured_run(scenario)
+    across = [s.truth.centre[0] - s.goal[0] for s in steps]
+    assert steps[0].servoed == (False, False)
+    assert np.abs(across[60:]).max() < 1.0
+    assert np.ptp([s.joints[0] for s in steps]) > 0.1
+
+
+def test_the_directions_that_a_few_joints_move_are_told():
+    pan_tilt = np.eye(6)[:, [3, 4]]
+    pan_tilt[5, 1] = 1.0
+    assert directions(pan_tilt) == (
+        "Its 2 joints can follow these parts of the camera's twist there: wx 100 %, wy 71 %, "
+        "wz 71 %."
+    )
+    assert directions(np.eye(6)[:, [2]]) == (
+        "Its 1 joint can follow these parts of the camera's twist there: vz 100 %."
+    )
