@@ -336,3 +336,11 @@ def test_machines_find_the_rows_and_their_fields():
         assert files["includes"] == f"rows/{name}/*.json"
         paths = [f["source"]["extract"]["jsonPath"] for f in records["field"]]
         assert {path.removeprefix("$.") for path in paths} <= fields
+
+
+def test_a_row_of_no_band_is_refused(tmp_path):
+    path = row("a", [1.0]).write(tmp_path, "row.json")
+    path.write_text(path.read_text().replace('"dev"', '"x"'))
+    with pytest.raises(Mistake) as refused:
+        Row.read(path)
+    assert str(refused.value) == f"{path}: band: input should be 'dev', 'v1' or 'sealed'"

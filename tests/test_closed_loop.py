@@ -17,6 +17,7 @@ MOST_PX = 4.0
 
 
 @pytest.mark.parametrize("kind", TRACKERS)
+@pytest.mark.newest
 def test_every_tracker_closes_the_loop(kind):
     _, summary = measured_run(load("line", [f"tracker.kind={kind}", *SHORT]))
     assert summary.outcome is Outcome.CONVERGED

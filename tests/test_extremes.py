@@ -63,6 +63,7 @@ REFUSED = (
     "there is no camera 'xn'",
     "give either camera",
     "cannot read this robot model",
+    "a home has 1 values",
     "a home has 6 values",
     "has 2 values; it should",
     "cannot read this calibration",

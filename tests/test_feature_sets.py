@@ -87,6 +87,7 @@ def test_every_estimator_takes_a_set_of_three(centroid, estimator):
     assert report.measures["lost_pct"] == 0
 
 
+@pytest.mark.newest
 def test_table_plots_recording_and_report_have_its_three_features(centroid, tmp_path):
     folder = tmp_path / "out"
     run_command.run_scenario("line", CHANGES, 0, folder, quiet=True, rerun=True)

@@ -28,6 +28,7 @@ def times_of(path):
         return [frame.time for frame in container.decode(video=0)]
 
 
+@pytest.mark.newest
 def test_frames_have_their_own_times_and_colours(tmp_path):
     times, colour = [0.0, 0.04, 0.5, 1.7, 1.75], (200, 40, 90)
     writer = VideoWriter(tmp_path / "a.mp4", 25.0, 64, 48)
@@ -47,6 +48,7 @@ def test_what_is_not_finished_can_be_played_but_for_a_second(tmp_path):
     assert times_of(tmp_path / "a.mp4") == pytest.approx([k / 10 for k in range(30)])
 
 
+@pytest.mark.newest
 def test_a_film_of_a_run_shows_camera_room_and_errors(tmp_path):
     steps = list(servo.run(servo.load("still", CHANGES)))
     write_film(steps, tmp_path / "a.mp4", "a $title$")
@@ -112,6 +114,7 @@ def test_a_chart_grows_with_time_and_values_and_says_the_status():
     np.testing.assert_array_equal(band.get_colors(), to_rgba_array(colours))
 
 
+@pytest.mark.newest
 def test_a_film_shows_its_curve_and_status(tmp_path):
     film = FilmPage(
         tmp_path / "a.mp4", 10.0, "title", ["one"], (640, 64), Chart({"c": "#c23b2e"}, "c", 2.0)

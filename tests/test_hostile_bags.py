@@ -4,12 +4,14 @@ import bz2
 import io
 import re
 import shutil
+import tracemalloc
 from pathlib import Path
 
 import lz4.frame
 import numpy as np
 import pytest
 import zstandard
+from mcap.writer import CompressionType, Writer
 
 from tracking.sequences import bag_file
 from tracking.sequences.bag_file import Bag
@@ -186,3 +188,24 @@ def test_a_link_to_a_whole_bag_and_a_link_inside_it_are_followed(tmp_path):
 def test_a_message_of_one_endless_number_is_damaged_at_once(tmp_path):
     path = bags.foxglove(tmp_path / "log.mcap", {"/eye": [b"\x08" + b"\xff" * 1_000_000 + b"\x01"]})
     assert [p.reason for p in Bag(path, None)] == ["this message is cut off or damaged"]
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_a_bag_of_one_chunk_is_held_in_memory_once(tmp_path, compression):
+    size = 1 << 20
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 30, compression=compression)
+        writer.start()
+        channel = writer.register_channel("/a", "json", 0)
+        for k in range(30):
+            writer.add_message(channel, k, bytes(size), k)
+        writer.finish()
+    tracemalloc.start()
+    try:
+        with bag_file._mcap(path) as bag:
+            assert sum(len(data) for _, data in bag.messages("/a")) == 30 * size
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 45 * size  # 30 of the chunk, 4 of its growth, one message

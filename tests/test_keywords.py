@@ -145,7 +145,7 @@ def test_a_setting_that_a_part_of_ones_own_lacks_is_refused(given, message):
         (
             {"estimator": "jumb"},
             "estimator='jumb': estimator.kind: there is no kind 'jumb'; there is difference, "
-            "error_kalman, imm, jump, kalman_ca, kalman_cv, none, true",
+            "error_kalman, imm, integral, jump, kalman_ca, kalman_cv, none, true",
         ),
     ],
 )

@@ -81,6 +81,7 @@ def test_every_estimator_gives_these_estimates(approved):
     approved("estimates", found)
 
 
+@pytest.mark.newest
 def test_every_generator_paints_these_sequences(approved):
     found = {}
     for kind in GENERATORS.names():

@@ -120,6 +120,7 @@ def test_settings_that_do_not_fit_are_refused(settings, message):
 
 
 @pytest.mark.parametrize("name", ["CSRT", "KCF"])
+@pytest.mark.newest
 def test_a_tracker_of_the_additional_modules_follows_or_says_where_it_is(name):
     if hasattr(cv2, f"Tracker{name}"):
         assert follow(Config(name=name), count=6)[-1].state.x == pytest.approx(75, abs=4)

@@ -14,7 +14,11 @@ ROOT = Path(__file__).parents[1]
 README, DUCK = ROOT / "README.md", ROOT / "scenes" / "targets" / "duck.obj"
 BLOCKS = re.findall(
     r"^```toml\n(\[(\w+)\]\n.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL
-)
+) + [
+    # The camera's example is one line of prose.
+    (f"[{table}]\n{line}\n", table)
+    for table, line in re.findall(r"`\[(\w+)\] (\w+ = [^`]+)`", README.read_text())
+]
 CALIBRATION = """
 image_width: 320
 image_height: 240

@@ -188,6 +188,7 @@ def plain(verdict, drawn):
 
 
 @pytest.mark.parametrize("name", VARIED)
+@pytest.mark.newest
 def test_a_claim_is_judged_from_its_results(name, approved, drawn, judged, request):
     held, failed = VARIED[name]
     if name == "P1-2":

@@ -99,6 +99,7 @@ def flips(px, tilt, noise, memory, sequences=20, pictures=20):
         (40, 20, 0.5, (18, 25), 5, 9.5),
     ],
 )
+@pytest.mark.newest
 def test_the_poses_before_say_to_which_side_it_is_tilted(px, tilt, noise, without, kept, degrees):
     least, most = without
     assert least <= flips(px, tilt, noise, memory=False)[0] <= most

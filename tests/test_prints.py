@@ -153,6 +153,7 @@ def test_the_stages_of_a_step_are_told_as_medians():
     )
 
 
+@pytest.mark.newest
 def test_contact_sheets_look_like_this(approved):
     def paint(k):
         image = np.full((90, 120, 3), 40 + 10 * k, np.uint8)
@@ -188,6 +189,7 @@ BLUEPRINTS = {
 
 
 @pytest.mark.parametrize(("name", "blueprint"), BLUEPRINTS.items())
+@pytest.mark.newest
 def test_the_viewer_is_laid_out_so(name, blueprint, approved):
     approved(f"prints/viewer-{name}", plan(blueprint()))
 

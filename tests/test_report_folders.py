@@ -108,6 +108,7 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
     ]
 
 
+@pytest.mark.newest
 def test_the_pictures_of_a_recording_come_with_the_rectangles_of_the_table(ran):
     from servo.output.recording.recorded_frames import pictures
 
@@ -129,6 +130,7 @@ def test_a_run_without_a_recording_says_so(ran, tmp_path):
     assert "<img" not in page
 
 
+@pytest.mark.newest
 def test_a_recording_without_pictures_says_so(ran, section, monkeypatch):
     from servo.output.recording import recorded_frames
 
@@ -251,6 +253,7 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(tmp_path, case):
     assert not (tmp_path / "page.html").exists()
 
 
+@pytest.mark.newest
 def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     folder = make_bench(tmp_path / "bench")
     (folder / "success.png").write_bytes(b"x")

@@ -145,6 +145,7 @@ def test_the_plots_show_this(scripted, drawn, approved):
         approved(f"run/plot-{name}", drawn(figure(steps[::2], "title")), ROUNDING)
 
 
+@pytest.mark.newest
 def test_the_recording_holds_these_values(scripted, approved):
     from rerun.chunk import RrdReader
 
@@ -163,6 +164,7 @@ def test_the_recording_holds_these_values(scripted, approved):
     approved("run/recording", kept, ROUNDING)
 
 
+@pytest.mark.newest
 def test_all_that_is_said_and_drawn_of_the_run(scripted, section, approved, tmp_path):
     steps, scenario, written = scripted
     report = report_of(scripted)

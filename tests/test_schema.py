@@ -77,6 +77,7 @@ def leaves(schema, settings):
             yield (lambda v, key=key: {key: v}), item
 
 
+@pytest.mark.newest
 def test_it_is_a_schema_and_the_file_is_what_the_command_prints(root, schema, capfd):
     Draft202012Validator.check_schema(schema)
     kept = (root / "scenes" / "scenario.schema.json").read_text(encoding="utf-8")

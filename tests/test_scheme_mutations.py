@@ -88,7 +88,7 @@ def test_the_depth_of_the_centre_for_all_corners(monkeypatch):
 
 
 def test_the_mean_of_inverses_in_place_of_the_inverse_of_the_mean(monkeypatch):
-    def inverse(law):
+    def inverse(law, posture):
         of = (
             Inverse.of(L, np.full(8, True), np.full(6, True), np.ones(6))
             for L in (law._matrix_seen, law._goal_matrix)

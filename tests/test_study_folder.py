@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -16,7 +17,7 @@ from servo.mistake import Mistake, Refused
 from servo.output.versions import SOURCE
 from servo.study import store
 from servo.study.parse import load
-from servo.study.record_file import records_of, table_in
+from servo.study.record_file import encoded, records_of, table_in
 from servo.study.run import Failure
 from servo.study.scenario_run import TIMES
 from servo.study.store import StudyFile
@@ -54,6 +55,13 @@ def flipped(raw, at):
     return raw[:at] + bytes([raw[at] ^ 0x10]) + raw[at + 1 :]
 
 
+def alien(path, column, values):
+    """Replace a column of a file whose digest then fits what is in it."""
+    table = table_in(path.read_bytes())
+    place = table.column_names.index(column)
+    path.write_bytes(encoded(table.set_column(place, column, pa.array(values))))
+
+
 def flipped_name(raw):
     """With another letter in the run's outcome."""
     return flipped(raw, raw.index(b"TIMED_OUT") + 2)
@@ -69,6 +77,10 @@ DAMAGE = {
     ),
     "no rows": lambda f: pq.write_table(pq.read_table(run_file(f, 2))[:0], run_file(f, 2)),
     "another run's row": lambda f: shutil.copy(run_file(f, 1), run_file(f, 2)),
+    "a record of something else": lambda f: alien(run_file(f, 2), "record", ["{}"]),
+    "a record that is a list": lambda f: alien(run_file(f, 2), "record", ["[]"]),
+    "a text for a number": lambda f: alien(run_file(f, 2), "run", ["a"]),
+    "a text for a sheet": lambda f: alien(run_file(f, 2), "sheet", ["a"]),
     "fewer columns": lambda f: pq.write_table(
         pq.read_table(run_file(f, 2)).drop_columns(["record"]), run_file(f, 2)
     ),

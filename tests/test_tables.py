@@ -86,6 +86,7 @@ def results(families, seeds=8):
 
 
 @pytest.mark.parametrize("count", [1, 3, bench_command.WIDE, bench_command.WIDE + 1])
+@pytest.mark.newest
 def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
     found = results([f"family{i}" for i in range(count)])
     ranks = ranking.ranked(found)

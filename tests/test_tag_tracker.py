@@ -46,6 +46,7 @@ def begun(scene, depth, **settings):
         (200, 0.12, {}),
     ],
 )
+@pytest.mark.newest
 def test_corners_are_found_from_any_side(scene, px, size, camera):
     shown, rng, depth = scene(size, **camera), np.random.default_rng(0), 600 * size / px
     tracker, errors = begun(shown, depth), []

@@ -80,6 +80,7 @@ def test_the_law_learns_of_what_is_under_way():
     assert_array_equal([twist for twist, _ in third.under_way], twists[:2])
 
 
+@pytest.mark.newest
 def test_motion_is_paired_with_the_time_between_the_two_pictures():
     steps = stepped("line", "run.tracker_ms=100", "run.duration=3.0", "run.latency=0")
     late = decided(steps)[10:]
@@ -90,6 +91,7 @@ def test_motion_is_paired_with_the_time_between_the_two_pictures():
 
 
 @pytest.mark.parametrize("ms", [0.0, 33.0, 100.0, 250.0])
+@pytest.mark.newest
 def test_the_error_at_a_reversal_is_what_the_delay_lets_it_grow_to(ms):
     """2 v f / Z over the time until a command answers it: at most the interval between the pictures
     that are taken, the age of the estimate, and the latency."""

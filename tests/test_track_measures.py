@@ -79,6 +79,33 @@ def test_overlap_counts_the_box_or_the_turned_rectangle():
     np.testing.assert_allclose(quarter.turned_overlaps, 400 / 1200, rtol=1e-6)
 
 
+def test_a_late_estimate_is_compared_with_the_frame_in_which_it_arrives():
+    """A target 40 px wide goes 10 px a frame: boxes one frame apart share 3 of 5 parts, boxes three
+    frames apart 1 of 7; in the first frames the region that was given is all there is.
+    """
+    moving = straight(41)
+    moving[:, 0] += 10.0 * np.arange(41)
+    found = measure_all(compared(moving, moving))
+    assert found["auc"] == pytest.approx(20 / 21)
+    # Thresholds below .6: 12 of 21 (0 to .55); the first frame overlaps entirely.
+    assert found["auc_late_1"] == pytest.approx((20 + 40 * 12) / 41 / 21, abs=1 / 21)
+    first = (20 + 12 + 7) / 21  # none, one and two frames late
+    assert found["auc_late_3"] == pytest.approx((first + 38 * 3 / 21) / 41)
+
+
+def test_the_expected_overlap_is_zero_from_a_loss_on():
+    states = straight(8)
+    states[3:, 0] += 200.0
+    found = measure_all(compared(states, straight(8)))
+    by_length = [1, 1, 1, 3 / 4, 3 / 5, 3 / 6, 3 / 7, 3 / 8]
+    assert found["expected_overlap"] == pytest.approx(np.mean(by_length))
+    # Away for less than five frames: nothing is lost, and the overlaps count as they are.
+    states[6:, 0] -= 200.0
+    found = measure_all(compared(states, straight(8)))
+    by_length = [1, 1, 1, 3 / 4, 3 / 5, 3 / 6, 4 / 7, 5 / 8]
+    assert found["expected_overlap"] == pytest.approx(np.mean(by_length))
+
+
 def test_angle_and_scale_errors():
     found = measure_all(compared(straight(theta=0.1 + 2 * np.pi, scale=0.2), straight()))
     assert found["angle_rmse_deg"] == pytest.approx(np.degrees(0.1))

@@ -59,6 +59,7 @@ def refusal(path):
 
 
 @pytest.mark.parametrize("form", CODECS)
+@pytest.mark.newest
 def test_every_container_is_read_by_its_content_whatever_its_name(tmp_path, form):
     path = tmp_path / "img_%03d.png"
     path.write_bytes(film(form))
@@ -173,6 +174,7 @@ def test_the_missing_frames_of_a_cut_video_are_none(tmp_path):
         ("ogg", {}, 0.9),
     ],
 )
+@pytest.mark.newest
 def test_a_cut_video_says_so_whatever_its_format(tmp_path, form, options, part):
     path, whole = tmp_path / "film", film(form, **options)
     path.write_bytes(whole)
@@ -200,6 +202,7 @@ def test_videos_behind_each_other_in_one_file_are_whole(tmp_path):
     assert video.end is None
 
 
+@pytest.mark.newest
 def test_pictures_that_ffmpeg_has_mended_are_counted(tmp_path):
     data = bytearray(film("flv"))
     at = len(data) * 6 // 10
@@ -221,6 +224,7 @@ def test_pictures_that_ffmpeg_has_mended_are_counted(tmp_path):
         ("matroska", "ffv1", 19),
     ],
 )
+@pytest.mark.newest
 def test_damage_that_ffmpeg_prints_and_hides_is_said(tmp_path, form, codec, least):
     """Holes of 200 bytes at 19 places; some decode as if they were pictures."""
     path, data = tmp_path / "film", io.BytesIO()

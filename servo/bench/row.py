@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -74,7 +74,7 @@ class Row(Made):
     benchmark: str
     hash: str
     """Of the benchmark's version."""
-    band: str
+    band: Literal["dev", "v1", "sealed"]
     value: str = ""
     """The public value, of sealed worlds."""
     contestant: str

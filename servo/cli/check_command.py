@@ -82,8 +82,6 @@ def check_scenarios(
     _check_place(json, ".json")
     console = Console(quiet=quiet)
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
-    if len(each) > 1:
-        plain(console, f"check: {len(each):,} runs")
     jobs: list[Job] = []
     with progress(console, "check: reading scenarios", len(each)) as ended:
         for name, s in each:
@@ -93,6 +91,8 @@ def check_scenarios(
     gl.is_there()
     if dry_run:
         return print_estimate(jobs, workers, console)
+    if len(jobs) > 1:
+        plain(console, f"check: {len(jobs):,} runs")
     ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
     _write([_described(*one) for one in ends], junit, json, again)

@@ -6,9 +6,9 @@ import numpy as np
 from rich.console import Console
 
 from servo.cli.terminal import plain
-from servo.identify.fit import identify
+from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
-from servo.identify.log import Channel, read
+from servo.identify.log import Channel, Log, read
 from servo.loop.episode import Episode
 from servo.mistake import unwritable
 from servo.output.run_folder import prepare
@@ -30,13 +30,7 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
         Mistake: The log or the scenario cannot be used, or the folder not be written.
     """
     log = read(path)
-    with Episode(load(scenario), seen=False) as episode:
-        world = episode.world
-        servos = [_servo(world, channel) for channel in log.channels]
-        tick = float(world.ticks[1]) if len(world.ticks) > 1 else world.period
-        joints = world.robot.names
-    found = identify(log, servos)
-    text = lines(found, joints, tick)
+    found, text = estimated(log, scenario)
     folder = prepare(out, f"identify-{path.stem}")
     try:
         files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]
@@ -46,6 +40,17 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
     for each in (text, *files):
         plain(console, str(each))
     return 0
+
+
+def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
+    """Return what a log shows, and the lines that make a scenario's robot like that one."""
+    with Episode(load(scenario), seen=False) as episode:
+        world = episode.world
+        servos = [_servo(world, channel) for channel in log.channels]
+        tick = float(world.ticks[1]) if len(world.ticks) > 1 else world.period
+        joints = world.robot.names
+    found = identify(log, servos)
+    return found, lines(found, joints, tick)
 
 
 def _servo(world: World, channel: Channel) -> float:

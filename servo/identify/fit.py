@@ -17,16 +17,16 @@ from servo.identify.log import Channel, Log, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
-GRID = 1e-3
-"""Interval of the modelled motion [s]: half a step of the physics."""
+GRID = 2e-3
+"""Interval of the modelled motion [s]: a step of the physics."""
 BLOCK = 2.0
 """Length of a block [s]: as long as an error of the position stays before the drift takes it."""
-RESOLUTION = 2e-3
-"""Half a width below which no interval gets [s]: a step of the physics, or the way in that time."""
 LONGEST = 0.5
 """Longest delay that is looked for [s]."""
 SLOWEST = 0.5
 """Longest lag that is looked for [s]."""
+TRADE = 8e-3
+"""Delay and lag nearly replace each other, so it is tried again with so much more of one [s]."""
 SETTLED = 5.0
 """A robot stands so many lags after its delay, and"""
 STANDS = 0.1
@@ -87,12 +87,16 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
         x_scale=most / 10,
         diff_step=1e-3,
     )
-    model.weigh(solve(start).x)
-    found = solve(start)
+    first = solve(start).x
+    model.weigh(first)
+    trade = np.array([TRADE, -TRADE, *np.zeros(len(model.spans))])
+    tries = [np.clip(first + shift, 0.0, most) for shift in (-trade, 0.0, trade)]
+    found = min(map(solve, tries), key=lambda result: float(result.cost))
     free = np.array([True, True, *model.has_play])
     sd = np.zeros(len(found.x))
     sd[free] = model.block_sd(found.jac[:, free], found.fun)
-    resolution = RESOLUTION * np.array([1.0, 1.0, *model.rates])
+    # No half of an interval is less than what the grid leaves open, or the way in that time.
+    resolution = GRID * np.array([1.0, 1.0, *model.rates])
     factor = float(student.ppf((1 + LEVEL) / 2, max(1, model.blocks - 1)))
     delay, lag, *plays = (
         _around(value, factor * error, least)
@@ -164,7 +168,8 @@ def _modelled(channel: Channel, lags: tuple[float, float], delay: float, play: f
     grid = np.arange(moved.times[0] - GRID, moved.times[-1] + GRID, GRID)
     knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
     asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
-    motion = _after_play(np.interp(grid - delay, knots, asked), play)
+    # The simulated lag begins a step of the physics late, and positions are half a step ahead.
+    motion = _after_play(np.interp(grid - delay - GRID / 2, knots, asked), play)
     for lag in lags:
         motion = _after_lag(motion, lag)
     rate = np.diff(motion, prepend=motion[0])

@@ -22,6 +22,8 @@ from sim.types import Array
 COMMAND = re.compile(r"command_(\w+)_(m|rad)_s")
 SHORTEST = 2.0
 """A shorter log has too few movements [s]."""
+LONGEST = 600.0
+"""A longer one takes long, and adds little [s]."""
 LARGEST = 1 << 30
 """Most bytes of a log."""
 NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
@@ -79,14 +81,16 @@ def read(path: Path) -> Log:
     except (pa.ArrowException, ValueError) as error:
         if isinstance(error, Mistake) or str(error).startswith(str(path)):
             raise Mistake(str(error)) from None
-        raise Mistake(f"{path}: cannot read this log: {error}") from error
+        kind = path.suffix[1:].upper()
+        raise Mistake(f"{path}: cannot read this log: it is damaged, or no {kind} file") from error
     time = columns.get("time_s")
     if time is None:
         raise Mistake(f"{path}: this log has no column time_s")
-    if not np.all(np.diff(time) > 0):
+    if not (np.isfinite(time).all() and np.all(np.diff(time) > 0)):
         raise Mistake(f"{path}: time_s should increase from row to row")
-    if len(time) < 2 or time[-1] - time[0] < SHORTEST:
-        raise Mistake(f"{path}: this log is shorter than {SHORTEST:g} s")
+    if not SHORTEST <= np.ptp(time) <= LONGEST:
+        length = f"{np.ptp(time):.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
+        raise Mistake(f"{path}: this log is {length}")
     asked, transport = _pictures(columns)
     named = [found for name in columns if (found := COMMAND.fullmatch(name))]
     channels = [_channel(columns, asked, *found.groups()) for found in named]
@@ -168,6 +172,7 @@ def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> C
 
 
 def _series(times: Array, values: Array) -> Series:
-    """The values that there are."""
-    known = np.isfinite(times) & np.isfinite(values)
-    return Series(times[known], values[known])
+    """The values that there are, in order."""
+    known = np.flatnonzero(np.isfinite(times) & np.isfinite(values))
+    order = known[np.argsort(times[known], kind="stable")]
+    return Series(times[order], values[order])

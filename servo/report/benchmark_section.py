@@ -34,7 +34,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     if not table:
         raise Mistake(f"{folder}: no contestant of this benchmark has run in all worlds")
     of_band = rows[0]
-    band = Band(of_band.band, of_band.value, of_band.digest)  # type: ignore[arg-type]
+    band = Band(of_band.band, of_band.value, of_band.digest)
     worlds = [w for w in benchmark.every_world(band) if w.key in of_band.worlds]
     blocks = [
         *blocks_of(benchmark, worlds, rows, table),

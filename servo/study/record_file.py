@@ -65,7 +65,17 @@ def table_in(raw: bytes) -> pa.Table:
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
         return NOTHING
     found = (table.schema.metadata or {}).get(DIGEST)
-    return table if found == _digest(table.column_names) else NOTHING
+    return table if found == _digest(table.column_names) and _is_ours(table) else NOTHING
+
+
+def _is_ours(table: pa.Table) -> bool:
+    """Return whether rows are records, judged by the types of columns and by the first one."""
+    try:
+        record = next(records_of(table.slice(0, 1), long=True))
+        own = {KEY: pa.string(), JOB: pa.string(), SHEET: pa.binary(), **_types(record)}
+        return all(table.schema.field(name).type.equals(kind) for name, kind in own.items())
+    except (KeyError, TypeError, ValueError, AttributeError, StopIteration):  # also of Arrow
+        return False
 
 
 def records_of(table: pa.Table, *, long: bool = False) -> Iterator[Record]:

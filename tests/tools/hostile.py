@@ -58,6 +58,7 @@ def place(folder: Path, ran: Path, study: Path, papers: Path) -> Path:
     """Fill a folder; the last three are folders that commands wrote, copied to be damaged."""
     _scenarios(folder)
     _pictures(folder)
+    _logs(folder)
     _studies(folder)
     _results(folder, ran, study, papers)
     return folder
@@ -99,6 +100,30 @@ def png(width: int, height: int, body: bytes = b"\0" * 20) -> bytes:
         + chunk(b"IDAT", zlib.compress(body))
         + chunk(b"IEND", b"")
     )
+
+
+HEAD = "time_s,command_x_m_s,joint_x_m\n"
+GOOD = HEAD + "".join(f"{k / 30},{k // 15 % 2 - 0.5},{abs(k % 30 - 15) / 60}\n" for k in range(90))
+LOGS: dict[str, str | bytes] = {
+    "log_empty.csv": "",
+    "log_words.csv": "no log\n",
+    "log_binary.csv": bytes(range(256)),
+    "log_untimed.csv": "time,command_x_m_s\n0,1\n1,2\n",
+    "log_backwards.csv": f"{HEAD}3,1,0\n2,0,1\n1,0,1\n",
+    "log_short.csv": f"{HEAD}0,1,0\n1,0,1\n",
+    "log_endless.csv": f"{HEAD}0,1,0\n1e18,0,1\n",
+    "log_still.csv": f"{HEAD}0,0,0\n1,0,0\n2,0,0\n3,0,0\n",
+    "log_nan.csv": f"{HEAD}0,1,0\nnan,0,1\n3,0,1\n",
+    "log_words.parquet": "no log\n",
+    "log_good.csv": GOOD,
+}
+
+
+def _logs(folder: Path) -> None:
+    for name, text in LOGS.items():
+        (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    (folder / "log_zero.csv").symlink_to("/dev/zero")
+    (folder / "log_pipe.csv").symlink_to("pipe")
 
 
 FALSE_VIDEOS = {

@@ -149,6 +149,27 @@ def lost_signal(c: Comparison) -> float:
     return float(stats.mannwhitneyu(doubt[off], doubt[~off]).statistic / (off.sum() * (~off).sum()))
 
 
+def expected_overlap(c: Comparison) -> float:
+    """Return the mean overlap of the first n frames, 0 from a loss on, averaged over all n.
+
+    The expected average overlap of the VOT challenge is this over some of the lengths of several
+    sequences (Kristan and others, The visual object tracking VOT2015 challenge results, 2015).
+    """
+    overlaps = c.overlaps.copy()
+    overlaps[round(frames_until_loss(c)) :] = 0.0
+    return float(np.mean(np.cumsum(overlaps) / np.arange(1, len(overlaps) + 1)))
+
+
+def late_success(c: Comparison, late: int) -> float:
+    """Return the success AUC where each frame is compared with the estimate that has arrived by
+    then: that of some frames before (Li, Wang, Ramanan, Towards streaming perception, 2020).
+    """
+    there = np.maximum(np.flatnonzero(c.present) - late, 0)
+    arrived = boxes(c.track.corners[there])
+    overlaps = box_overlaps(arrived, boxes(c.truth[c.present]))
+    return float(np.mean(overlaps > OVERLAPS[:, None]))
+
+
 def _state_rmse(c: Comparison, column: int) -> float:
     if c.states is None:
         return float("nan")
@@ -186,6 +207,30 @@ MEASURES = (
         H,
         "the same for rectangles as they are turned",
         lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
+        1.0,
+    ),
+    TrackMeasure(
+        "auc_late_1",
+        "",
+        H,
+        "success, each frame compared with the estimate of the frame before",
+        lambda c: late_success(c, 1),
+        1.0,
+    ),
+    TrackMeasure(
+        "auc_late_3",
+        "",
+        H,
+        "the same of three frames before: 100 ms at 30 Hz",
+        lambda c: late_success(c, 3),
+        1.0,
+    ),
+    TrackMeasure(
+        "expected_overlap",
+        "",
+        H,
+        "mean overlap of the first n frames, 0 from a loss on, averaged over all n",
+        expected_overlap,
         1.0,
     ),
     TrackMeasure(

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from tempfile import gettempdir
 from types import SimpleNamespace
@@ -220,10 +221,14 @@ def _unpacked(data: bytes, compression: str) -> bytes:
         return data
     kinds = {"zstd": zstd.ZstdDecompressor, "lz4": LZ4FrameDecompressor, "bz2": BZ2Decompressor}
     decompressor = kinds[compression]()
-    found = decompressor.decompress(data, LARGEST_UNPACKED)
-    if not decompressor.eof and len(found) >= LARGEST_UNPACKED:
-        raise _Refused(f"a part of this bag is compressed from over {LARGEST_UNPACKED:,} bytes")
-    return found
+    found = BytesIO()  # it grows in place, where one call would hold all of it twice
+    piece = decompressor.decompress(data, PIECE)
+    while piece:
+        found.write(piece)
+        if found.tell() > LARGEST_UNPACKED:
+            raise _Refused(f"a part of this bag is compressed from over {LARGEST_UNPACKED:,} bytes")
+        piece = b"" if decompressor.eof else decompressor.decompress(b"", PIECE)
+    return found.getvalue()
 
 
 def _unpack_file(packed: BinaryIO, unpacked: BinaryIO, most: int) -> None:
@@ -304,7 +309,7 @@ def _records(file: BinaryIO) -> Iterator[tuple[Schema | None, Channel, Message]]
 def _parts(file: BinaryIO) -> Iterator[McapRecord]:
     """Read all records of a log, also those in its chunks, and check their CRCs."""
     from mcap.records import Chunk
-    from mcap.stream_reader import StreamReader, breakup_chunk
+    from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
     file.seek(0)
     reader = StreamReader(
@@ -313,7 +318,12 @@ def _parts(file: BinaryIO) -> Iterator[McapRecord]:
     for record in reader.records:
         if isinstance(record, Chunk):
             data = _unpacked(record.data, record.compression)
-            yield from breakup_chunk(replace(record, data=data, compression=""), validate_crc=True)
+            record = replace(record, data=data, compression="")
+            _, length = get_chunk_data_stream(record, validate_crc=True)
+            chunk = BytesIO(data)
+            within = StreamReader(chunk, skip_magic=True, record_size_limit=LARGEST_RECORD).records
+            while chunk.tell() < length:  # one by one: a list would hold all messages again
+                yield next(within)
         else:
             yield record
 
