@@ -66,7 +66,7 @@ def commands_of(text):
     for line in shown:
         found = re.match(r"(?:.*uv run |# )?servobench ([a-z-].*)", line)
         if found:
-            yield found[1].partition(" # ")[0].split()
+            yield re.findall(r"'[^']*'|\S+", found[1].partition(" # ")[0])
 
 
 def test_there_is_a_manual_for_each_subject():

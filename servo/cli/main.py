@@ -358,6 +358,29 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
 
 
 @app.command()
+@click.argument("first", metavar="RUN")
+@click.argument("second", metavar="RUN")
+@click.option(
+    "--out", type=opt.PATH, default=Path("film.mp4"), show_default=True, help="File to write."
+)
+@opt.quiet_option
+def film(first: str, second: str, out: Path, quiet: bool) -> None:
+    """Film two runs beside each other.
+
+    A RUN is the folder of one, which is repeated, or what follows `servobench run`, in quotes: film
+    reversal 'reversal --set estimator.kind=none'.
+    """
+    check_machine()
+    from servo.cli.film_command import Asked, write
+
+    def asked(words: list[str]) -> Asked:
+        given = run.make_context("run", words).params
+        return Asked(given["scenario"], given["changes"], given["seed"])
+
+    write((first, second), asked, out, quiet=quiet)
+
+
+@app.command()
 @click.argument("part", type=click.Choice(PARTS))
 @click.argument("name")
 @opt.out_option("NAME")
