@@ -77,7 +77,7 @@ def test_a_film_of_a_run_shows_camera_room_and_errors(tmp_path):
 
 
 def test_points_of_the_room_are_where_they_are_drawn():
-    with Episode(servo.load("still", CHANGES)) as episode:
+    with Episode(servo.load("line", CHANGES)) as episode:
         world = episode.world
         view = RoomView(world.model, *PANEL)
         view.render(world.bodies())
