@@ -4,7 +4,7 @@ from importlib.util import find_spec
 
 from servo.mistake import Mistake
 
-if find_spec("cyclonedds") is None:
+if find_spec("cyclonedds") is None or find_spec("rosbags") is None:
     raise Mistake("ROS 2 needs the extra 'ros2': pip install 'servobench[ros2]'")
 
 from servo.ros2.client import Camera, Robot

@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -103,7 +104,7 @@ class Robot:
         self._writer = node.writer(twist, TwistStamped)
         self._topic = joints
         self._frame = frame
-        self._states = deque[JointState](maxlen=KEPT)
+        self._states = deque[Any](maxlen=KEPT)
         self._last: tuple[float, Pose] | None = None
 
     def posture(self, time: float) -> Posture:

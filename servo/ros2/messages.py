@@ -1,156 +1,77 @@
-"""The messages of ROS 2 that a servo loop needs, field by field as their packages define them."""
+"""Messages of ROS 2 as types of DDS; `rosbags` has the definitions of their fields."""
 
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from functools import cache
+from typing import Any
 
-from cyclonedds.idl import IdlStruct
+from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl._machinery import BytesMachine
 from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
+from rosbags.typesys import Stores, get_typestore
 
 from sim.types import Array
 
-DOUBLE: Any = float64
-BYTE: Any = uint8
-Texts = Annotated[list[str], sequence(str)]
-Numbers = Annotated[list[float], sequence(DOUBLE)]
-Nine = Annotated[list[float], array(DOUBLE, 9)]
-Bytes = Annotated[bytes, sequence(BYTE)]
-Twelve = Annotated[list[float], array(DOUBLE, 12)]
+FIELDS: Any = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+"""Names and types of each message's fields; those of the messages used here have not changed."""
+PLAIN: dict[str, Any] = {
+    "bool": bool,
+    "float64": float64,
+    "int32": int32,
+    "string": str,
+    "uint8": uint8,
+    "uint32": uint32,
+}
+PICTURES = ("Image", "CompressedImage")
 SECOND = 1_000_000_000
 """In nanoseconds."""
 
 
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    """A moment."""
-
-    sec: int32 = 0
-    nanosec: uint32 = 0
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    """When and in which frame something is."""
-
-    stamp: Time
-    frame_id: str
+@cache
+def message(name: str) -> Any:
+    """Return the class of a message by its name, such as "sensor_msgs/Image"."""
+    package, _, short = name.partition("/")
+    fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
+    made: Any = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
+    if short in PICTURES:  # as a sequence of numbers, a picture of 640 x 480 px would take 60 ms
+        made.__idl__.populate()
+        made.__idl__.v1_machine.members_machines["data"] = BytesMachine()
+        made.__idl__.v2_machine.members_machines["data"] = BytesMachine()
+    return made
 
 
-@dataclass
-class Clock(IdlStruct, typename="rosgraph_msgs.msg.dds_.Clock_"):
-    """The simulated time."""
-
-    clock: Time
-
-
-@dataclass
-class Image(IdlStruct, typename="sensor_msgs.msg.dds_.Image_"):
-    """A picture; its bytes are a sequence of uint8."""
-
-    header: Header
-    height: uint32
-    width: uint32
-    encoding: str
-    is_bigendian: uint8
-    step: uint32
-    data: Bytes
+def _type_of(node: Any, of: Any) -> Any:
+    """Return the type of a field: a plain one, a message, an array or a sequence."""
+    match node.name:
+        case "BASE":
+            return PLAIN[of[0]]
+        case "NAME":
+            return message(of.replace("/msg/", "/"))
+        case "ARRAY":
+            return array[_type_of(*of[0]), of[1]]
+        case _:
+            return sequence[_type_of(*of[0])]
 
 
-@dataclass
-class CompressedImage(IdlStruct, typename="sensor_msgs.msg.dds_.CompressedImage_"):
-    """A picture as JPEG or PNG."""
-
-    header: Header
-    format: str
-    data: Bytes
-
-
-@dataclass
-class RegionOfInterest(IdlStruct, typename="sensor_msgs.msg.dds_.RegionOfInterest_"):
-    """A part of a picture."""
-
-    x_offset: uint32 = 0
-    y_offset: uint32 = 0
-    height: uint32 = 0
-    width: uint32 = 0
-    do_rectify: bool = False
+Image = message("sensor_msgs/Image")
+CompressedImage = message("sensor_msgs/CompressedImage")
+CameraInfo = message("sensor_msgs/CameraInfo")
+RegionOfInterest = message("sensor_msgs/RegionOfInterest")
+JointState = message("sensor_msgs/JointState")
+TwistStamped = message("geometry_msgs/TwistStamped")
+Clock = message("rosgraph_msgs/Clock")
 
 
-@dataclass
-class CameraInfo(IdlStruct, typename="sensor_msgs.msg.dds_.CameraInfo_"):
-    """A camera's calibration; the first pixel's middle is at zero."""
-
-    header: Header
-    height: uint32
-    width: uint32
-    distortion_model: str
-    d: Numbers
-    k: Nine
-    r: Nine
-    p: Twelve
-    binning_x: uint32 = 0
-    binning_y: uint32 = 0
-    roi: RegionOfInterest = field(default_factory=RegionOfInterest)
-
-
-@dataclass
-class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
-    """Positions and velocities of joints by their names."""
-
-    header: Header
-    name: Texts
-    position: Numbers
-    velocity: Numbers
-    effort: Numbers
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    """A direction with a length."""
-
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
-    """A velocity and a turn rate."""
-
-    linear: Vector3
-    angular: Vector3
-
-
-@dataclass
-class TwistStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TwistStamped_"):
-    """A twist in a frame."""
-
-    header: Header
-    twist: Twist
-
-
-def _with_bytes(kind: Any) -> None:
-    """Let pictures stay bytes: as a sequence of numbers, one of 640 x 480 px would take 60 ms."""
-    kind.__idl__.populate()
-    for machine in (kind.__idl__.v1_machine, kind.__idl__.v2_machine):
-        machine.members_machines["data"] = BytesMachine()
-
-
-_with_bytes(Image)
-_with_bytes(CompressedImage)
-
-
-def header(seconds: float, frame: str) -> Header:
+def header(seconds: float, frame: str) -> Any:
     """Return the header of a moment [s]."""
-    return Header(Time(*divmod(round(seconds * SECOND), SECOND)), frame)
+    stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
+    return message("std_msgs/Header")(stamp, frame)
 
 
-def seconds(stamp: Time) -> float:
+def seconds(stamp: Any) -> float:
     """Return a moment [s]."""
     return stamp.sec + stamp.nanosec / SECOND
 
 
-def stamped(twist: Array, at: Header) -> TwistStamped:
+def stamped(twist: Array, at: Any) -> Any:
     """Return the message of a twist (6,)."""
-    x, y, z, *turn = twist.tolist()
-    return TwistStamped(at, Twist(Vector3(x, y, z), Vector3(*turn)))
+    linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
+    return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))

@@ -1,10 +1,9 @@
 """Readers and writers of topics over DDS, as ROS 2 names and serves them."""
 
 import os
-from typing import TypeVar
+from typing import Any
 
 from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
@@ -18,7 +17,6 @@ PATIENCE = 10.0
 """Longest wait for a message that must come [s]."""
 BLOCKS = duration(milliseconds=5)
 """Longest wait of a writer for a slow reader."""
-Message = TypeVar("Message", bound=IdlStruct)
 
 
 class Node:
@@ -27,21 +25,21 @@ class Node:
     def __init__(self) -> None:
         self._participant = DomainParticipant(int(os.environ.get(DOMAIN, "0")))
 
-    def writer(self, topic: str, kind: type[Message]) -> DataWriter[Message]:
+    def writer(self, topic: str, kind: Any) -> DataWriter[Any]:
         """Return a reliable writer, which readers of both kinds can read."""
         qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
         return DataWriter(self._participant, self._topic(topic, kind), qos)
 
-    def reader(self, topic: str, kind: type[Message], depth: int = 1) -> DataReader[Message]:
+    def reader(self, topic: str, kind: Any, depth: int = 1) -> DataReader[Any]:
         """Return a reader of the newest messages, which takes those of all writers."""
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
         return DataReader(self._participant, self._topic(topic, kind), qos)
 
-    def _topic(self, topic: str, kind: type[Message]) -> Topic[Message]:
+    def _topic(self, topic: str, kind: Any) -> Topic[Any]:
         return Topic(self._participant, f"rt/{topic.strip('/')}", kind)
 
 
-def first(reader: DataReader[Message], topic: str) -> Message:
+def first(reader: DataReader[Any], topic: str) -> Any:
     """Wait for a message and return it.
 
     Raises:

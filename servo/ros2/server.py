@@ -3,7 +3,7 @@
 import sys
 import time
 from contextlib import suppress
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from cyclonedds.core import DDSException
@@ -17,6 +17,7 @@ from servo.ros2.messages import (
     Clock,
     Image,
     JointState,
+    RegionOfInterest,
     TwistStamped,
     header,
 )
@@ -112,7 +113,7 @@ class Server:
             self._images.write(Image(at, height, width, "rgb8", 0, 3 * width, image.tobytes()))
 
 
-def camera_info(camera: Camera, time: float) -> CameraInfo:
+def camera_info(camera: Camera, time: float) -> Any:
     """Return the calibration of a camera at a time [s]."""
     lens = camera.distortion
     k = [camera.fx, 0.0, camera.cx - MIDDLE, 0.0, camera.fy, camera.cy - MIDDLE, 0.0, 0.0, 1.0]
@@ -125,4 +126,7 @@ def camera_info(camera: Camera, time: float) -> CameraInfo:
         k,
         np.eye(3).ravel().tolist(),
         [*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0],
+        0,
+        0,
+        RegionOfInterest(0, 0, 0, 0, False),
     )
