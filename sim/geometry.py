@@ -68,6 +68,12 @@ def exp_se3(xi: Array) -> Pose:
     return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
 
 
+def adjoint(T_a_b: Pose) -> Array:
+    """The matrix (6, 6) that takes a body's twist in frame b to its twist in frame a."""
+    R = T_a_b.rotation
+    return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
+
+
 def log_se3(pose: Pose) -> Array:
     """The constant twist (6,) that makes this motion in unit time."""
     w = log_so3(pose.rotation)

@@ -39,7 +39,7 @@ class BelievedConfig:
     the camera at the true goal [m]."""
     hand_eye_rotation_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
     """Orientation of the believed camera in the true one (x right, y down, z forward), a rotation
-    vector [deg]."""
+    vector [deg]; of a camera in the room, too."""
     hand_eye_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, 0.0, 0.0)
     """Position of the believed camera in the true one [mm]."""
     joint_offsets: EachJoint = 0.0
@@ -102,9 +102,14 @@ class BelievedRobot:
         self._true = robot
         self._rng = rng
         model = copy.copy(robot.model)
+        stands = design.eye_to_hand
+        if stands is not None:
+            at = stands.T_world_camera @ believed.hand_eye
+            design = replace(design, eye_to_hand=replace(stands, T_world_camera=at))
         self._robot = Robot(model, design)
         self._data = mujoco.MjData(model)
-        _move_site(model, believed.hand_eye)
+        if stands is None:
+            _move_site(model, believed.hand_eye)
         names = robot.names
         self._offsets = each_joint("believed.joint_offsets", believed.joint_offsets, names)
         self._noise = each_joint("robot.encoder_noise", design.drives.encoder_noise, names)

@@ -1,6 +1,6 @@
 """Puts what moves by itself where it is at a time: target, board, second target, lights."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce
 from operator import or_
 from typing import Protocol
@@ -44,10 +44,16 @@ class Stage:
     """Moves mocap bodies and dims lights; the rest of the scene is the robot's and physics'."""
 
     def __init__(
-        self, model: mujoco.MjModel, motion: Motion, disturbances: Sequence[Disturbance]
+        self,
+        model: mujoco.MjModel,
+        motion: Motion,
+        disturbances: Sequence[Disturbance],
+        held: Callable[[], Pose] | None = None,
     ) -> None:
+        """Find the bodies; `held` gives the pose of a target that the robot moves."""
         self._model = model
         self._at = lru_cache(maxsize=4)(motion.at)  # the last two frames' are asked for again
+        self._held = held
         self._disturbances = tuple(disturbances)
         self._has_second = any(SECOND in d.props for d in disturbances)
         self._mocap = {
@@ -64,12 +70,12 @@ class Stage:
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
-        return self._at(time)
+        """T_world_target at a time [s]; of a target that the robot holds, that of now."""
+        return self._at(time) if self._held is None else self._held()
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
         """Put everything where it is at a time [s], for a camera that is at `eye`."""
-        target = self._at(time)
+        target = self.target(time)
         self._put(data, TARGET, target)
         if not self._disturbances:
             return

@@ -1,7 +1,7 @@
 """The simulated world: pictures, steps, the robot's posture, and the truth."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import Annotated
@@ -14,12 +14,14 @@ from sim import placement
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.choice import renderer_of
 from sim.camera.lens import Lens, Sensor
-from sim.camera.renderer import MakeRenderer, Promise, Supersampled, camera_pose
+from sim.camera.renderer import VISION_FROM_MUJOCO, MakeRenderer, Promise, Supersampled, camera_pose
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
-from sim.kinematics.robot import CAMERA, Design, Robot
+from sim.kinematics.model import mount_pose
+from sim.kinematics.robot import CAMERA, Design, EyeToHand, Robot
 from sim.miscalibration import RIGHT, BelievedConfig, as_believed
 from sim.models.assembly import TARGET, build_model
+from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
 from sim.stage import Disturbance, Motion, Stage
 from sim.surroundings import Surroundings
@@ -111,6 +113,9 @@ class World:
         config = parts.config
         camera = parts.camera
         robot = parts.robot
+        if camera.mounted == "world":
+            there = EyeToHand(mount_pose(camera.pose), mount_pose(camera.held))
+            robot = replace(robot, eye_to_hand=there)
         rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
         steps = rates.steps
         self._drive_steps = rates.drive_steps
@@ -121,14 +126,19 @@ class World:
             rates.physics, camera, robot, parts.target, props, parts.surroundings
         )
         self.data = mujoco.MjData(self.model)
+        stands = robot.eye_to_hand
+        if stands is not None:
+            _put_camera(self.model, stands.T_world_camera)
         self.robot = Robot(self.model, robot)
+        self._held = None if stands is None else partial(self.robot.held, self.data, stands)
+        """T_world_target of a target that the robot holds, as of the last kinematics."""
         self.camera = camera_of(camera, self.model, CAMERA)
         self.camera_believed = parts.believed.camera(self.camera)
         self._known = as_believed(self.robot, robot, parts.believed, encoders)
         self._eye = self.model.camera(CAMERA).id
         self.outline = parts.target.outline
         self.outline_found = parts.target.found
-        self._stage = Stage(self.model, parts.motion, parts.disturbances)
+        self._stage = Stage(self.model, parts.motion, parts.disturbances, self._held)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
         make = renderer or renderer_of(camera.renderer)
@@ -161,7 +171,7 @@ class World:
         Raises:
             ValueError: No camera sees the target there.
         """
-        target = self._stage.target(0.0)
+        target = self._target_seen()
         heading = float(np.arctan2(target.rotation[1, 0], target.rotation[0, 0]))
         point = target.apply(self.outline.mean(axis=0))
         pose = placement.camera_above(self.camera, point, heading, pixel, theta, depth)
@@ -174,11 +184,19 @@ class World:
         Raises:
             ValueError: No camera sees the target there.
         """
-        target = self._stage.target(0.0)
+        target = self._target_seen()
         return self._go(placement.camera_facing(self.outline, target, T_camera_object))
 
+    def _target_seen(self) -> Pose:
+        """The target at first, in the frame in which `Robot.eye` is given."""
+        return self._stage.target(0.0) if self._held is None else Pose.planar(0.0, 0.0, 0.0)
+
+    def _eye_seen(self) -> Pose:
+        """The camera in this frame."""
+        return self._eye_at if self._held is None else self.robot.eye(self.data)
+
     def _go(self, T_world_camera: Pose) -> Reach:
-        target = self._stage.target(0.0)
+        target = self._target_seen()
         placement.check_sight(self.outline, T_world_camera, target)
         point = target.apply(self.outline.mean(axis=0))
         reached = reach(self.robot, self.data, T_world_camera, point)
@@ -198,7 +216,7 @@ class World:
         Args:
             twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
         """
-        before = self._eye_at
+        before = self._eye_seen()
         each = np.broadcast_to(twists, (len(self.ticks), 6))
         saturated = False
         accepted = list[Array]()
@@ -222,7 +240,7 @@ class World:
         self._accepted = np.mean(accepted, axis=0)
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)
-        self._mean_twist = log_se3(before.inverse() @ self._eye_at) / self.period
+        self._mean_twist = log_se3(before.inverse() @ self._eye_seen()) / self.period
         return saturated
 
     def posture(self) -> Posture:
@@ -320,3 +338,11 @@ class World:
             for a in (True, False)
         )
         return seen / alone if alone else 0.0
+
+
+def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:
+    """Take the camera from the robot's hand and put it into the room."""
+    camera = model.camera(CAMERA).id
+    model.cam_bodyid[camera] = 0
+    model.cam_pos[camera] = T_world_camera.translation
+    model.cam_quat[camera] = quaternion_of(T_world_camera.rotation @ VISION_FROM_MUJOCO)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tiny_onnx
 from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import benchmark as benchmarks
@@ -184,6 +185,8 @@ def test_a_row_of_another_version_is_refused(public):
         ("mine=kams:paper", (), Division.HOME),
         ("mine=collections:Counter", (), Division.OPEN),
         ("mine=trax:python mine.py", (), Division.CLOSED),
+        ("mine=onnx:vit.onnx", (), Division.OPEN),
+        ("mine=opencv", ("tracker.name=MIL",), Division.OPEN),
         ("mean_shift", ("controller.gain=2",), Division.OPEN),
     ],
 )
@@ -217,6 +220,19 @@ def test_the_digest_of_a_contestant_covers_its_program(tmp_path, monkeypatch):
     program.write_text("a = 2\n")
     assert one.digest != before
     assert len(before) == len(hashlib.sha256().hexdigest())
+
+
+def test_a_network_is_a_guest_and_its_digest_covers_the_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (one,) = contestants(load("loop-v1"), ["mine=onnx:vit.onnx"])
+    assert one.settings == {
+        "tracker.kind": "opencv",
+        "tracker.name": "Vit",
+        "tracker.model": "vit.onnx",
+    }
+    before = one.digest
+    (tmp_path / "vit.onnx").write_bytes(tiny_onnx.vit((0.31, 0.21)))
+    assert one.digest != before
 
 
 def test_a_slow_tracker_runs_more_often_and_the_scale_does_not():

@@ -63,7 +63,10 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
             {"tracker": ["a=kams"], "controller": ["a=ibvs"]},
             "two variants are called 'a': write another name before the =",
         ),
-        ({"tracker": ["a="]}, "'a=': write NAME=KIND, NAME=module:Class or NAME='trax:COMMAND'"),
+        (
+            {"tracker": ["a="]},
+            "'a=': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE",
+        ),
         (
             {"set_of": ["slow"]},
             "--set-of slow: write NAME=KEY=VALUE,..., such as slow=controller.gain=0.5",

@@ -77,6 +77,8 @@ REFUSED = (
     "do not fit into a frame",
     "so their goal cannot move",
     "and file go together",
+    "pose and held are of a camera",
+    "the robot holds the target",
 )
 """What a scenario within all limits may be refused for."""
 

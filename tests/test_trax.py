@@ -1,6 +1,7 @@
 """The TraX protocol: our client with a small server, in each version and format, and our server."""
 
 import dataclasses
+import gc
 import io
 import os
 import signal
@@ -315,6 +316,22 @@ tracker.start(frame(0), REGION, START)
 print("started", flush=True)
 sys.stdin.read()
 """
+
+
+def test_a_server_ends_with_its_run_and_waits_for_no_garbage_collector():
+    scenario = load("still", ["run.duration=0.2"])
+    scenario = dataclasses.replace(scenario, tracker=config())
+    gc.collect()
+    gc.disable()
+    try:
+        with Episode(scenario) as episode:
+            steps = len(list(episode))
+        del episode
+        left = [p for p in psutil.Process().children() if str(SERVER) in p.cmdline()]
+    finally:
+        gc.enable()
+    assert steps > 0
+    assert not left
 
 
 @pytest.mark.parametrize("mode", ["good", "stays"])

@@ -24,6 +24,8 @@ NULL = "still"
 PERFECT = "truth"
 """Names of the contestants that fix the scale."""
 TRAX = "trax:"
+ONNX = "onnx:"
+"""A network file of OpenCV's tracker Vit."""
 UNFIT = ("truth", "tag")
 """Trackers that cannot compete: one is told the truth, one sees tags only."""
 
@@ -61,6 +63,7 @@ class Contestant:
     def _files(self) -> list[Path]:
         command = str(self.settings.get("tracker.command", ""))
         named = [Path(word) for word in command.split()]
+        named.append(Path(str(self.settings.get("tracker.model", ""))))
         kind = next((str(v) for k, v in self.settings.items() if k.endswith(".kind")), "")
         if self.division is Division.OPEN and ":" in kind:
             named.append(Path(inspect.getfile(imported(kind))))
@@ -89,8 +92,9 @@ def contestants(
 
     Args:
         benchmark: Which they enter.
-        given: A name of `home_of`, or name=kind:preset, name=module:Class, or name='trax:COMMAND'
-            for a program that speaks TraX; without any, all of `home_of`.
+        given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
+            for a program that speaks TraX, or name=onnx:FILE for a network of OpenCV's tracker
+            Vit; without any, all of `home_of`.
         changes: Settings of all of them, as for --set, which makes them open.
 
     Raises:
@@ -120,7 +124,9 @@ def named_part(text: str) -> tuple[str, str]:
     if not equals:
         name, what = text, text
     if not name.strip() or not what.strip():
-        raise Mistake(f"'{text}': write NAME=KIND, NAME=module:Class or NAME='trax:COMMAND'")
+        raise Mistake(
+            f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE"
+        )
     return name.strip(), what.strip()
 
 
@@ -129,8 +135,11 @@ def settings_of(section: str, what: str) -> Settings:
 
     Args:
         section: Such as "tracker" or "controller".
-        what: kind, kind:preset or module:Class; of a tracker also trax:COMMAND.
+        what: kind, kind:preset or module:Class; of a tracker also trax:COMMAND or onnx:FILE.
     """
+    if section == "tracker" and what.startswith(ONNX):
+        network = what.removeprefix(ONNX)
+        return {"tracker.kind": "opencv", "tracker.name": "Vit", "tracker.model": network}
     if section == "tracker" and what.startswith(TRAX):
         return {"tracker.kind": "trax", "tracker.command": Trusted(what.removeprefix(TRAX))}
     table = PLUGINS[section][0].named(what)
@@ -150,5 +159,5 @@ def _guest(benchmark: Benchmark, text: str) -> Contestant:
     kind = str(settings["tracker.kind"])
     if kind in UNFIT:
         raise Mistake(f"the tracker '{kind}' cannot compete: it does not only see pictures")
-    ours = kind in TRACKERS.names() and not TRACKERS.package_of(kind)
+    ours = kind in {one.settings["tracker.kind"] for one in home_of(benchmark)}
     return Contestant(name, settings, Division.HOME if ours else Division.OPEN)

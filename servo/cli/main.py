@@ -145,8 +145,8 @@ def track(**options: Any) -> None:
     "given",
     multiple=True,
     metavar="NAME[=WHAT]",
-    help="Of loop-v1 and servo-v1: a shipped one, mine=module:Class, or mine='trax:COMMAND' "
-    "(default: all shipped ones).",
+    help="Of loop-v1 and servo-v1: a shipped one, mine=module:Class, mine='trax:COMMAND' or "
+    "mine=onnx:FILE (default: all shipped ones).",
 )
 @click.option(
     "--band",

@@ -22,6 +22,7 @@ from servo.mistake import Mistake
 from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
+from sim.kinds import kind_of
 from sim.kinematics.inverse_kinematics import Reach
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -109,6 +110,9 @@ class Episode:
         """Release the world; also as a context manager."""
         if hasattr(self, "world"):
             self.world.close()
+        # They ask this episode for the truth: a circle, in which a tracker's process would live on.
+        for asking in ("running", "_timeline"):
+            vars(self).pop(asking, None)
 
     def __enter__(self) -> "Episode":
         return self
@@ -118,6 +122,8 @@ class Episode:
     def _build_world(self, renderer: MakeRenderer | None, *, seen: bool) -> World:
         s = self.scenario
         motion = self._build(Part("motion", s.motion))
+        if s.camera.mounted == "world" and kind_of(s.motion) != "still":
+            raise Mistake(f"{s.name}: motion: the robot holds the target, so nothing else moves it")
         robot = self._build(Part("robot", s.robot))
         target = self._build(Part("target", s.target))
         disturbances = [
@@ -164,8 +170,9 @@ class Episode:
         with self._refusals("start: "):
             reach = self._start(start)
             if not reach:
+                what = "camera" if self.scenario.camera.mounted == "robot" else "target"
                 raise ValueError(
-                    f"the robot cannot bring the camera where this picture is taken: {reach}"
+                    f"the robot cannot bring the {what} where this picture is taken: {reach}"
                 )
 
     def _start(self, start: StartConfig) -> Reach:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Protocol, final
+from weakref import ref
 
 import numpy as np
 
@@ -122,8 +123,8 @@ class Loop:
         self.uses_pictures = bool(getattr(built, "uses_pictures", False))
         """Whether the features are made of pixels: `start` then needs a picture of the goal."""
         self._draws = [(each, each.bit_generator.state) for each in draws.values()]
-        self.running: Running | None = None
-        """The run that was started last: it alone has the parts."""
+        self.latest: Callable[[], Running | None] = lambda: None
+        """The run that was started last, if somebody still has it: it alone has the parts."""
         true = true or camera
         pictured = camera if scenario.believed.goal == "computed" else true
         seen = true if scenario.believed.goal == "pose" else camera
@@ -161,9 +162,12 @@ class Loop:
         check_start(frame, self.camera, region, state)
         for draws, state_at_first in self._draws:
             draws.bit_generator.state = state_at_first  # each start gives the same numbers
-        self.running = None
-        self.running = Running(self, frame, (region, state), goal, true_motion, truth)
-        return self.running
+        self.latest = lambda: None
+        running = Running(self, frame, (region, state), goal, true_motion, truth)
+        # Weakly: a tracker's process ends with the last one who has the loop, not when the garbage
+        # collector finds a circle.
+        self.latest = ref(running)
+        return running
 
 
 @final
@@ -274,7 +278,7 @@ class Running:
             What `decide` takes.
         """
         began = perf_counter()
-        if self._loop.running is not self:
+        if self._loop.latest() is not self:
             raise ValueError("this run is over: its loop was started again")
         check_frame(frame, self._loop.camera)
         check_posture(posture)

@@ -7,6 +7,7 @@ import numpy as np
 
 from sim.camera.choice import renderer_of
 from sim.camera.renderer import VISION_FROM_MUJOCO
+from sim.models.assembly import with_stands
 from sim.models.quaternion import matrix_of
 from sim.types import Array, Camera, Image
 
@@ -31,7 +32,7 @@ class RoomView:
         focal = height / 2 / tan(FOVY / 2)
         view = Camera(focal, focal, width / 2, height / 2, width, height)
         self._view = view
-        self._model = model
+        model = self._model = with_stands(model)
         self._data = mujoco.MjData(model)
         self._id = model.camera(CAMERA).id
         before = model.vis.quality.offsamples

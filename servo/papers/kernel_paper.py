@@ -58,6 +58,7 @@ def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
         [
             label,
             mean(found, "angle_rmse_deg", "deg"),
+            _angle_where_both_complete(found, runs[OURS]),
             mean(found, "rmse_px", "px"),
             done(found),
             reads(found),
@@ -65,7 +66,19 @@ def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
         ]
         for label, found in runs.items()
     ]
-    return [["tracker", "angle RMSE", "position RMSE", "never lost", "reads", "ms"], *rows]
+    head = ["tracker", "angle RMSE", "where both complete", "position RMSE", "never lost"]
+    return [[*head, "reads", "ms"], *rows]
+
+
+def _angle_where_both_complete(found: list[Record], ours: list[Record]) -> str:
+    """Return the mean error of the angle and the combination's on the sequences that both follow
+    to the end: a lost target's angle says nothing about precision.
+    """
+    both = (column(found, "completed") > 0) & (column(ours, "completed") > 0)
+    theirs, own = (column(r, "angle_rmse_deg")[both] for r in (found, ours))
+    if not both.any():
+        return "none"
+    return f"{theirs.mean():.2f}, combination {own.mean():.2f} deg ({both.sum()} sequences)"
 
 
 def _judge_best(evidence: Evidence) -> Verdict:

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.camera.distortion import WIDEST, Distortion, Model
-from sim.ranges import File, Interval, Share
+from sim.ranges import Degrees, File, Interval, Place, Share
 from sim.types import Array, Camera
 
 FOVY = 45.0
@@ -17,6 +17,9 @@ SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
 Kind = Literal["opengl", "exact"]
 """Renderers."""
+STANDS = (0.0, -1.0, 0.8, -100.0, 0.0, 0.0)
+HELD = (0.0, 0.0, 0.05, 0.0, 0.0, 0.0)
+Pose6 = tuple[Place, Place, Place, Degrees, Degrees, Degrees]
 Focal = Annotated[float, Ge(1), Le(100_000)]
 Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
@@ -25,6 +28,15 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 class CameraConfig:
     """The camera of the robot."""
 
+    mounted: Literal["robot", "world"] = "robot"
+    """Where it is: in the hand of the "robot"; or in the "world", and the robot holds the target
+    (eye to hand)."""
+    pose: Pose6 = STANDS
+    """Where a camera in the world stands: x, y, z [m], roll, pitch, yaw [deg] about fixed axes;
+    with zeros for the angles it looks up, x to the right. By default it looks across the table."""
+    held: Pose6 = HELD
+    """The target in the hand, which is where the robot's camera would be: x, y, z [m], roll, pitch,
+    yaw [deg]; by default 5 cm before it, facing away from it."""
     width: Annotated[int, Ge(16), Le(2560)] = 320
     """Image width [px]."""
     height: Annotated[int, Ge(16), Le(1920)] = 240
@@ -74,6 +86,8 @@ class CameraConfig:
     first [s]; by default the gain is fixed."""
 
     def __post_init__(self) -> None:
+        if self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD):
+            raise ValueError('pose and held are of a camera with mounted = "world"')
         if self.fovy_deg is not None and self.fx is not None:
             raise ValueError("fovy_deg and fx both give the focal length; leave one of them out")
         if self.fy is not None and self.fx is None:

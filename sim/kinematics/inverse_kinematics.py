@@ -170,11 +170,10 @@ def _descend(
     whole[robot.qpos] = start
     configuration = mink.Configuration(robot.model, whole)
     task = mink.FrameTask("robot/eye", "site", 1.0, 1.0, lm_damping=1e-3)
-    turned = T_world_camera.rotation @ VISION_FROM_MUJOCO.T
+    hand = robot.hand_for(T_world_camera)
+    turned = hand.rotation @ VISION_FROM_MUJOCO.T
     task.set_target(
-        mink.SE3.from_rotation_and_translation(
-            mink.SO3.from_matrix(turned), T_world_camera.translation
-        )
+        mink.SE3.from_rotation_and_translation(mink.SO3.from_matrix(turned), hand.translation)
     )
     limits = [mink.ConfigurationLimit(robot.model)]
     left = np.inf
@@ -202,7 +201,7 @@ def comfort(robot: Robot, data: mujoco.MjData) -> float:
     room = np.minimum(q - robot.lower, robot.upper - q).min()
     weakest = np.linalg.svd(robot.jacobian(data), compute_uv=False)[-1]
     links = data.xpos[robot.model.jnt_bodyid[robot.ids]]
-    x, y, z = robot.eye(data).inverse().apply(links).T
+    x, y, z = robot.camera(data).inverse().apply(links).T
     seen = (z > 0) & (np.hypot(x, y) < VIEW * z)
     hidden = seen.any() or (links[:, 2] < 0).any()
     return float(min(room, COMFORT) * weakest) * (0.01 if hidden else 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
-from sim.geometry import angle_of, exp_se3, inverse_if_strong, log_se3
+from sim.geometry import adjoint, angle_of, exp_se3, inverse_if_strong, log_se3
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import wrong_drive
 from sim.ranges import EachPlay
@@ -79,6 +79,16 @@ class Inversion:
 
 
 @dataclass(frozen=True, slots=True)
+class EyeToHand:
+    """A camera that stands in the room, and a target in the robot's hand: at the site `eye`."""
+
+    T_world_camera: Pose
+    """Where the camera stands (x right, y down, z forward)."""
+    T_hand_target: Pose
+    """How the robot holds the target."""
+
+
+@dataclass(frozen=True, slots=True)
 class Design:
     """A robot before it is put into the room."""
 
@@ -95,6 +105,8 @@ class Design:
     """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
     inversion: Inversion = Inversion()
     """How its joints follow a camera twist."""
+    eye_to_hand: EyeToHand | None = None
+    """Where the camera stands, if the robot carries the target in its place."""
 
 
 def own_name(name: str) -> str:
@@ -127,6 +139,8 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
     for i in range(model.nu):
         if (wrong := wrong_drive(model, i)) is not None:
             raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
+    if design.eye_to_hand is not None:
+        return  # the camera is elsewhere
     eye = model.site(CAMERA)
     camera = model.camera(CAMERA)
     same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
@@ -135,7 +149,12 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
 
 
 class Robot:
-    """The chain of joints between the world and the camera."""
+    """The chain of joints between the world and the camera.
+
+    Where the robot holds the target and the camera stands, poses and twists are the camera's as
+    they are seen from the target: moving the target by a twist moves the camera, seen from it, by
+    the opposite one. All that holds for a camera in the hand then holds for it too.
+    """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
         """Read the joints and their drives from a model.
@@ -147,6 +166,7 @@ class Robot:
         self.model = model
         self.homes = design.homes
         self._inversion = design.inversion
+        self._eye_to_hand = design.eye_to_hand
         self._site = model.site(CAMERA).id
         self.ids = joints = model.actuator_trnid[:, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
@@ -199,11 +219,17 @@ class Robot:
     def jacobian(self, data: mujoco.MjData) -> Array:
         """Camera twist in the camera (vision) frame per joint rate (6, n), as of the last
         kinematics.
+
+        With the camera in the room: -V J, where J gives the hand's twist and V takes it to the
+        camera's frame.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
-        return (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
+        J = (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
+        if self._eye_to_hand is None:
+            return J
+        return -adjoint(self._eye_to_hand.T_world_camera.inverse() @ self.hand(data)) @ J
 
     def rates(self, data: mujoco.MjData, twist: Array, hold: float = 0.0) -> tuple[Array, bool]:
         """Joint rates (n,) for a camera twist (6,), and whether a limit made the whole motion
@@ -316,6 +342,32 @@ class Robot:
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
+        """T_world_camera, or T_target_camera where the robot holds the target, as of the last
+        kinematics.
+        """
+        stands = self._eye_to_hand
+        if stands is None:
+            return self.hand(data)
+        return self.held(data, stands).inverse() @ stands.T_world_camera
+
+    def held(self, data: mujoco.MjData, stands: EyeToHand) -> Pose:
+        """T_world_target of a target in the hand, as of the last kinematics."""
+        return self.hand(data) @ stands.T_hand_target
+
+    def hand_for(self, eye: Pose) -> Pose:
+        """T_world_hand with which `eye` is this pose."""
+        stands = self._eye_to_hand
+        if stands is None:
+            return eye
+        return stands.T_world_camera @ eye.inverse() @ stands.T_hand_target.inverse()
+
+    def camera(self, data: mujoco.MjData) -> Pose:
         """T_world_camera, as of the last kinematics."""
+        return self.hand(data) if self._eye_to_hand is None else self._eye_to_hand.T_world_camera
+
+    def hand(self, data: mujoco.MjData) -> Pose:
+        """T_world_hand: of the site `eye` (x right, y down, z forward), as of the last
+        kinematics.
+        """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())

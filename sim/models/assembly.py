@@ -1,16 +1,20 @@
 """The scene put together: a robot and a target attached to the room, compiled for a camera."""
 
+import copy
 from collections.abc import Iterable
 from importlib import resources
+from typing import Any
 
 import mujoco
+import numpy as np
 
 from sim.camera.camera import FOVY, CameraConfig
 from sim.kinematics.robot import CAMERA, Design
 from sim.models.model_files import compiled
 from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
-from sim.surroundings import Surroundings
+from sim.surroundings import TABLE, Surroundings
+from sim.types import Array
 
 ROBOT = "robot"
 TARGET = "target"
@@ -20,6 +24,22 @@ SPOT = "spot"
 """The prop of a light that is not the same everywhere: MuJoCo lights corners and blends between
 them, so the table needs more of them."""
 FINE_QUADS = 8
+FLOOR = "floor"
+STANDS = 4
+"""A group of geoms that MuJoCo does not draw by itself: no camera on a robot sees them."""
+STAND: dict[str, Any] = {
+    "group": STANDS,
+    "rgba": [0.18, 0.19, 0.21, 1.0],
+    "contype": 0,
+    "conaffinity": 0,
+    "mass": 0,
+}
+"""What robots and cameras stand on; only films and recordings show it."""
+PEDESTAL = 0.08
+TRIPOD = 0.02
+"""Radii of the columns [m]."""
+CAMERA_BODY = (0.03, 0.025, 0.04)
+"""Half sides of the body of a camera in the room [m]."""
 
 
 def build_model(
@@ -59,6 +79,13 @@ def build_model(
         return compiled(room)
 
 
+def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy of the scene's model in which what robots and cameras stand on is drawn."""
+    drawn = copy.copy(model)
+    drawn.geom_group[drawn.geom_group == STANDS] = 0
+    return drawn
+
+
 def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:
     """The camera's name is then CAMERA."""
     base = robot.base
@@ -71,3 +98,29 @@ def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> N
             drive.dynprm[0] = lag
     room.attach(spec, prefix=f"{ROBOT}/", frame=frame)
     room.camera(CAMERA).fovy = camera.fovy_deg or FOVY
+    _put_on_stand(room, base.translation, PEDESTAL)
+    if robot.eye_to_hand is not None:
+        at = robot.eye_to_hand.T_world_camera
+        _put_on_stand(room, at.translation, TRIPOD)
+        room.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=CAMERA_BODY,
+            pos=at.apply(np.array([0.0, 0.0, -CAMERA_BODY[2]])),
+            quat=quaternion_of(at.rotation),
+            **STAND,
+        )
+
+
+def _put_on_stand(room: mujoco.MjSpec, top: Array, radius: float) -> None:
+    """Put a column under a point (3,) [m], from the table or the floor up, if it is above these."""
+    table = room.geom(TABLE)
+    on_table = (np.abs(top[:2]) < table.size[:2]).all()
+    foot = 0.0 if on_table else float(room.geom(FLOOR).pos[2])
+    half = (float(top[2]) - foot) / 2
+    if half > 0:
+        room.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[radius, half, 0],
+            pos=[*top[:2], foot + half],
+            **STAND,
+        )

@@ -38,6 +38,7 @@ from servo.output.recording.layout import IMAGE, blueprint_of_run
 from servo.output.sinks import Every
 from servo.types import DOF
 from sim.kinematics.robot import Robot
+from sim.models.assembly import with_stands
 from sim.types import Array
 from tracking.drawing.colours import ESTIMATE, GOAL, PARTICLES, TRUTH
 from tracking.drawing.picture_bytes import encoded
@@ -122,7 +123,8 @@ class RerunLog:
         camera = self._episode.world.camera
         self._rec.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = ["world/fixed", *self._moving]
-        for path, archetype in solids.solids(solids.shapes_of(self._episode.world.model), bodies):
+        shapes = solids.shapes_of(with_stands(self._episode.world.model))
+        for path, archetype in solids.solids(shapes, bodies):
             self._rec.log(path, archetype, static=True)
         pinhole = rr.Pinhole(
             focal_length=[camera.fx, camera.fy],

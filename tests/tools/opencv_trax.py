@@ -1,0 +1,36 @@
+"""A tracker of OpenCV as a TraX server: python tests/tools/opencv_trax.py CSRT.
+
+It made the rows of CSRT and KCF in the table of loop-v1, in an environment of its own: it needs the packages vot-trax and
+opencv-contrib-python-headless. Where OpenCV says that it does not see the target, it answers with a box of
+zeros, as vot-trax cannot answer with no region.
+"""
+
+import sys
+
+import cv2
+import trax
+
+NOWHERE = trax.Rectangle.create(0, 0, 0, 0)
+
+
+def main(name: str) -> None:
+    """Answer a client until it quits."""
+    tracker = None
+    with trax.Server([trax.Region.RECTANGLE], [trax.Image.MEMORY], tracker_name=name) as server:
+        while True:
+            request = server.wait()
+            if request.type == trax.TraxStatus.QUIT:
+                return
+            picture = cv2.cvtColor(request.image["color"].array(), cv2.COLOR_RGB2BGR)
+            if request.type == trax.TraxStatus.INITIALIZE:
+                tracker = getattr(cv2, f"Tracker{name}").create()
+                region = request.objects[0][0]
+                tracker.init(picture, tuple(round(side) for side in region.bounds()))
+                server.status([(region, {})])
+                continue
+            seen, box = tracker.update(picture)
+            server.status([(trax.Rectangle.create(*box) if seen else NOWHERE, {})])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
