@@ -19,6 +19,14 @@ from servo.scenario.catalogue import PLUGINS, shipped
 
 LINK = re.compile(r'(?:href|src)="([^"]+)"')
 ROOT = Path(__file__).parents[1]
+TOO_WIDE = """
+    const scrolls = (element) => element && element.tagName != 'ARTICLE' &&
+        (getComputedStyle(element).overflowX != 'visible' || scrolls(element.parentElement));
+    return [...document.querySelectorAll('article *')]
+        .filter((e) => e.getBoundingClientRect().right > arguments[0] && !scrolls(e))
+        .map((e) => e.outerHTML.slice(0, 80));
+"""
+"""What is beyond the right border of the screen, and not in a box that scrolls."""
 ANCHOR = re.compile(r'\bid="([^"]+)"')
 
 
@@ -58,6 +66,18 @@ def test_the_site_shows_every_setting_and_scenario(site):
     assert "tracker.particles" in settings
     gallery = site / "gallery"
     assert sorted(picture.stem for picture in gallery.glob("*.webp")) == shipped()
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("width", [1600, 390])
+def test_pages_are_as_wide_as_the_screen(site, browser, width):
+    screen = {"width": width, "height": 844, "deviceScaleFactor": 1, "mobile": width < 500}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    wrong = []
+    for page in sorted((site / "servo").rglob("*.html")):
+        browser.get(page.as_uri())
+        wrong += [(page.name, text) for text in browser.execute_script(TOO_WIDE, width)]
+    assert wrong == []
 
 
 @pytest.mark.processes
