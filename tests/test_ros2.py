@@ -7,6 +7,7 @@ import dataclasses
 import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -151,6 +152,15 @@ def test_what_never_comes_is_one_sentence(monkeypatch):
     monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
     with pytest.raises(Mistake, match=r"^/c/info: no message has come within 0.05 s$"):
         Camera(info="/c/info").calibration()
+
+
+@pytest.mark.parametrize("domain", ["abc", "999", "9" * 30])
+def test_a_domain_that_cannot_be_is_one_sentence(monkeypatch, domain):
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    monkeypatch.setenv("CYCLONEDDS_URI", "")
+    sentence = f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and CYCLONEDDS_URI=''"
+    with pytest.raises(Mistake, match=f"^{re.escape(sentence)}$"):
+        Node()
 
 
 def test_a_served_robot_takes_the_newest_twist_and_stops_without_one(monkeypatch):

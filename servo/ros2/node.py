@@ -3,6 +3,7 @@
 import os
 from typing import Any
 
+from cyclonedds.core import DDSException
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
@@ -12,7 +13,8 @@ from cyclonedds.util import duration
 
 from servo.mistake import Mistake
 
-DOMAIN = "ROS_DOMAIN_ID"
+VARIABLES = {"ROS_DOMAIN_ID": "0", "CYCLONEDDS_URI": ""}
+"""Of the environment: the domain and the network, with their defaults."""
 PATIENCE = 10.0
 """Longest wait for a message that must come [s]."""
 BLOCKS = duration(milliseconds=5)
@@ -23,7 +25,19 @@ class Node:
     """One participant, in the domain that ROS_DOMAIN_ID names, else in 0."""
 
     def __init__(self) -> None:
-        self._participant = DomainParticipant(int(os.environ.get(DOMAIN, "0")))
+        """Join the domain.
+
+        Raises:
+            Mistake: One of the two variables of the environment is wrong.
+        """
+        domain, network = (os.environ.get(name, default) for name, default in VARIABLES.items())
+        try:
+            self._participant = DomainParticipant(int(domain))
+        except (ValueError, OverflowError, DDSException):
+            raise Mistake(
+                f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and "
+                f"CYCLONEDDS_URI='{network}'"
+            ) from None
 
     def writer(self, topic: str, kind: Any) -> DataWriter[Any]:
         """Return a reliable writer, which readers of both kinds can read."""
