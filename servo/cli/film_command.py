@@ -4,7 +4,6 @@ import shlex
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
 
 from rich.console import Console
 
@@ -14,22 +13,15 @@ from servo.cli.terminal import plain
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.output.film import write_film_of_two
-from servo.scenario.load import load
+from servo.scenario.load import Scenario
 from servo.study.run_report import RunReport
 
 
-class Asked(NamedTuple):
-    """What the words of a command `run` ask for."""
-
-    scenario: str
-    changes: tuple[str, ...]
-    seed: int | None
-
-
 def write(
-    runs: tuple[str, str], asked: Callable[[list[str]], Asked], out: Path, *, quiet: bool
+    runs: tuple[str, str], asked: Callable[[list[str]], Scenario], out: Path, *, quiet: bool
 ) -> None:
-    """Write the film of two runs, each a folder or the words of a command, which `asked` reads.
+    """Write the film of two runs, each a folder or the words of a command, whose
+    scenario `asked` gives.
 
     Raises:
         Mistake: A run cannot be done again, or the file cannot be written.
@@ -37,7 +29,7 @@ def write(
     Outputs(video=out).check()
     console = Console(quiet=quiet)
     with ExitStack() as stack:
-        left, right = (stack.enter_context(Episode(load(*asked(_words(run))))) for run in runs)
+        left, right = (stack.enter_context(Episode(asked(_words(run)))) for run in runs)
         frames = max(left.frames, right.frames)
         with progress(console, out.name, frames) as written:
             write_film_of_two((left, right), runs, out, written)

@@ -379,11 +379,15 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
     reversal 'reversal --set estimator.kind=none'.
     """
     check_machine()
-    from servo.cli.film_command import Asked, write
+    from servo.cli.film_command import write
+    from servo.mistake import Mistake
+    from servo.scenario.load import Scenario, load
 
-    def asked(words: list[str]) -> Asked:
+    def asked(words: list[str]) -> Scenario:
         given = run.make_context("run", words).params
-        return Asked(given["scenario"], given["changes"], given["seed"])
+        if given["ros2"]:
+            raise Mistake("film: a run that ROS 2 drives cannot be done again")
+        return load(given["scenario"], given["changes"], given["seed"])
 
     write((first, second), asked, out, quiet=quiet)
 
