@@ -96,10 +96,15 @@ def test_a_message_has_the_bytes_that_rosbags_writes(name):
 def test_a_camera_gives_pictures_in_rgb_with_their_stamps():
     camera = Camera("/a/image")
     image = messages.Image(AT, 1, 2, "bgr8", 0, 6, bytes([1, 2, 3, 4, 5, 6]))
-    frame = given(camera.newest, Node().writer("/a/image", messages.Image).write, image)
+    writer = Node().writer("/a/image", messages.Image)
+    frame = given(camera.newest, writer.write, image)
     assert (frame.time, frame.index) == (12.25, 0)
     assert frame.image.tolist() == [[[3, 2, 1], [6, 5, 4]]]
-    assert camera.newest() is None
+    writer.write(image)
+    time.sleep(0.2)
+    assert camera.newest() is None  # it is not newer
+    image.header = messages.header(12.5, "camera")
+    assert given(camera.newest, writer.write, image).time == 12.5
 
 
 @pytest.mark.parametrize("lens", [None, "plumb_bob", "rational", "fisheye"])

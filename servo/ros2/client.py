@@ -1,5 +1,6 @@
 """A camera and a robot of ROS 2, with the methods that the tutorial on real robots has."""
 
+import math
 import time
 from collections import deque
 from typing import Any
@@ -48,6 +49,7 @@ class Camera:
         self._info = node.reader(info, CameraInfo)
         self._topic = info
         self._count = 0
+        self._last = -math.inf
 
     def calibration(self) -> values.Camera:
         """Wait for the camera's calibration and return it.
@@ -66,15 +68,19 @@ class Camera:
         return values.Camera(fx, fy, cx + MIDDLE, cy + MIDDLE, info.width, info.height, lens)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, or None if none has come within 20 ms.
+        """Return the newest picture, or None if no newer one has come within 20 ms.
 
         Raises:
             ValueError: Its encoding is not known, or it is damaged.
         """
         for message in self._pictures.take_iter(timeout=WAITS):
-            _, image = picture_of(lambda _, found=message: found, b"")
+            stamp = seconds(message.header.stamp)
+            if stamp <= self._last:
+                return None  # a simulation that waits shows its first picture again
+            self._last = stamp
             self._count += 1
-            return Frame(image, seconds(message.header.stamp), self._count - 1)
+            _, image = picture_of(lambda _, found=message: found, b"")
+            return Frame(image, stamp, self._count - 1)
         return None
 
 
