@@ -1,6 +1,5 @@
 """Sliders over settings of a scenario, for notebooks (extra `notebook`)."""
 
-from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -38,14 +37,17 @@ def explore(scenario: str | Path, *keys: str) -> Any:
     values = flat(loaded.settings(), "settings")
     check_known(keys, values, "explore", "setting")
     widgets: Any = import_module("ipywidgets")
-    display: Callable[..., Any] = import_module("IPython.display").display
+    display: Any = import_module("IPython.display")
 
     def run(**chosen: Any) -> Any:
         result = simulate(scenario, **chosen)
-        display(result)
+        display.clear_output(wait=True)  # a widget's output cannot take the progress bar away
+        display.display(result)
         return result
 
     shown = {key: _widget(widgets, loaded, key, values[key]) for key in keys}
+    for widget in shown.values():
+        widget.style.description_width = "initial"  # else a long name is cut
     return widgets.interactive(run, {"manual": True, "manual_name": "Run"}, **shown)
 
 

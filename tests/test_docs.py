@@ -1,6 +1,8 @@
 """The documentation site: it builds without a warning, and its links lead somewhere."""
 
+import json
 import re
+import runpy
 import subprocess
 import sys
 import webbrowser
@@ -16,6 +18,15 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS, shipped
 
 LINK = re.compile(r'(?:href|src)="([^"]+)"')
+ROOT = Path(__file__).parents[1]
+TOO_WIDE = """
+    const scrolls = (element) => element && element.tagName != 'ARTICLE' &&
+        (getComputedStyle(element).overflowX != 'visible' || scrolls(element.parentElement));
+    return [...document.querySelectorAll('article *')]
+        .filter((e) => e.getBoundingClientRect().right > arguments[0] && !scrolls(e))
+        .map((e) => e.outerHTML.slice(0, 80));
+"""
+"""What is beyond the right border of the screen, and not in a box that scrolls."""
 ANCHOR = re.compile(r'\bid="([^"]+)"')
 
 
@@ -55,6 +66,49 @@ def test_the_site_shows_every_setting_and_scenario(site):
     assert "tracker.particles" in settings
     gallery = site / "gallery"
     assert sorted(picture.stem for picture in gallery.glob("*.webp")) == shipped()
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("width", [1600, 390])
+def test_pages_are_as_wide_as_the_screen(site, browser, width):
+    screen = {"width": width, "height": 844, "deviceScaleFactor": 1, "mobile": width < 500}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    wrong = []
+    for page in sorted((site / "servo").rglob("*.html")):
+        browser.get(page.as_uri())
+        wrong += [(page.name, text) for text in browser.execute_script(TOO_WIDE, width)]
+    assert wrong == []
+
+
+@pytest.mark.processes
+def test_a_tutorial_leads_to_its_notebook(site):
+    tutorials = {path.stem for path in (ROOT / "servo" / "tutorials").glob("*.md")} - {"README"}
+    assert {path.stem for path in (site / "notebooks").glob("*.ipynb")} == tutorials
+    page = (site / "servo" / "tutorials" / "your_tracker.html").read_text()
+    assert '<a href="../../notebooks/your_tracker.ipynb" download>' in page
+
+
+def test_a_notebook_has_a_cell_for_each_block():
+    page = (
+        "# Title\n\nText with a [link](other.md).\n\n```toml\nshown = 1\n```\n\nSave as\n`sub/a.py`:\n\n"
+        "```python\nx = 1\n```\n\nThen:\n\n```sh\necho 2\n```\n\n```python\nprint(3)\n```\n\n"
+        "![Drawn](pictures/a.png)\n\nThe [end](https://a.b).\n"
+    )
+    notebook = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))["notebook"]
+    cells = json.loads(notebook(page))["cells"]
+    first, *others = [cell["source"] for cell in cells]
+    assert first.startswith("# Title\n\nRun this in an empty folder; it needs `pip install")
+    assert first.endswith("Text with a link.\n\n```toml\nshown = 1\n```\n\nSave as\n`sub/a.py`:")
+    assert others == [
+        "%mkdir -p sub",
+        "%%writefile sub/a.py\nx = 1",
+        "Then:",
+        "%%bash -e\necho 2",
+        "print(3)",
+        "The [end](https://a.b).",
+    ]
+    kinds = [cell["cell_type"] for cell in cells]
+    assert kinds == ["markdown", "code", "code", "markdown", "code", "code", "markdown"]
 
 
 def test_the_missing_extra_is_named(monkeypatch, tmp_path):

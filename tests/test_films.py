@@ -1,19 +1,28 @@
 """Films: what they show and when, what a kill leaves of them, and that browsers play them."""
 
+import re
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import av
 import cv2
 import mujoco
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from commands import PATIENCE
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
 import servo
+from servo.cli import film_command
+from servo.cli.main import app
 from servo.loop.episode import Episode
+from servo.mistake import Mistake
 from servo.output import room_view
-from servo.output.film import PANEL, write_film
+from servo.output.film import FRUSTUM, PANEL, PANEL_OF_TWO, RunViews, write_film, write_film_of_two
 from servo.output.room_view import RoomView
+from servo.study.run_report import RunReport
 from tracking.drawing.colours import GOAL, STATUS_ON_WHITE
 from tracking.drawing.film_page import BELOW, CAPTION, CHART, HEAD, LEFT, MARGIN, FilmPage, panel
 from tracking.drawing.running_chart import Chart, RunningChart
@@ -65,6 +74,97 @@ def test_a_film_of_a_run_shows_camera_room_and_errors(tmp_path):
     corner = (steps[-1].goal_corners[1] * factor).round().astype(int)
     near = pictures[corner[1] - 2 : corner[1] + 3, MARGIN + corner[0] - 2 : MARGIN + corner[0] + 3]
     assert np.abs(near.astype(int) - GOAL).sum(axis=2).min() < 60
+
+
+def test_points_of_the_room_are_where_they_are_drawn():
+    with Episode(servo.load("line", CHANGES)) as episode:
+        world = episode.world
+        view = RoomView(world.model, *PANEL)
+        view.render(world.bodies())
+        target = world.truth().T_world_target
+        geoms = np.array(
+            [world.model.geom(g).name.startswith("target") for g in range(world.model.ngeom)]
+        )
+        rows, columns = np.nonzero(view._renderer.silhouette(view._data, geoms, alone=True))
+        view.close()
+    ((x, y),) = view.project(target.translation[None])
+    assert (columns.min(), rows.min()) < (x, y) < (columns.max(), rows.max())
+    assert np.hypot(x - columns.mean(), y - rows.mean()) < 5
+
+
+def test_the_room_shows_where_the_camera_looks_and_has_been():
+    steps = list(
+        servo.run(servo.load("line", [*CHANGES, "tracker.kind=truth", "run.duration=0.5"]))
+    )
+    camera = steps[0].scene.camera
+    views = RunViews(camera, steps[0].scene.room, PANEL)
+    bare = RoomView(steps[0].scene.room, *PANEL)
+    for step in steps:
+        _, room = views.draw(step)
+    drawn = np.abs(room.astype(int) - bare.render(steps[-1].bodies)).sum(axis=2) > 30
+    pose = steps[-1].truth.T_world_camera
+    corner = np.array([[-camera.cx / camera.fx, -camera.cy / camera.fy, 1.0]])
+    ends = pose.apply(FRUSTUM * corner)[0], steps[0].truth.T_world_camera.translation
+    way = np.linalg.norm(pose.translation - ends[1])
+    assert way > 0.02
+    for x, y in bare.project(np.array([pose.translation, *ends])).round().astype(int):
+        assert drawn[y - 1 : y + 2, x - 1 : x + 2].any()
+    views.close()
+    bare.close()
+    assert drawn.mean() < 0.01
+
+
+@pytest.mark.newest
+def test_two_runs_are_beside_each_other_and_the_shorter_one_stands_still(tmp_path):
+    moving = [*CHANGES, "tracker.kind=truth"]
+    loaded = [servo.load("still", [*moving, f"run.duration={end}"]) for end in (0.3, 0.2)]
+    notes = []
+    with Episode(loaded[0]) as left, Episode(loaded[1]) as right:
+        write_film_of_two((left, right), ("a", "b"), tmp_path / "a.mp4", notes.append)
+    errors = np.array([re.findall(r"[\d.]+", note) for note in notes], float)
+    np.testing.assert_array_equal(errors[:6, 0], errors[:6, 1])
+    np.testing.assert_array_equal(errors[6:, 1], errors[5, 1])
+    assert errors[5, 0] - errors[-1, 0] > 2
+    pictures = [picture.image for picture in Video.of(tmp_path / "a.mp4")]
+    width, height = PANEL_OF_TWO
+    assert (len(pictures), len(notes)) == (9, 9)
+    assert pictures[0].shape == (HEAD + CAPTION + 2 * height + CHART, 3 * MARGIN + 2 * width, 3)
+    first, second = (
+        [picture[HEAD + CAPTION : -CHART, at : at + width].astype(int) for picture in pictures]
+        for at in (MARGIN, 2 * MARGIN + width)
+    )
+    assert np.abs(first[5] - second[5]).mean() < 3
+    assert np.abs(second[-1] - second[5]).mean() < 3
+    assert np.abs(first[-1] - first[5]).mean() > 3
+
+
+def test_films_of_two_need_one_rate(tmp_path):
+    loaded = [servo.load("still", [*CHANGES, f"camera.rate={rate}"]) for rate in (30, 60)]
+    differ = pytest.raises(Mistake, match=r"^film: the cameras' rates differ: 30 and 60 Hz$")
+    with Episode(loaded[0]) as left, Episode(loaded[1]) as right, differ:
+        write_film_of_two((left, right), ("a", "b"), tmp_path / "a.mp4", print)
+
+
+def test_the_command_takes_words_of_run_and_folders(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    given = "still --set run.duration=0.1 --set tracker.kind=frozen --seed 3"
+    (tmp_path / "done").mkdir()
+    command = f"servobench run {given} --no-rerun"
+    head = {"format": RunReport.FORMAT, "kind": RunReport.KIND, "command": command}
+    monkeypatch.setattr(RunReport, "read", lambda path: SimpleNamespace(**head))
+    asked = []
+    monkeypatch.setattr(
+        film_command,
+        "Episode",
+        lambda loaded: asked.append(loaded) or nullcontext(SimpleNamespace(frames=3)),
+    )
+    monkeypatch.setattr(film_command, "write_film_of_two", lambda *given: None)
+    result = CliRunner().invoke(
+        app, ["film", given, "done", "--out", "b.mp4"], catch_exceptions=False
+    )
+    assert (result.exit_code, result.output) == (0, "b.mp4\n")
+    assert [loaded.run.seed for loaded in asked] == [3, 3]
+    assert [loaded.run.duration for loaded in asked] == [0.1, 0.1]
 
 
 def test_the_room_is_as_it_was_at_the_time_of_the_frame():

@@ -66,7 +66,7 @@ def commands_of(text):
     for line in shown:
         found = re.match(r"(?:.*uv run |# )?servobench ([a-z-].*)", line)
         if found:
-            yield found[1].partition(" # ")[0].split()
+            yield re.findall(r"'[^']*'|\S+", found[1].partition(" # ")[0])
 
 
 def test_there_is_a_manual_for_each_subject():
@@ -88,6 +88,8 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path):
 
 @pytest.mark.parametrize("block", blocks("python"))
 def test_every_python_example_runs(block, tmp_path, monkeypatch):
+    if "servo.ros2" in block:
+        pytest.importorskip("cyclonedds", reason="there is no CycloneDDS for this Python")
     monkeypatch.chdir(tmp_path)
     exec(compile(block, "<manual>", "exec"), {"__name__": "manual"})
 

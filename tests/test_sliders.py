@@ -18,6 +18,7 @@ def test_numbers_words_and_flags_have_their_widgets():
     assert (kind.value, "qp" in kind.options) == ("ibvs", True)
     assert (x.value, x.min, x.max) == (0.0, 0.0, 1.0)
     assert [child.description for child in box.children[:5]] == list(keys)
+    assert {child.style.description_width for child in box.children[:5]} == {"initial"}
 
 
 def test_the_button_runs_the_scenario_with_what_is_chosen():

@@ -1,6 +1,7 @@
 """The command line. Heavy imports happen inside the commands."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import click
 
 from servo.cli import options as opt
 from servo.cli.guard import check_machine, guarded
-from servo.cli.outputs import output_options
+from servo.cli.outputs import Outputs, output_options
 from sim.ranges import LONGEST
 
 PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
@@ -32,13 +33,20 @@ def app() -> None:
 @opt.out_option("runs/NAME-SEED")
 @opt.quiet_option
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
+@click.option(
+    "--ros2", is_flag=True, help="Let a controller in ROS 2 drive it, in real time (extra ros2)."
+)
 @output_options
-def run(scenario: str, no_rerun: bool, **options: Any) -> None:
+def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: Any) -> None:
     """Run a scenario; write recording, table, report and plots."""
     check_machine(rerun=not no_rerun)
     from servo.cli.run_command import run_scenario
 
-    sys.exit(run_scenario(scenario, rerun=not no_rerun, **options))
+    if ros2:
+        from servo.ros2.server import Server
+
+        outputs = replace(outputs, server=Server())
+    sys.exit(run_scenario(scenario, rerun=not no_rerun, outputs=outputs, **options))
 
 
 @app.command()
@@ -355,6 +363,33 @@ def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | N
         sys.exit(viewer.show(path, web=web))
     viewer.picture(path, png, at, panel)
     click.echo(png)
+
+
+@app.command()
+@click.argument("first", metavar="RUN")
+@click.argument("second", metavar="RUN")
+@click.option(
+    "--out", type=opt.PATH, default=Path("film.mp4"), show_default=True, help="File to write."
+)
+@opt.quiet_option
+def film(first: str, second: str, out: Path, quiet: bool) -> None:
+    """Film two runs beside each other.
+
+    A RUN is the folder of one, which is repeated, or what follows `servobench run`, in quotes: film
+    reversal 'reversal --set estimator.kind=none'.
+    """
+    check_machine()
+    from servo.cli.film_command import write
+    from servo.mistake import Mistake
+    from servo.scenario.load import Scenario, load
+
+    def asked(words: list[str]) -> Scenario:
+        given = run.make_context("run", words).params
+        if given["ros2"]:
+            raise Mistake("film: a run that ROS 2 drives cannot be done again")
+        return load(given["scenario"], given["changes"], given["seed"])
+
+    write((first, second), asked, out, quiet=quiet)
 
 
 @app.command()

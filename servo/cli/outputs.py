@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from servo.loop.episode import Episode
     from servo.output.recording.live import LiveViewer
+    from servo.ros2.server import Server
     from tracking.sequences.sources import Source
     from tracking.types import Region
 
@@ -38,6 +39,8 @@ class Outputs:
     web: bool = False
     speed: float | None = None
     port: int | None = None
+    server: Server | None = None
+    """Serves the run to ROS 2, if that was asked for."""
 
     @property
     def files(self) -> list[Path]:
@@ -94,6 +97,8 @@ class Outputs:
 
             log = RerunLog(viewer, episode, EVERY)
             found[VIEWER] = PacedSink(log, self.speed or 1.0, lambda step: step.frame.time)
+        if self.server is not None:
+            found["ROS 2"] = self.server.serving(episode)
         return found
 
     def of_track(

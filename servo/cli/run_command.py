@@ -1,9 +1,12 @@
 """The command `servobench run`: run one scenario and write its results into a folder."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -28,6 +31,9 @@ from sim.models.target import dimensions
 from sim.types import Array
 from tracking.advice import advice
 
+if TYPE_CHECKING:
+    from servo.ros2.server import Server
+
 
 def run_scenario(
     name: str,
@@ -45,9 +51,10 @@ def run_scenario(
         Mistake: The scenario or a setting is wrong, or the folder cannot be used.
         Refused: A file could not be written completely; the rows have priority.
     """
-    scenario = load(name, changes, seed)
+    scenario = load(name, changes, seed, outputs.server)
     outputs.check()
-    again = command_line("run", name, set=list(changes), seed=scenario.run.seed, no_rerun=not rerun)
+    flags = {"no_rerun": not rerun, "ros2": outputs.server is not None}
+    again = command_line("run", name, set=list(changes), seed=scenario.run.seed, **flags)
     gl.is_there()
     console = Console(quiet=quiet)
     name = f"{scenario.name}-{scenario.run.seed}"
@@ -111,13 +118,19 @@ def _write(episode: Episode, output: RunFolder, console: Console, steps: list[St
     return writing
 
 
-def load(name: str, changes: Sequence[str], seed: int | None) -> Scenario:
-    """A scenario that can be run and whose bounds name existing measures.
+def load(
+    name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
+) -> Scenario:
+    """A scenario that can be run and whose bounds name existing measures; a server takes the place
+    of its controller.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
     """
-    scenario = scenarios.load(name, changes, seed)
+    if server is None:
+        scenario = scenarios.load(name, changes, seed)
+    else:
+        scenario = scenarios.load(name, [*server.SETTINGS, *changes], seed, controller=server)
     check_expect(scenario)
     return scenario
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import cv2
+from notebooks import notebook
 
 import servo
 from servo.cli.list_command import FOLDERS, settings_rows
@@ -42,6 +44,9 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += _table(("measure", "unit", "meaning"), rows)
     if page == "servo/docs/gallery":
         source[0] += _gallery(app.outdir / "gallery")
+    path = PurePosixPath(page)
+    if path.parent.name == "tutorials" and path.name != "README":
+        source[0] = _with_notebook(source[0], path.name, app.outdir / "notebooks")
 
 
 def _settings() -> str:
@@ -90,6 +95,15 @@ def _gallery(folder: Path) -> str:
         for name in studies()
     ]
     return text + "</div>\n\n## Studies\n" + _table(("study", "question"), rows)
+
+
+def _with_notebook(page: str, name: str, folder: Path) -> str:
+    """Write a tutorial's notebook; return the page with a link to it below its title."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.ipynb").write_text(notebook(page), encoding="utf-8")
+    title, _, rest = page.partition("\n\n")
+    link = f'<a href="../../notebooks/{name}.ipynb" download>Download this page as a notebook</a>'
+    return f"{title}\n\n{link}\n\n{rest}"
 
 
 def _draw(name: str, picture: Path) -> None:

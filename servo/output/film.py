@@ -1,21 +1,76 @@
 """The film of a run: the camera with its overlays, the room, and the errors over time."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
+import cv2
+import numpy as np
+from mujoco import MjModel
+
+from servo.loop.episode import Episode
 from servo.loop.step import Step
+from servo.mistake import Mistake
 from servo.output.room_view import RoomView
+from sim.types import Array, Camera, Image
 from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
 from tracking.drawing.running_chart import Chart
+from tracking.types import Status
 
 PANEL = (616, 462)
 """Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
-CAPTIONS = ("Camera: estimate green, goal red, truth white", "The room")
+PANEL_OF_TWO = (448, 336)
+"""The same where two runs are beside each other, with each room below its camera."""
+LONGEST = 72
+"""Letters of a caption that fit above a picture there."""
+MARKS = "estimate green, goal red, truth white"
+CAPTIONS = (f"Camera: {MARKS}", "The room")
 CURVES = {
     "true centre to goal": colours.CURVES[0],
     "estimated to true centre": colours.CURVES[1],
 }
+FRUSTUM = 0.25
+"""Distance from the camera at which the room shows the border of its picture [m]."""
+PARTS = 16
+"""Parts of a pixel to which lines are drawn."""
+
+
+class RunViews:
+    """The two pictures of each step of one run: what the camera sees, and the room with it.
+
+    The room has the camera's pyramid of view and its way so far, drawn over all else.
+    """
+
+    def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
+        """Begin with the camera and the world's model; `size` is that of a picture [px]."""
+        borders = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (camera.width, camera.height)
+        self._corners = FRUSTUM * np.insert(camera.normalise(borders), 2, 1.0, axis=1)
+        self._size = size
+        self._room = RoomView(room, *size)
+        self._way: list[Array] = []
+        self.close = self._room.close
+        """Give back what it holds."""
+
+    def draw(self, step: Step) -> tuple[Image, Image]:
+        """Return the pictures of the camera and of the room (H, W, 3)."""
+        marks = (
+            (step.truth.corners, colours.TRUTH),
+            (step.goal_corners, colours.GOAL),
+            (step.estimate.outline(step.region), colours.ESTIMATE),
+        )
+        seen = panel(step.frame.image, *self._size, marks, step.estimate.particles)
+        room = self._room.render(step.bodies)
+        pose = step.truth.T_world_camera
+        self._way.append(pose.translation)
+        corners = pose.apply(self._corners)
+        edges = [np.stack([pose.translation, corner]) for corner in corners]
+        for line in (np.stack(self._way), np.append(corners, corners[:1], axis=0), *edges):
+            places = np.round(PARTS * self._room.project(line)).astype(np.int32)
+            cv2.polylines(
+                room, [places], False, colours.PARTICLES, 1, cv2.LINE_AA, PARTS.bit_length() - 1
+            )
+        return seen, room
 
 
 class RunFilm:
@@ -26,7 +81,7 @@ class RunFilm:
         self._path = path
         self._title = title
         self._end = end
-        self._opened: tuple[FilmPage, RoomView] | None = None
+        self._opened: tuple[FilmPage, RunViews] | None = None
 
     def add(self, step: Step) -> None:
         """Write a step, which still has its picture.
@@ -38,20 +93,11 @@ class RunFilm:
             rate = 1 / step.scene.period
             chart = Chart(CURVES, "distance [px]", self._end)
             film = FilmPage(self._path, rate, self._title, CAPTIONS, PANEL, chart)
-            self._opened = film, RoomView(step.scene.room, *PANEL)
-        film, room = self._opened
-        marks = (
-            (step.truth.corners, colours.TRUTH),
-            (step.goal_corners, colours.GOAL),
-            (step.estimate.outline(step.region), colours.ESTIMATE),
-        )
-        views = (
-            panel(step.frame.image, *PANEL, marks, step.estimate.particles),
-            room.render(step.bodies),
-        )
+            self._opened = film, RunViews(step.scene.camera, step.scene.room, PANEL)
+        film, views = self._opened
         errors = step.servo_error, step.tracking_error
         note = f"error {step.servo_error:.1f} px"
-        film.add(step.frame.time, views, errors, step.estimate.status.name, note)
+        film.add(step.frame.time, views.draw(step), errors, step.estimate.status.name, note)
 
     def close(self) -> None:
         """Finish the file."""
@@ -64,9 +110,9 @@ class RunFilm:
     def _finish(self, *, whole: bool) -> None:
         if self._opened is None:
             return
-        film, room = self._opened
+        film, views = self._opened
         self._opened = None
-        room.close()
+        views.close()
         if whole:
             film.close()
         else:
@@ -95,3 +141,48 @@ def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
     finally:
         film.close()
     return path
+
+
+def write_film_of_two(
+    episodes: tuple[Episode, Episode],
+    names: tuple[str, str],
+    path: Path,
+    written: Callable[[str], None],
+) -> None:
+    """Run two episodes and film them beside each other; one that has ended stands still.
+
+    Args:
+        episodes: Both, not yet run.
+        names: Of both, which stand above them and at their curves.
+        path: The file to write, an MP4; an older one is replaced.
+        written: Is called after each frame, with a note.
+
+    Raises:
+        Mistake: The rates of the cameras differ.
+        OSError: The file cannot be written.
+    """
+    worlds = [episode.world for episode in episodes]
+    rates = [1 / world.period for world in worlds]
+    if rates[0] != rates[1]:
+        raise Mistake(f"film: the cameras' rates differ: {rates[0]:g} and {rates[1]:g} Hz")
+    end = max(episode.scenario.run.duration for episode in episodes)
+    captions = [f"{number}: {name}"[:LONGEST] for number, name in enumerate(names, 1)]
+    curves = {"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}
+    chart = Chart(curves, "error [px]", end)
+    width, height = PANEL_OF_TWO
+    film = FilmPage(path, rates[0], MARKS.capitalize(), captions, (width, 2 * height), chart)
+    views = [RunViews(world.camera, world.model, PANEL_OF_TWO) for world in worlds]
+    steps: tuple[Step, ...] = ()
+    try:
+        for pair in zip_longest(*episodes):
+            steps = tuple(new or last for new, last in zip_longest(pair, steps))
+            pictures = [np.vstack(view.draw(step)) for view, step in zip(views, steps, strict=True)]
+            errors = [step.servo_error for step in steps]
+            note = "error " + " and ".join(f"{error:.1f} px" for error in errors)
+            worse = max((step.estimate.status for step in steps), key=list(Status).index)
+            film.add(max(step.frame.time for step in steps), pictures, errors, worse.name, note)
+            written(note)
+    finally:
+        for view in views:
+            view.close()
+        film.close()

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from sim.camera.choice import renderer_of
+from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.models.assembly import with_stands
 from sim.models.quaternion import matrix_of
 from sim.types import Array, Camera, Image
@@ -30,6 +31,7 @@ class RoomView:
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         focal = height / 2 / tan(FOVY / 2)
         view = Camera(focal, focal, width / 2, height / 2, width, height)
+        self._view = view
         model = self._model = with_stands(model)
         self._data = mujoco.MjData(model)
         self._id = model.camera(CAMERA).id
@@ -59,6 +61,11 @@ class RoomView:
     def close(self) -> None:
         """Give the buffers back."""
         self._renderer.close()
+
+    def project(self, points: Array) -> Array:
+        """Where points (n, 3) of the world [m] are in the picture (n, 2) [px]."""
+        seen = (points - EYE) @ _towards(EYE, LOOKS_AT) @ VISION_FROM_MUJOCO
+        return self._view.project(seen)
 
 
 def _towards(eye: tuple[float, ...], point: tuple[float, ...]) -> Array:

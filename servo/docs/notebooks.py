@@ -1,0 +1,71 @@
+"""Notebooks that are made from tutorials, with a cell for each block of code."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
+SAVED = re.compile(r"Save\s+as\s+`([\w./]+)`:\s*$")
+DRAWN = re.compile(r"^!\[.*?\]\(pictures/.*?\)\n", re.MULTILINE)
+"""A picture that the code of the page draws."""
+LINK = re.compile(r"\[([^\]]*)\]\((?!http)[^)]*\)")
+"""A link to another page, which a notebook does not have beside it."""
+MAGIC = {"python": "", "sh": "%%bash -e\n"}
+BEGIN = "Run this in an empty folder; it needs `pip install 'servobench[notebook]'`."
+KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
+
+
+def notebook(page: str) -> str:
+    """Return a notebook, in Jupyter's format, of a page in Markdown.
+
+    A block that the page says to save becomes a cell that writes the file.
+    """
+    title, _, rest = page.partition("\n\n")
+    cells = _cells(f"{title}\n\n{BEGIN}\n\n{rest}")
+    numbered = [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)]
+    whole = {
+        "nbformat": 4,
+        "nbformat_minor": 5,
+        "metadata": {"kernelspec": KERNEL},
+        "cells": numbered,
+    }
+    return json.dumps(whole, indent=1)
+
+
+def _cells(page: str) -> Iterator[dict[str, Any]]:
+    """Yield the page's text and code; what is only shown, such as a table of TOML, is text."""
+    pieces = BLOCK.split(page)
+    *texts, end = pieces[0::3]
+    shown = ""
+    for text, language, code in zip(texts, pieces[1::3], pieces[2::3], strict=True):
+        saved = SAVED.search(text)
+        shown += text
+        if saved is None and language not in MAGIC:
+            shown += f"```{language}\n{code}```\n"
+            continue
+        if shown.strip():
+            yield _text(shown)
+        shown = ""
+        if saved is None:
+            yield _code(MAGIC[language] + code)
+            continue
+        folder, _, _ = saved[1].rpartition("/")
+        if folder:
+            yield _code(f"%mkdir -p {folder}")
+        yield _code(f"%%writefile {saved[1]}\n{code}")
+    yield _text(shown + end)
+
+
+def _text(text: str) -> dict[str, Any]:
+    source = LINK.sub(r"\1", DRAWN.sub("", text)).strip()
+    return {"cell_type": "markdown", "metadata": {}, "source": source}
+
+
+def _code(source: str) -> dict[str, Any]:
+    cell = {"cell_type": "code", "metadata": {}, "source": source.rstrip("\n")}
+    return cell | {"execution_count": None, "outputs": []}

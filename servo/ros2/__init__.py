@@ -1,0 +1,12 @@
+"""Cameras and robots of ROS 2 without an installation of it: DDS by CycloneDDS (extra `ros2`)."""
+
+from importlib.util import find_spec
+
+from servo.mistake import Mistake
+
+if find_spec("cyclonedds") is None or find_spec("rosbags") is None:
+    raise Mistake("ROS 2 needs the extra 'ros2': pip install 'servobench[ros2]'")
+
+from servo.ros2.client import Camera, Robot
+
+__all__ = ["Camera", "Robot"]

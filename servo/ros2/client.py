@@ -1,0 +1,143 @@
+"""A camera and a robot of ROS 2, with the methods that the tutorial on real robots has."""
+
+import math
+import time
+from collections import deque
+from typing import Any
+
+import mujoco
+import numpy as np
+from cyclonedds.util import duration
+
+import sim.types as values
+from servo.loop.episode import Episode
+from servo.mistake import check_known
+from servo.ros2.messages import (
+    CameraInfo,
+    CompressedImage,
+    Image,
+    JointState,
+    TwistStamped,
+    header,
+    seconds,
+    stamped,
+)
+from servo.ros2.node import Node, first
+from servo.scenario.calibration import MODELS
+from servo.scenario.load import Scenario
+from sim.camera.distortion import COEFFICIENTS, Distortion
+from sim.geometry import log_se3
+from sim.types import Array, Frame, Pose, Posture
+from tracking.sequences.image_message import picture_of
+
+WAITS = duration(milliseconds=20)
+"""Longest wait for a new picture."""
+KEPT = 100
+"""States of the joints that are kept, to find the one at the time of a picture."""
+MIDDLE = 0.5
+"""Place of the first pixel's middle, which is zero in ROS [px]."""
+
+
+class Camera:
+    """A camera: sensor_msgs/Image, or CompressedImage where the topic ends so, and CameraInfo."""
+
+    def __init__(self, image: str = "/camera/image_raw", info: str = "/camera/camera_info") -> None:
+        """Read two topics."""
+        node = Node()
+        kind = CompressedImage if image.endswith("/compressed") else Image
+        self._pictures = node.reader(image, kind)
+        self._info = node.reader(info, CameraInfo)
+        self._topic = info
+        self._count = 0
+        self._last = -math.inf
+
+    def calibration(self) -> values.Camera:
+        """Wait for the camera's calibration and return it.
+
+        Raises:
+            Mistake: None has come, or its distortion is not known.
+        """
+        info = first(self._info, self._topic)
+        fx, _, cx, _, fy, cy = info.k[:6]
+        lens = None
+        if any(info.d):
+            check_known([info.distortion_model], MODELS, self._topic, "distortion_model")
+            model = MODELS[info.distortion_model]
+            padded = [*info.d, 0.0, 0.0][: COEFFICIENTS[model]]
+            lens = Distortion(model, tuple(padded))
+        return values.Camera(fx, fy, cx + MIDDLE, cy + MIDDLE, info.width, info.height, lens)
+
+    def newest(self) -> Frame | None:
+        """Return the newest picture, or None if no newer one has come within 20 ms.
+
+        Raises:
+            ValueError: Its encoding is not known, or it is damaged.
+        """
+        for message in self._pictures.take_iter(timeout=WAITS):
+            stamp = seconds(message.header.stamp)
+            if stamp <= self._last:
+                return None  # a simulation that waits shows its first picture again
+            self._last = stamp
+            self._count += 1
+            _, image = picture_of(lambda _, found=message: found, b"")
+            return Frame(image, stamp, self._count - 1)
+        return None
+
+
+class Robot:
+    """A robot: sensor_msgs/JointState in, geometry_msgs/TwistStamped of the camera out."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        joints: str = "/joint_states",
+        twist: str = "/servo/twist",
+        frame: str = "camera",
+    ) -> None:
+        """Read and write two topics.
+
+        Args:
+            scenario: Its `[robot]` is the robot's model, with the joints' names.
+            joints: Topic of the joints' states.
+            twist: Topic of the camera's twists.
+            frame: The camera's optical frame, in which these are.
+        """
+        with Episode(scenario) as episode:
+            self._robot = episode.world.robot
+        self._data = mujoco.MjData(self._robot.model)
+        node = Node()
+        self._reader = node.reader(joints, JointState, KEPT)
+        self._writer = node.writer(twist, TwistStamped)
+        self._topic = joints
+        self._frame = frame
+        self._states = deque[Any](maxlen=KEPT)
+        self._last: tuple[float, Pose] | None = None
+
+    def posture(self, time: float) -> Posture:
+        """Return what the robot knew of itself when a picture was taken [s]: they have one clock.
+
+        Raises:
+            Mistake: No state has come, or one without a joint of the model.
+        """
+        self._states.extend(self._reader.take(KEPT))
+        if not self._states:
+            self._states.append(first(self._reader, self._topic))
+        state = min(self._states, key=lambda s: abs(seconds(s.header.stamp) - time))
+        positions = dict(zip(state.name, state.position, strict=True))
+        check_known(self._robot.names, positions, self._topic, "joint")
+        self._data.qpos[self._robot.qpos] = [positions[name] for name in self._robot.names]
+        self._robot.refresh(self._data)
+        return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
+
+    def go(self, twist: Array) -> None:
+        """Ask for a camera twist (6,) [m/s, rad/s]."""
+        self._writer.write(stamped(twist, header(time.time(), self._frame)))
+
+    def _twist(self, now: float) -> Array:
+        """Return the mean camera twist (6,) since the last posture."""
+        pose = self._robot.eye(self._data)
+        before = self._last
+        self._last = now, pose
+        if before is None or now <= before[0]:
+            return np.zeros(6)
+        return log_se3(before[1].inverse() @ pose) / (now - before[0])

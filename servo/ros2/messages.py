@@ -1,0 +1,77 @@
+"""Messages of ROS 2 as types of DDS; `rosbags` has the definitions of their fields."""
+
+from functools import cache
+from typing import Any
+
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl._machinery import BytesMachine
+from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
+from rosbags.typesys import Stores, get_typestore
+
+from sim.types import Array
+
+FIELDS: Any = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+"""Names and types of each message's fields; those of the messages used here have not changed."""
+PLAIN: dict[str, Any] = {
+    "bool": bool,
+    "float64": float64,
+    "int32": int32,
+    "string": str,
+    "uint8": uint8,
+    "uint32": uint32,
+}
+PICTURES = ("Image", "CompressedImage")
+SECOND = 1_000_000_000
+"""In nanoseconds."""
+
+
+@cache
+def message(name: str) -> Any:
+    """Return the class of a message by its name, such as "sensor_msgs/Image"."""
+    package, _, short = name.partition("/")
+    fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
+    made: Any = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
+    if short in PICTURES:  # as a sequence of numbers, a picture of 640 x 480 px would take 60 ms
+        made.__idl__.populate()
+        made.__idl__.v1_machine.members_machines["data"] = BytesMachine()
+        made.__idl__.v2_machine.members_machines["data"] = BytesMachine()
+    return made
+
+
+def _type_of(node: Any, of: Any) -> Any:
+    """Return the type of a field: a plain one, a message, an array or a sequence."""
+    match node.name:
+        case "BASE":
+            return PLAIN[of[0]]
+        case "NAME":
+            return message(of.replace("/msg/", "/"))
+        case "ARRAY":
+            return array[_type_of(*of[0]), of[1]]
+        case _:
+            return sequence[_type_of(*of[0])]
+
+
+Image = message("sensor_msgs/Image")
+CompressedImage = message("sensor_msgs/CompressedImage")
+CameraInfo = message("sensor_msgs/CameraInfo")
+RegionOfInterest = message("sensor_msgs/RegionOfInterest")
+JointState = message("sensor_msgs/JointState")
+TwistStamped = message("geometry_msgs/TwistStamped")
+Clock = message("rosgraph_msgs/Clock")
+
+
+def header(seconds: float, frame: str) -> Any:
+    """Return the header of a moment [s]."""
+    stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
+    return message("std_msgs/Header")(stamp, frame)
+
+
+def seconds(stamp: Any) -> float:
+    """Return a moment [s]."""
+    return stamp.sec + stamp.nanosec / SECOND
+
+
+def stamped(twist: Array, at: Any) -> Any:
+    """Return the message of a twist (6,)."""
+    linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
+    return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))

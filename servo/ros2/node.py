@@ -1,0 +1,64 @@
+"""Readers and writers of topics over DDS, as ROS 2 names and serves them."""
+
+import os
+from typing import Any
+
+from cyclonedds.core import DDSException
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from servo.mistake import Mistake
+
+VARIABLES = {"ROS_DOMAIN_ID": "0", "CYCLONEDDS_URI": ""}
+"""Of the environment: the domain and the network, with their defaults."""
+PATIENCE = 10.0
+"""Longest wait for a message that must come [s]."""
+BLOCKS = duration(milliseconds=5)
+"""Longest wait of a writer for a slow reader."""
+
+
+class Node:
+    """One participant, in the domain that ROS_DOMAIN_ID names, else in 0."""
+
+    def __init__(self) -> None:
+        """Join the domain.
+
+        Raises:
+            Mistake: One of the two variables of the environment is wrong.
+        """
+        domain, network = (os.environ.get(name, default) for name, default in VARIABLES.items())
+        try:
+            self._participant = DomainParticipant(int(domain))
+        except (ValueError, OverflowError, DDSException):
+            raise Mistake(
+                f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and "
+                f"CYCLONEDDS_URI='{network}'"
+            ) from None
+
+    def writer(self, topic: str, kind: Any) -> DataWriter[Any]:
+        """Return a reliable writer, which readers of both kinds can read."""
+        qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
+        return DataWriter(self._participant, self._topic(topic, kind), qos)
+
+    def reader(self, topic: str, kind: Any, depth: int = 1) -> DataReader[Any]:
+        """Return a reader of the newest messages, which takes those of all writers."""
+        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
+        return DataReader(self._participant, self._topic(topic, kind), qos)
+
+    def _topic(self, topic: str, kind: Any) -> Topic[Any]:
+        return Topic(self._participant, f"rt/{topic.strip('/')}", kind)
+
+
+def first(reader: DataReader[Any], topic: str) -> Any:
+    """Wait for a message and return it.
+
+    Raises:
+        Mistake: None has come.
+    """
+    for message in reader.take_iter(timeout=duration(seconds=PATIENCE)):
+        return message
+    raise Mistake(f"{topic}: no message has come within {PATIENCE:g} s")

@@ -1,0 +1,132 @@
+"""A simulated camera and robot for somebody's own controller in ROS 2, in real time."""
+
+import sys
+import time
+from contextlib import suppress
+from typing import Any, Self
+
+import numpy as np
+from cyclonedds.core import DDSException
+
+from servo.loop.episode import Episode
+from servo.loop.step import Step
+from servo.parts import Task
+from servo.ros2.client import MIDDLE
+from servo.ros2.messages import (
+    CameraInfo,
+    Clock,
+    Image,
+    JointState,
+    RegionOfInterest,
+    TwistStamped,
+    header,
+)
+from servo.ros2.node import Node
+from servo.scenario.calibration import MODELS
+from servo.types import Command, Sight
+from sim.types import Camera, Posture
+
+TOPIC = "/servo/twist"
+DEAD_MAN = 0.3
+"""Time without a twist after which the robot stops by itself [s]."""
+FRAME = "camera"
+NAMES = {own: name for name, own in reversed(MODELS.items())}
+"""ROS's name of a distortion; the first one where there are two."""
+
+
+class Server:
+    """The controller of a run, which takes the twists of ROS 2, and the sink that serves its steps.
+
+    The run's time begins with the first twist. A picture is out at its time; the twist that is
+    there one frame interval later acts from then on.
+    """
+
+    SETTINGS = ("tracker.kind=truth", "estimator.kind=none", "run.latency=0")
+    """Of a run whose tracker and law are elsewhere."""
+
+    def __init__(self) -> None:
+        """Begin to listen."""
+        node = Node()
+        self._twists = node.reader(TOPIC, TwistStamped)
+        self._images = node.writer("/camera/image_raw", Image)
+        self._info = node.writer("/camera/camera_info", CameraInfo)
+        self._joints = node.writer("/joint_states", JointState)
+        self._clock = node.writer("/clock", Clock)
+        self._twist = np.zeros(6)
+        self._heard = -DEAD_MAN
+        self._began: float | None = None
+
+    def serving(self, episode: Episode) -> Self:
+        """Serve this run from now on, whose camera is as it is believed to be; return this."""
+        self._camera = episode.world.camera_believed
+        self._names = list(episode.world.robot.names)
+        return self
+
+    def start(self, task: Task) -> None:
+        """Begin a task, which is not known here."""
+
+    def aim(self, goal: Sight) -> None:
+        """Go on with another goal, which is not known here."""
+
+    def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
+        """Return the newest twist; zeros where it is too old, or not finite."""
+        self._listen()
+        is_new = time.monotonic() < self._heard + DEAD_MAN
+        return Command(self._twist if is_new and np.isfinite(self._twist).all() else np.zeros(6))
+
+    def add(self, step: Step) -> None:
+        """Serve a step, and wait until it is time for the next one."""
+        self._publish(step)
+        if self._began is None:
+            sys.stderr.write(f"waiting for a twist on {TOPIC}\n")
+            while not self._listen():
+                time.sleep(step.scene.period)
+                self._publish(step)
+            self._began = time.monotonic() - step.frame.time
+        due = self._began + step.frame.time + step.scene.period
+        time.sleep(max(0.0, due - time.monotonic()))
+
+    def close(self) -> None:
+        """End; the topics end with the process."""
+
+    def abandon(self) -> None:
+        """End after an error, likewise."""
+
+    def _listen(self) -> bool:
+        """Take the newest twist, if one has come."""
+        found = self._twists.take(1)
+        for message in found:
+            parts = message.twist.linear, message.twist.angular
+            self._twist = np.array([[part.x, part.y, part.z] for part in parts]).ravel()
+            self._heard = time.monotonic()
+        return bool(found)
+
+    def _publish(self, step: Step) -> None:
+        at = header(step.frame.time, FRAME)
+        image = step.frame.image
+        height, width, _ = image.shape
+        robot = step.posture.joints.tolist(), step.rates.tolist()
+        with suppress(DDSException):  # a reader is too slow; it gets the next one
+            self._clock.write(Clock(at.stamp))
+            self._info.write(camera_info(self._camera, step.frame.time))
+            self._joints.write(JointState(at, self._names, *robot, []))
+            self._images.write(Image(at, height, width, "rgb8", 0, 3 * width, image.tobytes()))
+
+
+def camera_info(camera: Camera, time: float) -> Any:
+    """Return the calibration of a camera at a time [s]."""
+    lens = camera.distortion
+    k = [camera.fx, 0.0, camera.cx - MIDDLE, 0.0, camera.fy, camera.cy - MIDDLE, 0.0, 0.0, 1.0]
+    return CameraInfo(
+        header(time, FRAME),
+        camera.height,
+        camera.width,
+        "plumb_bob" if lens is None else NAMES[lens.model],
+        [0.0] * 5 if lens is None else list(lens.coefficients),
+        k,
+        np.eye(3).ravel().tolist(),
+        [*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0],
+        0,
+        0,
+        RegionOfInterest(0, 0, 0, 0, False),
+    )

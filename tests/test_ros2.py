@@ -1,0 +1,242 @@
+"""ROS 2 over DDS: messages as it has them on the wire, a camera and a robot, and a run that is served.
+
+Everything was tried against itself and against rosbags' serializer, not against a real ROS 2.
+"""
+
+import dataclasses
+import importlib
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import servo
+from servo.mistake import Mistake
+from sim.camera.distortion import Distortion
+
+pytest.importorskip("cyclonedds", reason="the extra ros2 is not installed")
+pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
+
+from rosbags.typesys import Stores, get_typestore
+
+from servo.ros2 import Camera, Robot, messages, server
+from servo.ros2.node import Node
+
+LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
+<NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>
+<ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers>
+</Discovery></Domain></CycloneDDS>"""
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+AT = messages.header(12.25, "camera")
+FISHEYE = servo.Camera(300.0, 310.0, 161.5, 119.0, 320, 240, Distortion("fisheye", (0.1, 0, 0, 0)))
+EXAMPLES = {
+    "sensor_msgs/msg/Image": messages.Image(AT, 2, 1, "rgb8", 0, 3, bytes(range(6))),
+    "sensor_msgs/msg/CompressedImage": messages.CompressedImage(AT, "jpeg", b"abc"),
+    "sensor_msgs/msg/CameraInfo": server.camera_info(FISHEYE, 12.25),
+    "sensor_msgs/msg/JointState": messages.JointState(AT, ["a", "bc"], [1.0, 2.0], [3.0], []),
+    "geometry_msgs/msg/TwistStamped": messages.stamped(np.arange(6.0), AT),
+    "rosgraph_msgs/msg/Clock": messages.Clock(AT.stamp),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def alone():
+    """A domain of this process, on this machine only."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CYCLONEDDS_URI", LOOPBACK)
+        patch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 200))
+        yield
+
+
+def of_rosbags(message, name):
+    """The same message as an object of rosbags."""
+    fields = dict(STORE.fielddefs[name][1])
+    values = {}
+    for field in dataclasses.fields(message):
+        value, (node, of) = getattr(message, field.name), fields[field.name]
+        if node.name == "NAME":
+            value = of_rosbags(value, of)
+        elif node.name != "BASE" and of[0][1][0] != "string":
+            kind = of[0][1][0]
+            value = (
+                np.frombuffer(value, kind) if isinstance(value, bytes) else np.array(value, kind)
+            )
+        values[field.name] = value
+    return STORE.types[name](**values)
+
+
+def given(reader, write, message):
+    """Write a message until a function returns something."""
+    for _ in range(100):
+        write(message)
+        found = reader()
+        if found is not None:
+            return found
+        time.sleep(0.05)
+    raise AssertionError("nothing came")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_message_has_the_bytes_that_rosbags_writes(name):
+    message = EXAMPLES[name]
+    expected = bytes(STORE.serialize_cdr(of_rosbags(message, name), name))
+    written = message.serialize()
+    assert written[:2] == expected[:2] == b"\x00\x01"
+    assert written[4:].rstrip(b"\0") == expected[4:].rstrip(b"\0")  # both may be padded
+    assert type(message).deserialize(written) == message
+    package, _, short = name.partition("/msg/")
+    assert type(message).__idl__.idl_transformed_typename == f"{package}::msg::dds_::{short}_"
+
+
+def test_a_camera_gives_pictures_in_rgb_with_their_stamps():
+    camera = Camera("/a/image")
+    image = messages.Image(AT, 1, 2, "bgr8", 0, 6, bytes([1, 2, 3, 4, 5, 6]))
+    writer = Node().writer("/a/image", messages.Image)
+    frame = given(camera.newest, writer.write, image)
+    assert (frame.time, frame.index) == (12.25, 0)
+    assert frame.image.tolist() == [[[3, 2, 1], [6, 5, 4]]]
+    writer.write(image)
+    time.sleep(0.2)
+    assert camera.newest() is None  # it is not newer
+    image.header = messages.header(12.5, "camera")
+    assert given(camera.newest, writer.write, image).time == 12.5
+
+
+@pytest.mark.parametrize("lens", [None, "plumb_bob", "rational", "fisheye"])
+def test_a_calibration_survives_the_way(lens):
+    count = {"plumb_bob": 5, "rational": 8, "fisheye": 4}
+    distortion = None if lens is None else Distortion(lens, (0.01,) * count[lens])
+    sent = dataclasses.replace(FISHEYE, distortion=distortion)
+    camera = Camera(info=f"/{lens}/info")
+    writer = Node().writer(f"/{lens}/info", messages.CameraInfo)
+    given(lambda: writer.get_matched_subscriptions() or None, lambda _: None, None)
+    writer.write(server.camera_info(sent, 0.0))
+    assert camera.calibration() == sent
+
+
+def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
+    scenario = servo.load("arm7_line")
+    with servo.Episode(scenario) as episode:
+        expected = episode.world.posture()
+        names = list(episode.world.robot.names)
+    robot = Robot(scenario, "/b/joints", "/b/twist")
+    writer = Node().writer("/b/joints", messages.JointState)
+    given(lambda: writer.get_matched_subscriptions() or None, lambda _: None, None)
+    backwards = ["gripper", *reversed(names)], [0.0, *reversed(expected.joints.tolist())]
+    writer.write(messages.JointState(AT, *backwards, [], []))
+    posture = robot.posture(12.25)
+    np.testing.assert_allclose(posture.joints, expected.joints)
+    np.testing.assert_allclose(
+        posture.T_base_camera.translation, expected.T_base_camera.translation
+    )
+    np.testing.assert_allclose(posture.jacobian, expected.jacobian)
+    np.testing.assert_array_equal(posture.twist, np.zeros(6))
+    rate = 0.01
+    moved = expected.joints + rate * np.eye(7)[2]
+    writer.write(messages.JointState(messages.header(12.35, ""), names, moved.tolist(), [], []))
+    time.sleep(0.2)
+    twist = robot.posture(12.35).twist
+    np.testing.assert_allclose(twist, expected.jacobian[:, 2] * rate / 0.1, atol=1e-3)
+    reader = Node().reader("/b/twist", messages.TwistStamped)
+    sent = given(lambda: (reader.take(1) or [None])[0], robot.go, np.arange(6.0))
+    assert (sent.twist.linear.y, sent.twist.angular.z, sent.header.frame_id) == (1.0, 5.0, "camera")
+    writer.write(
+        messages.JointState(messages.header(12.5, ""), names[1:], moved.tolist()[1:], [], [])
+    )
+    time.sleep(0.2)
+    with pytest.raises(Mistake, match=f"^/b/joints: there is no joint '{names[0]}'"):
+        robot.posture(12.5)
+
+
+def test_what_never_comes_is_one_sentence(monkeypatch):
+    monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
+    with pytest.raises(Mistake, match=r"^/c/info: no message has come within 0.05 s$"):
+        Camera(info="/c/info").calibration()
+
+
+@pytest.mark.parametrize("domain", ["abc", "999", "9" * 30])
+def test_a_domain_that_cannot_be_is_one_sentence(monkeypatch, domain):
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    monkeypatch.setenv("CYCLONEDDS_URI", "")
+    sentence = f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and CYCLONEDDS_URI=''"
+    with pytest.raises(Mistake, match=f"^{re.escape(sentence)}$"):
+        Node()
+
+
+def test_a_served_robot_takes_the_newest_twist_and_stops_without_one(monkeypatch):
+    served = server.Server()
+    writer = Node().writer(server.TOPIC, messages.TwistStamped)
+
+    def asked():
+        twist = served.command(None, None, 0.0).twist
+        return twist if twist.any() else None
+
+    assert asked() is None
+    np.testing.assert_array_equal(
+        given(asked, writer.write, messages.stamped(np.arange(6.0), AT)), np.arange(6.0)
+    )
+    now = time.monotonic()
+    monkeypatch.setattr(server.time, "monotonic", lambda: now + 0.4)
+    assert asked() is None
+    writer.write(messages.stamped(np.full(6, np.nan), AT))
+    time.sleep(0.2)
+    assert asked() is None
+
+
+CONTROLLER = """
+import time
+import numpy as np
+import servo
+from servo.ros2 import Camera, Robot
+
+camera = Camera()
+robot = Robot(servo.load("circle"))
+calibration = camera.calibration()
+outline = np.array([[-0.1, 0.05, 0], [0.1, 0.05, 0], [0.1, -0.05, 0], [-0.1, -0.05, 0]])
+loop = servo.Loop(servo.load("circle", ["controller.fastest=0.5"]), calibration, outline)
+while (frame := camera.newest()) is None:
+    pass
+
+
+def started():
+    return loop.start(frame, servo.Region(58.0, 29.0), servo.State(160.0, 120.0))
+
+
+for k in range(2):  # compile before the robot moves
+    started().step(servo.Frame(frame.image, 0.0, 0), robot.posture(frame.time))
+running = started()
+last = -1.0
+while last < 2.9:
+    if frame is not None and frame.time > last:
+        robot.go(running.step(frame, robot.posture(frame.time)).twist)
+        last = frame.time
+    frame = camera.newest()
+"""
+
+
+@pytest.mark.processes
+def test_two_processes_close_the_loop(tmp_path):
+    out = tmp_path / "served"
+    words = ["run", "circle", "--ros2", "--set", "run.duration=3", "--no-rerun", "--out", str(out)]
+    command = [sys.executable, "-m", "servo", *words, "--quiet"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
+        subprocess.run([sys.executable, "-c", CONTROLLER], check=True, timeout=120)
+        assert run.communicate(timeout=60)[1] == "waiting for a twist on /servo/twist\n"
+    assert run.returncode == 0
+    measures = json.loads((out / "report.json").read_text())["measures"]
+    assert (
+        0.0 < measures["servo_rms_px"] < 3.0
+    )  # 0.8 px; the clock does not wait for a busy machine
+
+
+def test_the_missing_extra_is_named(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(
+        Mistake, match=r"^ROS 2 needs the extra 'ros2': pip install 'servobench\[ros2\]'$"
+    ):
+        importlib.reload(sys.modules["servo.ros2"])
