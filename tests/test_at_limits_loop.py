@@ -106,6 +106,7 @@ class Step:
     servoed: tuple[bool, bool] = (True, True)
     goal_theta: float = 0.0
     goal_size: float = 1.0
+    tells_front_from_back: bool = False
 
     @property
     def frame(self):
@@ -131,6 +132,7 @@ class Step:
         ([Step(turned_deg=-19.99)], Outcome.CONVERGED),
         ([Step(turned_deg=20.01)], Outcome.TIMED_OUT),
         ([Step(turned_deg=161.0)], Outcome.CONVERGED),  # moments take front for back
+        ([Step(turned_deg=161.0, tells_front_from_back=True)], Outcome.TIMED_OUT),
         ([Step(turned_deg=89.0, servoed=(False, True))], Outcome.CONVERGED),
         ([Step(size=1.25)], Outcome.CONVERGED),
         ([Step(size=0.7499)], Outcome.TIMED_OUT),
