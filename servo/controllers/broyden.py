@@ -25,9 +25,9 @@ from sim.types import Array, Posture
 SEEN = 1e-3
 """Motion between two pictures [m, rad] of which half is believed: it moves a corner by about a
 pixel, so less of it is the corners' noise."""
-WEAK = 0.02
+WEAK = 0.005
 """Directions that move the features by less than this share of the strongest are left out: what
-was learned of them is noise."""
+was learned of them is noise. A shift against a tilt moves the corners of a small target by 0.008."""
 
 
 @dataclass(frozen=True, slots=True)
