@@ -27,7 +27,7 @@ SEEN = 1e-3
 pixel, so less of it is the corners' noise."""
 WEAK = 0.005
 """Directions that move the features by less than this share of the strongest are left out: what
-was learned of them is noise. A shift against a tilt moves the corners of a small target by 0.008."""
+was learned of them is noise. A shift against a tilt moves a small target's corners by 0.008."""
 
 
 @dataclass(frozen=True, slots=True)
