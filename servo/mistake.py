@@ -3,7 +3,8 @@
 import difflib
 import errno
 import traceback
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Generator, Iterable
+from contextlib import contextmanager
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE)
@@ -50,6 +51,31 @@ def unwritable(place: object, error: OSError, what: str = "to this folder") -> M
     """Why something cannot be written: its place is wrong, or the machine is full."""
     sentence = f"{place}: cannot write {what}: {error.strerror}"
     return Refused(sentence) if error.errno in FULL else Mistake(sentence)
+
+
+@contextmanager
+def writing(place: object, what: str = "to this folder") -> Generator[None]:
+    """Turn an error of the disk in the block into a sentence; `what` is written at the place.
+
+    Raises:
+        Mistake: The place is wrong.
+        Refused: The machine is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise unwritable(place, error, what) from None
+
+
+@contextmanager
+def as_mistake() -> Generator[None]:
+    """Make a ValueError in the block the user's mistake, with the same sentence."""
+    try:
+        yield
+    except Mistake:
+        raise
+    except ValueError as error:
+        raise Mistake(str(error)) from None
 
 
 def check_suffix(path: Path, *suffixes: str) -> None:

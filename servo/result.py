@@ -29,7 +29,7 @@ from servo import notebook
 from servo.loop.episode import Episode
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.step import Step
-from servo.mistake import Mistake, Refused, unwritable
+from servo.mistake import Mistake, Refused, writing
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
@@ -226,10 +226,8 @@ class Clip:
             Mistake: Its place is wrong.
             Refused: The disk is full.
         """
-        try:
+        with writing(path, "this film"):
             Path(arguments.name(path, "film")).write_bytes(self.mp4)
-        except OSError as error:
-            raise unwritable(path, error, "this film") from None
 
     def _repr_html_(self) -> str:
         return notebook.html_film(self.mp4)
@@ -320,7 +318,6 @@ class Sweep:
         return f"Sweep({self.study.name}: {runs} runs, {cells} cells, {len(self.failed)} failed)"
 
     def _repr_html_(self) -> str:
-        keys = [axis.key for axis in self.study.every_axis]
         measures = moved(self._cells)
         rows = [cell_row(cell, measures) for cell in self._cells]
-        return notebook.html_table(Table((*keys, "units", "held", *measures), rows))
+        return notebook.html_table(Table((*self.study.keys, "units", "held", *measures), rows))

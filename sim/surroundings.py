@@ -16,7 +16,7 @@ from annotated_types import Ge, Le
 from sim.files.picture_file import read_image
 from sim.files.shipped import file_of
 from sim.ranges import Degrees, File, Share
-from sim.targets._paint import PLAIN, Colour, rgba
+from sim.targets._paint import PLAIN, Colour, lay, rgba
 from sim.types import Array, Image
 
 WOOD = "wood"
@@ -92,10 +92,6 @@ class LightConfig:
     """Its colour, as "#rrggbb", or red, green and blue from 0 to 1."""
 
 
-def _fixed() -> np.random.Generator:
-    return np.random.default_rng(0)
-
-
 @dataclass(frozen=True, slots=True)
 class Surroundings:
     """All that surrounds the target."""
@@ -103,7 +99,7 @@ class Surroundings:
     ground: GroundConfig = field(default_factory=GroundConfig)
     clutter: ClutterConfig = field(default_factory=ClutterConfig)
     light: LightConfig = field(default_factory=LightConfig)
-    rng: np.random.Generator = field(default_factory=_fixed)
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     """Draws the clutter."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
@@ -128,18 +124,8 @@ class Surroundings:
 
 
 def _cover(room: mujoco.MjSpec, ground: GroundConfig) -> None:
-    picture = ground.picture()
-    height, width, channels = picture.shape
-    texture = room.add_texture(
-        name=GROUND,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        width=width,
-        height=height,
-        nchannel=channels,
-    )
-    texture.data = picture.tobytes()
     material = room.material(WOOD)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = GROUND
+    lay(room, ground.picture(), material, GROUND)
     material.texrepeat = 2 * room.geom(TABLE).size[:2] / ground.tile
 
 

@@ -15,7 +15,7 @@ from servo.bench.world_run import CONTESTANT, ERROR, SLOW, WORLD, jobs_of
 from servo.cli.bench_command import SEEDS, BenchRequest
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.terminal import plain, print_table
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, writing
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import benchmark_section
@@ -33,11 +33,6 @@ ONLY_PUBLIC = (
     "--contestant, --set, --band, --sealed, --quick, --submit and --verify belong to "
     f"{' and '.join(NAMES)}"
 )
-
-
-def is_public(suite: str) -> bool:
-    """Return whether a suite is a public benchmark."""
-    return suite in NAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,11 +185,9 @@ def _submit(file: Path, row: Row, records: Sequence[Record]) -> None:
             ERROR: [np.asarray(r.series[ERROR], np.float32) for r in own],
         }
     )
-    try:
+    with writing(file, "this row"):
         atomic.write(file.parent, file.name, row.text())
         atomic.write(file.parent, f"{file.stem}.parquet", parquet(errors))
-    except OSError as error:
-        raise unwritable(file, error, "this row") from None
 
 
 def _verify(

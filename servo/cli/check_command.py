@@ -12,7 +12,7 @@ from servo.cli.jobs import print_estimate, progress
 from servo.cli.run_command import load, print_missed
 from servo.cli.terminal import complain, plain, print_table
 from servo.loop.run_measures import MEANINGS
-from servo.mistake import Mistake, Refused, check_suffix, one_line, unwritable
+from servo.mistake import Mistake, Refused, check_suffix, one_line, writing
 from servo.output.formats import Made, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
@@ -106,10 +106,14 @@ def check_scenarios(
 
 
 def _write(runs: list[dict[str, Any]], junit: Path | None, json: Path | None, command: str) -> None:
-    if junit is not None:
-        _write_file(junit, _junit(runs))
-    if json is not None:
-        _write_file(json, CheckFile(command=command, versions=versions(), runs=runs).text())
+    texts = {
+        junit: _junit(runs),
+        json: CheckFile(command=command, versions=versions(), runs=runs).text(),
+    }
+    for path, text in texts.items():
+        if path is not None:
+            with writing(path, "this file"):
+                atomic.write(path.absolute().parent, path.name, text)
 
 
 def _check_changes(changes: Sequence[str]) -> None:
@@ -184,19 +188,6 @@ def _check_place(path: Path | None, suffix: str) -> None:
     other = path.is_symlink() or (path.exists() and not path.is_file())
     if other or not path.absolute().parent.is_dir():
         raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
-
-
-def _write_file(path: Path, content: str) -> None:
-    """Write a file.
-
-    Raises:
-        Mistake: It cannot be there.
-        Refused: The disk refuses.
-    """
-    try:
-        atomic.write(path.absolute().parent, path.name, content)
-    except OSError as error:
-        raise unwritable(path, error, "this file") from None
 
 
 def _junit(runs: list[dict[str, Any]]) -> str:

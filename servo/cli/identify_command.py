@@ -10,7 +10,7 @@ from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
 from servo.identify.log import Channel, Log, read
 from servo.loop.episode import Episode
-from servo.mistake import unwritable
+from servo.mistake import writing
 from servo.output.run_folder import prepare
 from servo.scenario.load import load
 from servo.types import DOF
@@ -32,10 +32,8 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
     log = read(path)
     found, text = estimated(log, scenario)
     folder = prepare(out, f"identify-{path.stem}")
-    try:
+    with writing(folder):
         files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]
-    except OSError as error:
-        raise unwritable(folder, error) from None
     console = Console()
     for each in (text, *files):
         plain(console, str(each))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
-from servo.mistake import Mistake, unwritable
+from servo.mistake import Mistake, writing
 from servo.scenario.catalogue import PLUGINS
 from tracking.files import atomic
 
@@ -60,12 +60,10 @@ def new(part: str, kind: str, folder: Path | None) -> list[Path]:
     """
     _check_name(part, kind)
     folder = folder or Path(kind)
-    try:
+    with writing(folder):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise Mistake(f"{folder}: there is something of this name; choose another with --out")
         return [atomic.write(folder, name, text) for name, text in _files(part, kind).items()]
-    except OSError as error:
-        raise unwritable(folder, error) from None
 
 
 def _files(part: str, kind: str) -> dict[str, str]:

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, print_estimate
 from servo.cli.terminal import complain, escape, plain, print_table
-from servo.mistake import Mistake, check_known
+from servo.mistake import Mistake, as_mistake, check_known
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.papers.claim import FRESH, WORDS, Claim, Effort, Evidence, Verdict
@@ -56,10 +56,8 @@ def run(
             are not for verdicts.
     """
     chosen = _chosen(names, effort)
-    try:
+    with as_mistake():
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
-    except ValueError as error:
-        raise Mistake(str(error)) from None
     folder = out or Path("runs") / _folder(effort)
     again = command_line(
         "papers",

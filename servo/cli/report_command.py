@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servo.cli.sweep_command import measures_of
-from servo.mistake import Mistake, check_suffix, unwritable
+from servo.mistake import Mistake, check_suffix, writing
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
 from servo.report import (
@@ -85,10 +85,8 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
         named = figures(sections, printed.figures)
         files |= {path.parent / FIGURES / name: content for name, content in named}
     for place, content in files.items():
-        try:
+        with writing(place, "this page"):
             atomic.write(place.parent, place.name, content)
-        except OSError as error:
-            raise unwritable(place, error, "this page") from None
     return paths
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 from servo.cli.terminal import plain, print_table
-from servo.mistake import Mistake, check_suffix, unwritable
+from servo.mistake import Mistake, check_suffix, writing
 from servo.report.words import Table
 from servo.scenario.fill import fill
 from servo.types import DOF
@@ -97,10 +97,8 @@ def examine(given: dict[str, Any], out: Path) -> int:
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
     plain(console, f"{_reach_text(reach)}\n{left}\n\n{_toml(config, chain)}\n")
-    try:
+    with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
-    except OSError as error:
-        raise unwritable(out, error, "this picture") from None
     plain(console, str(out))
     return 0
 

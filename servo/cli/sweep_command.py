@@ -98,9 +98,8 @@ def _sum_up(
         return 0
     table = store.table()
     rows = rows_of(table)
-    keys = [axis.key for axis in study.every_axis]
     cells = cells_of(study, rows)
-    pairs = comparisons(study.compare, keys, rows, drawn=bool(study.draws))
+    pairs = comparisons(study.compare, study.keys, rows, drawn=bool(study.draws))
     _print_cells(console, cells, moved(cells) if measures is None else measures)
     paths = [store.write(RESULTS, parquet(table))]
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
@@ -114,7 +113,7 @@ def _sum_up(
     for path in paths:
         plain(console, f"  {path}")
     plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
-    not_kept = missed_by_cells(grouped(keys, rows), study.expect)
+    not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)
     for line in not_kept:
         complain(line)
     return 1 if not_kept else 0

@@ -24,7 +24,7 @@ from servo.cli.terminal import (
     progress_bar,
 )
 from servo.loop.part_failures import Part, PartFailed
-from servo.mistake import Mistake
+from servo.mistake import Mistake, as_mistake
 from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
 from servo.output.track_folder import TrackFolder, TrackReport
@@ -104,15 +104,13 @@ def run(request: TrackRequest) -> int:
     settings, config = tracker_of(request.tracker, request.changes)
     request.outputs.check()
     console = Console(quiet=request.quiet)
-    try:
+    with as_mistake():
         source = source_of(request.source, request.rate, request.topic)
         request = replace(request, source=shown(request.source))
         truth = _truth(request, source)
         _warm_up(request, source, config, console)
         request, pictures = _selected(request, source)
         region, start = _placement(request, truth)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
     part = Part("tracker", config)
     tracker = part.guarded(part.build(np.random.default_rng(request.seed)))
     shots = _shots(itertools.islice(follow(tracker, pictures, region, start), request.frames))
@@ -178,12 +176,8 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
 
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
     """Yield the shots; a ValueError of source or tracker is the user's mistake."""
-    try:
+    with as_mistake():
         yield from shots
-    except Mistake:
-        raise
-    except ValueError as error:
-        raise Mistake(str(error)) from None
 
 
 def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:

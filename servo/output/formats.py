@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 from annotated_types import Ge, Le
 from pydantic import TypeAdapter, ValidationError
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, as_mistake
 from sim.files import reading
 from tracking.files import atomic
 from tracking.files.json_text import as_json, json_text
@@ -102,10 +102,8 @@ def content(path: Path) -> bytes:
     Raises:
         Mistake: It cannot be read, is not a regular file, or is too large.
     """
-    try:
+    with as_mistake():
         return reading.content(path, "file", LARGEST)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
 
 
 def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:

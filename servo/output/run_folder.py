@@ -7,7 +7,7 @@ from pathlib import Path
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
-from servo.mistake import Mistake, Refused, refusal, unwritable
+from servo.mistake import Mistake, Refused, refusal, writing
 from servo.output import plots
 from servo.output.formats import Document
 from servo.output.sinks import Sink, Sinks
@@ -24,15 +24,13 @@ def prepare(asked: Path | None, name: str) -> Path:
         Mistake: It is not empty, cannot be written, or its name is not UTF-8.
     """
     _check_name(asked or Path(name))
-    try:
+    with writing(asked or Path("runs") / name):
         if asked is None:
             return _next_free(Path("runs"), name)
         if asked.is_dir() and any(asked.iterdir()):
             raise Mistake(f"{asked}: there is something in this folder; choose another with --out")
         asked.mkdir(parents=True, exist_ok=True)
         atomic.write(asked, RECORDING, b"").unlink()  # a test
-    except OSError as error:
-        raise unwritable(asked or Path("runs") / name, error) from None
     return asked
 
 

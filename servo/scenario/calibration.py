@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import yaml
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, as_mistake
 from servo.scenario.toml import is_number
 from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
@@ -63,10 +63,8 @@ def calibrated(camera: Any, place: str) -> Any:
 
 def _read(path: Path) -> Table:
     """Return the size (width, height) of a calibration's image, and its settings for it."""
-    try:
+    with as_mistake():
         text = reading.text(path, "calibration", LARGEST_FILE)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
     document = _of_opencv(text, path) if text.startswith(OPENCV) else _of_ros(text, path)
     size = [document.get(key) for key in ("image_width", "image_height")]
     for key, value in zip(("image_width", "image_height"), size, strict=True):

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, as_mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.files import reading
 from sim.installed import Trusted
@@ -33,10 +33,8 @@ def read(path: Path, what: str) -> str:
     Raises:
         Mistake: It cannot be read, is not a regular file, is not UTF-8 text, or is too large.
     """
-    try:
+    with as_mistake():
         return reading.text(path, what, LARGEST_FILE)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
 
 
 def decode(text: str, place: str) -> dict[str, Any]:

@@ -157,7 +157,7 @@ def _study(
 
 def _compared(study: Study, asked: Any, place: str) -> Study:
     """The study with the axis that is compared; by default tracker.kind."""
-    keys = [axis.key for axis in study.every_axis]
+    keys = study.keys
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
     if asked in [draw.key for draw in study.draws]:

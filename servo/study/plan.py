@@ -41,6 +41,11 @@ class Study:
         return (several, *self.axes) if len(self.bases) > 1 else self.axes
 
     @property
+    def keys(self) -> list[str]:
+        """The settings that the axes vary."""
+        return [axis.key for axis in self.every_axis]
+
+    @property
     def size(self) -> int:
         """Number of runs."""
         cells = int(np.prod([len(a.values) for a in self.every_axis], dtype=object))

@@ -140,9 +140,8 @@ def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, An
 
 def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
     """The cells that have runs, in the order of the study."""
-    keys = [axis.key for axis in study.every_axis]
     drawn = bool(study.draws)
-    return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(keys, rows)]
+    return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(study.keys, rows)]
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:
@@ -206,10 +205,9 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
     Columns are the axes, runs, unit, success rate and means with 95 % intervals, and the number of
     runs in which each measure is finite.
     """
-    keys = [axis.key for axis in study.every_axis]
     lines = [
         [
-            *(cell.settings[k] for k in keys),
+            *(cell.settings[k] for k in study.keys),
             cell.runs,
             cell.unit,
             *cells([cell.success, *map(cell.means.get, MEASURED)]),
@@ -219,7 +217,7 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
     ]
     intervals = titles([SUCCESS_RATE, *MEASURED])
     finite = [f"{name}_runs" for name in MEASURED]
-    return csv_text([*keys, "runs", "unit", *intervals, *finite], lines)
+    return csv_text([*study.keys, "runs", "unit", *intervals, *finite], lines)
 
 
 def _rate(held: _Held) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from servo.mistake import Mistake, check_known
+from servo.mistake import Mistake, as_mistake, check_known
 from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
@@ -89,10 +89,8 @@ def _entry(table: dict[str, Any], place: str) -> Generated:
 
 
 def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
-    try:
+    with as_mistake():
         return [Recorded(folder, s.name, form) for s in read_all(folder, RATE, form)]
-    except ValueError as error:
-        raise Mistake(str(error)) from None
 
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:

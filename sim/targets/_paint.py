@@ -81,18 +81,22 @@ def add_picture(spec: mujoco.MjSpec, picture: Image) -> str:
         scale = LARGEST_SIDE / side
         size = [max(1, round(n * scale)) for n in picture.shape[1::-1]]
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    lay(spec, picture, spec.add_material(name=PICTURE, specular=0, shininess=0), PICTURE)
+    return PICTURE
+
+
+def lay(spec: mujoco.MjSpec, picture: Image, material: mujoco.MjsMaterial, name: str) -> None:
+    """Lay a picture on all that is of a material; `name` is that of the new texture."""
     height, width, channels = picture.shape
     texture = spec.add_texture(
-        name=PICTURE,
+        name=name,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         width=width,
         height=height,
         nchannel=channels,
     )
     texture.data = picture.tobytes()
-    material = spec.add_material(name=PICTURE, specular=0, shininess=0)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = PICTURE
-    return PICTURE
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
-from servo.mistake import Mistake, check_suffix
+from servo.mistake import Mistake, as_mistake, check_suffix
 from servo.output.display import has_display
 from sim.files import reading
 from sim.stderr import silent_libraries
@@ -38,11 +38,8 @@ def check(path: Path) -> None:
     Raises:
         Mistake: The file is missing, or it is not one of Rerun's.
     """
-    try:
-        with reading.opened(path, "recording") as file:
-            begin = file.read(4)
-    except ValueError as error:
-        raise Mistake(str(error)) from None
+    with as_mistake(), reading.opened(path, "recording") as file:
+        begin = file.read(4)
     if begin not in MAGIC:
         raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
 

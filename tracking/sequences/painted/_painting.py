@@ -25,6 +25,19 @@ def blotches(
     return np.clip(colour + spread * noise, 0, 255).astype(np.uint8)
 
 
+def noisy(image: Image, noise: float, seed: int, index: int) -> Image:
+    """A picture with the noise of its place in a sequence.
+
+    Args:
+        image: The picture, also with fractions of grey levels.
+        noise: Standard deviation [grey levels].
+        seed: Of the sequence's noise.
+        index: The picture's place in the sequence.
+    """
+    draws = np.random.default_rng([seed, index]).normal(0, noise, image.shape)
+    return np.clip(image + draws, 0, 255).round().astype(np.uint8)
+
+
 def paste(image: Image, patch: Image, region: Region, state: State) -> Image:
     """A picture with a patch in the region at a state, with smooth edges."""
     height, width = patch.shape[:2]

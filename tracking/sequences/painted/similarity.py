@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
-from tracking.sequences.painted._painting import blotches, paste
+from tracking.sequences.painted._painting import blotches, noisy, paste
 from tracking.sequences.sequence import Sequence
 from tracking.sequences.sources import PaintedSource
 from tracking.types import Region, State
@@ -71,8 +71,7 @@ class Config:
             image = np.mean(pictures, axis=0)
             if abs(index - hidden_at) <= self.hidden // 2 and self.hidden:
                 _hide(image, exposed[0])
-            draws = np.random.default_rng([noise_seed, index]).normal(0, self.noise, image.shape)
-            return np.clip(image + draws, 0, 255).round().astype(np.uint8)
+            return noisy(image, self.noise, noise_seed, index)
 
         middle = fine.reshape(self.frames, EXPOSURES, 4).mean(axis=1)
         source = PaintedSource(paint, self.frames)

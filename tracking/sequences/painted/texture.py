@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 
 from sim.kinds import kind_of
 from sim.types import Array, Image
-from tracking.sequences.painted._painting import blotches, paste
+from tracking.sequences.painted._painting import blotches, noisy, paste
 from tracking.sequences.sequence import Sequence
 from tracking.sequences.sources import PaintedSource
 from tracking.types import Region, State
@@ -51,8 +51,7 @@ class Config:
 
         def paint(index: int) -> Image:
             image = paste(ground, patch, REGION, State(*states[index].tolist()))
-            draws = np.random.default_rng([noise_seed, index]).normal(0, self.noise, image.shape)
-            return np.clip(image + draws, 0, 255).round().astype(np.uint8)
+            return noisy(image, self.noise, noise_seed, index)
 
         name = kind_of(self)
         return Sequence.of_states(name, name, PaintedSource(paint, self.frames), REGION, states)
