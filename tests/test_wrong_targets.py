@@ -48,7 +48,10 @@ WRONG = [
     ("mesh", {"file": "d.obj"}, "d.obj: this mesh is damaged, or not what its name says"),
     ("mesh", {"file": "e.obj"}, "e.obj: this mesh is damaged, or not what its name says"),
     ("mesh", {"file": "f.obj"}, "f.obj: it has no length and no width"),
-    ("mesh", {"file": "g.obj"}, "g.obj: this mesh is damaged, or not what its name says"),
+    pytest.param(  # before version 5, trimesh could not read it
+        *("mesh", {"file": "g.obj"}, "g.obj: there is no triangle in this mesh"),
+        marks=pytest.mark.newest,
+    ),
     ("mesh", {"file": "h.obj"}, "h.obj: it has no length and no width"),
     ("mesh", {"file": "i.obj"}, "i.obj: mesh surface area is too small: mesh, Element name 'mesh'"),
     (
