@@ -232,7 +232,7 @@ def test_pictures_without_stamps_have_the_times_at_which_they_come(monkeypatch):
     monkeypatch.setattr(stream, "time", type("Clock", (), {"monotonic": lambda: next(clock)}))
     jpeg = cv2.imencode(".jpg", IMAGE)[1].tobytes()
     head = b"--eye\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
-    with served(9 * [head + jpeg + b"\r\n"], gap=0.02) as address:
+    with served(9 * [head + jpeg + b"\r\n"], gap=0.15) as address:
         found = [(p.name, p.time) for p in source_of(address, 30.0)]
     assert found[-1] == ("frame 8", 8.0)
     assert found == [(f"frame {time:.0f}", time) for _, time in found]
