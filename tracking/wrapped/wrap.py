@@ -21,6 +21,7 @@ import numpy as np
 from sim.types import Array, Image
 from tracking.types import Region, State
 from tracking.wrapped.boxes import Box, box_in, box_of, score_in
+from tracking.wrapped.cv2_tracker import seed_opencv
 from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
 
 Convention = Literal["opencv", "got10k"]
@@ -136,7 +137,9 @@ class Wrapping:
         if isinstance(factory, type) or not is_foreign(factory):
             if str(getattr(factory, "__module__", "")).startswith("cv2"):
                 factory = getattr(factory, "create", factory)
-            made = factory(**self._arguments(factory, rng))
+            arguments = self._arguments(factory, rng)
+            seed_opencv(DRAWN["seed"](rng.spawn(1)[0]))
+            made = factory(**arguments)
         if not is_foreign(made):
             raise ValueError(
                 f"{self.name}: {type(made).__name__} lacks init(image, box) or update(image)"
@@ -189,7 +192,7 @@ def wrap(
 
     Args:
         factory: Their class, a function that makes one, or one that is made. It may take `seed` or
-            `rng`.
+            `rng`. OpenCV's own generator is seeded before it is called.
         convention: "opencv" (BGR, `update` gives (ok, box) or a box) or "got10k" (RGB arrays, boxes
             counted from 1); None: see `convention_of`.
         score: Attribute or method of the tracker, or a function of it, that gives its score, 0..1.
