@@ -46,12 +46,12 @@ def make_bench(folder):
         holds="bench",
         name="mine",
         title="Trackers against each other on sequences with a truth.",
-        axes={"tracker": ["kams", EVIL], "sequence": ["a", "b"]},
+        axes={"tracker": ["kams", EVIL], "sequence": list("abcdefghijk")},
         draws={},
         seeds=[0],
         compare="tracker",
         expect={},
-        runs=4,
+        runs=22,
         table={},
         scenarios={},
     ).write(folder)
@@ -173,6 +173,16 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     assert page.count("<img") == 3
     assert page.count("<script") == 1  # the page's own
     assert "servobench bench mine.toml --trackers kams,&lt;script&gt;" in page
+
+
+def test_a_bench_with_a_damaged_run_names_no_best_tracker(tmp_path):
+    folder = make_bench(tmp_path / "bench")
+    (folder / "runs" / "000000.parquet").write_bytes(b"damaged")
+    page = text_of(folder, tmp_path)
+    assert "<p>This study is not finished: 21 of 22 runs.</p>" in page
+    assert "<p>Files of runs that could not be read: 1.</p>" in page
+    assert ">21 of 22 runs</span>" in page
+    assert "best: " not in page
 
 
 def test_all_that_is_said_of_a_bench_and_the_papers(section, approved, make_papers, tmp_path):

@@ -6,6 +6,7 @@ from pathlib import Path
 from servo.mistake import Mistake
 from servo.report import page
 from servo.report.page import Block, Fact, PageImage, Section, again
+from servo.report.study_data import missing
 from servo.report.words import Badge, Table, Tone, basis, cut, shown, spread
 from servo.study import ranking
 from servo.study.ranking import Rank
@@ -38,6 +39,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     blocks = [
         Block(
             "Trackers",
+            missing(study, store),
             points=_compared(ranks),
             tables=[trackers_table(ranks)],
             pictures=[
@@ -63,8 +65,17 @@ def section(folder: Path, study: StudyFile) -> Section:
         Fact("sequences", str(best.units or len({r.subject for r in records}))),
         Fact("runs", str(len(records))),
     ]
-    verdict = Badge(f"best: {best.tracker}", Tone.PLAIN)
-    return Section("bench", folder.resolve().name, study.title, verdict, facts, blocks, str(folder))
+    whole = len(records) == study.runs
+    verdict = f"best: {best.tracker}" if whole else f"{len(records)} of {study.runs} runs"
+    return Section(
+        "bench",
+        folder.resolve().name,
+        study.title,
+        Badge(verdict, Tone.PLAIN),
+        facts,
+        blocks,
+        str(folder),
+    )
 
 
 def _compared(trackers: Sequence[Rank]) -> list[str]:

@@ -99,6 +99,16 @@ def load(folder: Path) -> StudyResults:
     return StudyResults(store, plan, rows, series, pictured, failed)
 
 
+def missing(plan: StudyFile, store: Store) -> list[str]:
+    """Return sentences about the runs that a page lacks."""
+    found = list[str]()
+    if len(store.done) < plan.runs:
+        found.append(f"This study is not finished: {len(store.done)} of {plan.runs} runs.")
+    if store.damaged:
+        found.append(f"Files of runs that could not be read: {len(store.damaged)}.")
+    return found
+
+
 def duration(series: Series) -> float:
     """Return when a run ended [s]: its last frame lasts as long as the others."""
     time = series[TIME]

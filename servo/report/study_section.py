@@ -9,7 +9,7 @@ from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
-from servo.report.study_data import SUCCESS, Row, StudyResults, load, median
+from servo.report.study_data import SUCCESS, Row, StudyResults, load, median, missing
 from servo.report.words import (
     NOTHING,
     Badge,
@@ -111,13 +111,9 @@ def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
 
 def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     plan = study.plan
-    text = list[str]()
-    if len(study.rows) < plan.runs:
-        text.append(f"This study is not finished: {len(study.rows)} of {plan.runs} runs.")
+    text = missing(plan, study.store)
     if not all(row.get("repeats", True) for row in study.rows):
         text.append(f"{DOES_NOT_REPEAT}.")
-    if study.store.damaged:
-        text.append(f"Files of runs that could not be read: {len(study.store.damaged)}.")
     rows = [["axis", key, ", ".join(map(shown, values))] for key, values in plan.axes.items()]
     for key, laws in plan.draws.items():
         described = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
