@@ -1,12 +1,16 @@
-"""A run or a track as an MCAP log for Foxglove, by foxglove-sdk.
+"""A run or a track as an MCAP log for Foxglove and the tools of ROS 2, by foxglove-sdk and rosbags.
 
 | topic | messages |
 |---|---|
-| /camera/image | foxglove.CompressedImage: JPEG, frame `camera` |
-| /camera/calibration | foxglove.CameraCalibration (run): the true camera |
-| /camera/annotations | foxglove.ImageAnnotations: estimate, goal, truth; particles |
-| /tf | foxglove.FrameTransforms (run): world to base and target, base to camera |
-| /step, /shot | JSON: the row of steps.parquet; confidence, status, state, milliseconds |
+| /camera/image/compressed | sensor_msgs/CompressedImage: JPEG, frame `camera` |
+| /camera/camera_info | sensor_msgs/CameraInfo (run): the true camera |
+| /camera/annotations | foxglove_msgs/ImageAnnotations: estimate, goal, truth; particles |
+| /estimate | geometry_msgs/PolygonStamped: corners of the estimate in the picture [px], z = 0 |
+| /tf | tf2_msgs/TFMessage (run): world to base and target, base to camera |
+| /step, /shot | the row of steps.parquet; confidence, status, state, milliseconds |
+
+All are messages of ROS 2 in CDR, with their definitions (`ros2msg`): /step and /shot are of a type
+of our own, `servobench_msgs`, with a field for each number.
 
 Times are those of the frames; of a track's pictures their own stamps, where its source has some. A
 log whose program was killed lacks its last chunk and its index;
@@ -15,37 +19,50 @@ log whose program was killed lacks its last chunk and its index;
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
-from servo.output.steps_table import quantities
+from servo.output import ros2_messages as ros2
+from servo.output.ros2_messages import Kind
+from servo.output.steps_table import FLAG, REAL, TEXT, WHOLE, quantities_of
+from servo.scenario.calibration import ROS_NAMES
 from sim.models.quaternion import quaternion_of
 from sim.types import Array, Camera, Image, Pose
 from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
-from tracking.files.json_text import as_json
-from tracking.types import Region
+from tracking.types import Region, State
 
-if TYPE_CHECKING:
-    from foxglove import messages as fox
-
-NEEDS = "--mcap needs the package foxglove-sdk: install servobench[mcap]"
+NEEDS = "--mcap needs the packages foxglove-sdk and rosbags: install servobench[mcap]"
 CHUNK = 1 << 18
 """Size after which a chunk is written [bytes]."""
 JPEG_QUALITY = 85
 NANO = 1_000_000_000
-LATEST = NANO << 32
-"""Stamps that Foxglove's messages cannot hold begin here [ns]: their seconds have 32 bits."""
-LENSES = {"plumb_bob": "plumb_bob", "rational": "rational_polynomial", "fisheye": "kannala_brandt"}
-"""Foxglove's names of the distortions."""
+LATEST = NANO << 31
+"""Stamps that the messages cannot hold begin here [ns]: seconds are integers of 32 bits."""
+FRAME = "camera"
+POINTS, LINE_LOOP = 1, 2
+"""Numbers of Foxglove's kinds of annotations."""
+TYPES = {REAL: "float64", WHOLE: "int64", FLAG: "bool", TEXT: "string"}
+"""ROS's words for the types of the table of steps."""
+SHOT = {
+    "frame": "int64",
+    "status": "string",
+    **dict.fromkeys((f.name for f in fields(State)), "float64"),
+    "confidence": "float64",
+    "milliseconds": "float64",
+}
+"""Fields of a track's rows."""
+NOT_A_FIELD = re.compile("[^A-Za-z0-9]+")
+"""What the name of a message's field may not have; joints have any name."""
 MIDDLE = 0.5
 """Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
 Corners = Mapping[tuple[int, int, int], Array]
@@ -59,6 +76,7 @@ def check_installed() -> None:
     """
     try:
         import foxglove  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        import rosbags.typesys  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
         raise Mistake(NEEDS) from None
 
@@ -66,94 +84,100 @@ def check_installed() -> None:
 class McapFile:
     """An MCAP file; a frame's messages have its time `at` [ns]."""
 
-    def __init__(self, path: Path, numbers: str) -> None:
-        """Open a new file; `numbers` is the topic of the rows.
+    def __init__(self, path: Path, topic: str, columns: Mapping[str, str]) -> None:
+        """Open a new file.
+
+        Args:
+            path: Of the file.
+            topic: Of the rows.
+            columns: Of the rows: their names, and their types in ROS's words.
 
         Raises:
             OSError: The file cannot be written.
         """
         import foxglove
-        from foxglove import channels, mcap, messages
+        from foxglove import mcap
 
-        self._fox = messages
         self._context = context = foxglove.Context()  # kept: its channels end with it
         self._file = _CheckedFile(path)
-        options = mcap.MCAPWriteOptions(chunk_size=CHUNK, compression_threads=0)
+        options = mcap.MCAPWriteOptions(profile="ros2", chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
-        self._image = channels.CompressedImageChannel("/camera/image", context=context)
-        self._calibration = channels.CameraCalibrationChannel(
-            "/camera/calibration", context=context
-        )
-        self._annotations = channels.ImageAnnotationsChannel("/camera/annotations", context=context)
-        self._tf = channels.FrameTransformsChannel("/tf", context=context)
-        self._rows = foxglove.Channel(numbers, schema={"type": "object"}, context=context)
+
+        def channel(topic: str, kind: str) -> Channel:
+            return Channel(topic, Kind(kind), context)
+
+        self._image = channel("/camera/image/compressed", "sensor_msgs/CompressedImage")
+        self._info = channel("/camera/camera_info", "sensor_msgs/CameraInfo")
+        self._annotations = channel("/camera/annotations", "foxglove_msgs/ImageAnnotations")
+        self._estimate = channel("/estimate", "geometry_msgs/PolygonStamped")
+        self._tf = channel("/tf", "tf2_msgs/TFMessage")
+        self._fields = {name: NOT_A_FIELD.sub("_", name) for name in columns}
+        kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
+        fields = {self._fields[name]: of for name, of in columns.items()}
+        self._rows = Channel(topic, Kind(kind, fields), context)
 
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
     ) -> None:
-        """Write a picture, the outlines in it and the particles."""
-        fox = self._fox
-        stamp = self._stamp(at)
+        """Write a picture, the outlines in it (the estimate's is the last) and the particles."""
+        header = ros2.header(at, FRAME)
         if image is not None:
-            jpeg = encoded(image, JPEG_QUALITY)
-            message = fox.CompressedImage(
-                timestamp=stamp, frame_id="camera", data=jpeg, format="jpeg"
-            )
-            self._image.log(message, log_time=at)
-        kinds = fox.PointsAnnotationType
+            jpeg = np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8)
+            self._image.log(at, header=header, format="jpeg", data=jpeg)
         points = [
-            self._points(stamp, kinds.LineLoop, shape, colour)
+            _annotation(at, LINE_LOOP, shape, colour)
             for colour, shape in corners.items()
             if np.isfinite(shape).all()
         ]
         if particles is not None:
-            points.append(self._points(stamp, kinds.Points, particles[:, :2], colours.PARTICLES))
-        self._annotations.log(fox.ImageAnnotations(points=points), log_time=at)
+            points.append(_annotation(at, POINTS, particles[:, :2], colours.PARTICLES))
+        self._annotations.log(at, circles=[], points=points, texts=[])
+        *_, estimate = corners.values()
+        outline = [ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate]
+        polygon = ros2.part("geometry_msgs/Polygon", points=outline)
+        self._estimate.log(at, header=header, polygon=polygon)
 
     def calibration(self, at: int, camera: Camera) -> None:
         """Write the intrinsics of a camera."""
         lens = camera.distortion
-        stamp = self._stamp(at)
         k = [camera.fx, 0, camera.cx - MIDDLE, 0, camera.fy, camera.cy - MIDDLE, 0, 0, 1]
-        message = self._fox.CameraCalibration(
-            timestamp=stamp,
-            frame_id="camera",
-            width=camera.width,
+        region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
+        self._info.log(
+            at,
+            header=ros2.header(at, FRAME),
             height=camera.height,
-            distortion_model="plumb_bob" if lens is None else LENSES[lens.model],
-            D=[0.0] * 5 if lens is None else list(lens.coefficients),
-            K=k,
-            R=np.eye(3).ravel().tolist(),
-            P=[*k[:3], 0, *k[3:6], 0, *k[6:], 0],
+            width=camera.width,
+            distortion_model="plumb_bob" if lens is None else ROS_NAMES[lens.model],
+            d=np.array([0.0] * 5 if lens is None else lens.coefficients),
+            k=np.array(k, float),
+            r=np.eye(3).ravel(),
+            p=np.array([*k[:3], 0, *k[3:6], 0, *k[6:], 0], float),
+            binning_x=0,
+            binning_y=0,
+            roi=ros2.part("sensor_msgs/RegionOfInterest", **region, do_rectify=False),
         )
-        self._calibration.log(message, log_time=at)
 
     def transforms(self, at: int, poses: Mapping[tuple[str, str], Pose]) -> None:
         """Write poses by their frames, parent and child."""
-        fox = self._fox
-        stamp = self._stamp(at)
-        found: list[fox.FrameTransform] = []
-        for (parent, child), pose in poses.items():
-            (x, y, z) = pose.translation.tolist()
-            (w, *axis) = quaternion_of(pose.rotation).tolist()
-            found.append(
-                fox.FrameTransform(
-                    timestamp=stamp,
-                    parent_frame_id=parent,
-                    child_frame_id=child,
-                    translation=fox.Vector3(x=x, y=y, z=z),
-                    rotation=fox.Quaternion(x=axis[0], y=axis[1], z=axis[2], w=w),
-                )
+        found = [
+            ros2.part(
+                "geometry_msgs/TransformStamped",
+                header=ros2.header(at, parent),
+                child_frame_id=child,
+                transform=_transform(pose),
             )
-        self._tf.log(fox.FrameTransforms(transforms=found), log_time=at)
+            for (parent, child), pose in poses.items()
+        ]
+        self._tf.log(at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, Any]) -> None:
-        """Write numbers and texts by their names, the last of a frame's messages.
+        """Write the values of the columns, the last of a frame's messages; None is not a number.
 
         Raises:
             OSError: The file cannot be written.
         """
-        self._rows.log(as_json(dict(values)), log_time=at)
+        cells = {self._fields[name]: np.nan if v is None else v for name, v in values.items()}
+        self._rows.log(at, **cells)
         self._file.check()
 
     def close(self) -> None:
@@ -173,18 +197,47 @@ class McapFile:
         self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
 
-    def _stamp(self, at: int) -> fox.Timestamp:
-        return self._fox.Timestamp(sec=at // NANO, nsec=at % NANO)
 
-    def _points(self, stamp: Any, kind: Any, points: Array, colour: tuple[int, int, int]) -> Any:
-        r, g, b = (part / 255 for part in colour)
-        return self._fox.PointsAnnotation(
-            timestamp=stamp,
-            type=kind,
-            thickness=2.0,
-            points=[self._fox.Point2(x=x, y=y) for x, y in points.tolist()],
-            outline_color=self._fox.Color(r=r, g=g, b=b, a=1.0),
+def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int]) -> Any:
+    r, g, b = (part / 255 for part in colour)
+    clear = ros2.part(ros2.COLOUR, r=0.0, g=0.0, b=0.0, a=0.0)
+    return ros2.part(
+        "foxglove_msgs/PointsAnnotation",
+        timestamp=ros2.stamp(at),
+        type=kind,
+        points=[ros2.part(ros2.CORNER, x=x, y=y) for x, y in points.tolist()],
+        outline_color=ros2.part(ros2.COLOUR, r=r, g=g, b=b, a=1.0),
+        outline_colors=[],
+        fill_color=clear,
+        thickness=2.0,
+    )
+
+
+def _transform(pose: Pose) -> Any:
+    (x, y, z) = pose.translation.tolist()
+    (w, *axis) = quaternion_of(pose.rotation).tolist()
+    return ros2.part(
+        "geometry_msgs/Transform",
+        translation=ros2.part("geometry_msgs/Vector3", x=x, y=y, z=z),
+        rotation=ros2.part("geometry_msgs/Quaternion", x=axis[0], y=axis[1], z=axis[2], w=w),
+    )
+
+
+class Channel:
+    """A topic with messages of ROS 2."""
+
+    def __init__(self, topic: str, kind: Kind, context: Any) -> None:
+        import foxglove
+
+        self._kind = kind
+        schema = foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition)
+        self._channel = foxglove.Channel(
+            topic, schema=schema, message_encoding="cdr", context=context
         )
+
+    def log(self, at: int, **fields: Any) -> None:
+        """Write a message with these fields at a time [ns]."""
+        self._channel.log(self._kind.encoded(**fields), log_time=at)
 
 
 class _CheckedFile:
@@ -213,9 +266,9 @@ class RunMcap(McapFile):
     """Writer of the log of one run."""
 
     def __init__(self, path: Path, episode: Episode) -> None:
-        super().__init__(path, "/step")
-        robot = episode.world.robot
-        self._quantities = quantities(episode.loop.features, robot.names, robot.units)
+        self._quantities = quantities_of(episode)
+        columns = [column for q in self._quantities for column in q.columns]
+        super().__init__(path, "/step", {c.name: TYPES[c.type] for c in columns})
 
     def add(self, step: Step) -> None:
         """Write a step.
@@ -249,7 +302,7 @@ class TrackMcap(McapFile):
     """Writer of the log of one track."""
 
     def __init__(self, path: Path, region: Region) -> None:
-        super().__init__(path, "/shot")
+        super().__init__(path, "/shot", SHOT)
         self._region = region
         self._zero = 0
 

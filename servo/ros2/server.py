@@ -22,7 +22,7 @@ from servo.ros2.messages import (
     header,
 )
 from servo.ros2.node import Node
-from servo.scenario.calibration import MODELS
+from servo.scenario.calibration import ROS_NAMES
 from servo.types import Command, Sight
 from sim.types import Camera, Posture
 
@@ -30,8 +30,6 @@ TOPIC = "/servo/twist"
 DEAD_MAN = 0.3
 """Time without a twist after which the robot stops by itself [s]."""
 FRAME = "camera"
-NAMES = {own: name for name, own in reversed(MODELS.items())}
-"""ROS's name of a distortion; the first one where there are two."""
 
 
 class Server:
@@ -121,7 +119,7 @@ def camera_info(camera: Camera, time: float) -> Any:
         header(time, FRAME),
         camera.height,
         camera.width,
-        "plumb_bob" if lens is None else NAMES[lens.model],
+        "plumb_bob" if lens is None else ROS_NAMES[lens.model],
         [0.0] * 5 if lens is None else list(lens.coefficients),
         k,
         np.eye(3).ravel().tolist(),

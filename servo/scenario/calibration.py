@@ -27,6 +27,8 @@ MODELS: dict[str, Model] = {
     "fisheye": "fisheye",
 }
 """Our distortion by ROS's name."""
+ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
+"""ROS's name of a distortion; the first one where there are two."""
 BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
 """OpenCV's distortion by the number of its coefficients that are not zero at the end."""
 OPENCV = "%YAML"

@@ -1,0 +1,76 @@
+"""Messages of ROS 2 as bytes (CDR), with their definitions, by `rosbags`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+NANO = 1_000_000_000
+CORNER = "foxglove_msgs/Point2"
+COLOUR = "foxglove_msgs/Color"
+STAMP = "builtin_interfaces/Time timestamp\n"
+ANNOTATIONS = {
+    "Point2": "float64 x\nfloat64 y",
+    "Color": "float64 r\nfloat64 g\nfloat64 b\nfloat64 a",
+    "CircleAnnotation": f"{STAMP}{CORNER} position\nfloat64 diameter\nfloat64 thickness\n"
+    f"{COLOUR} fill_color\n{COLOUR} outline_color",
+    "PointsAnnotation": f"{STAMP}uint8 type\n{CORNER}[] points\n{COLOUR} outline_color\n"
+    f"{COLOUR}[] outline_colors\n{COLOUR} fill_color\nfloat64 thickness",
+    "TextAnnotation": f"{STAMP}{CORNER} position\nstring text\nfloat64 font_size\n"
+    f"{COLOUR} text_color\n{COLOUR} background_color",
+    "ImageAnnotations": "foxglove_msgs/CircleAnnotation[] circles\n"
+    "foxglove_msgs/PointsAnnotation[] points\nfoxglove_msgs/TextAnnotation[] texts",
+}
+"""Definitions of the package foxglove_msgs, which is not one of ROS's own."""
+
+
+class Kind:
+    """One type of message, such as "sensor_msgs/Image", whose definition can stand in a file."""
+
+    def __init__(self, name: str, fields: Mapping[str, str] | None = None) -> None:
+        """Take a type by its name; one of our own has fields with their types."""
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        self.name = name.replace("/", "/msg/")
+        self._store = _known()
+        if fields is not None:
+            text = "\n".join(f"{of} {field}" for field, of in fields.items())
+            self._store = get_typestore(Stores.EMPTY)
+            self._store.register(get_types_from_msg(text, self.name))
+
+    @property
+    def definition(self) -> bytes:
+        """The fields, and those of the types they are of, as `ros2msg`."""
+        return self._store.generate_msgdef(self.name)[0].encode()
+
+    def encoded(self, **fields: Any) -> bytes:
+        """Return a message with these fields in CDR."""
+        message = self._store.types[self.name](**fields)
+        return bytes(self._store.serialize_cdr(message, self.name))
+
+
+@cache
+def _known() -> Any:
+    """Return ROS's own messages; those used here are the same in all its distributions."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in ANNOTATIONS.items():
+        store.register(get_types_from_msg(text, f"foxglove_msgs/msg/{name}"))
+    return store
+
+
+def part(kind: str, **fields: Any) -> Any:
+    """Return a message that is a part of another."""
+    return _known().types[kind.replace("/", "/msg/")](**fields)
+
+
+def stamp(at: int) -> Any:
+    """Return a moment [ns]."""
+    return part("builtin_interfaces/Time", sec=at // NANO, nanosec=at % NANO)
+
+
+def header(at: int, frame: str) -> Any:
+    """Return the header of a moment [ns] in a frame."""
+    return part("std_msgs/Header", stamp=stamp(at), frame_id=frame)
