@@ -57,7 +57,9 @@ def test_a_function_a_class_and_an_object_are_the_same_policy():
 
 def test_it_is_given_each_picture_and_the_goals_and_the_joints():
     policy = Policy()
-    with Episode(servo.load("line", [*SHORT, "tracker.kind=truth"], controller=policy)) as episode:
+    with Episode(
+        servo.load("line", [*SHORT, "tracker.kind=truth"], controller=policy), seen=False
+    ) as episode:
         steps = list(episode)
         goal = episode.goal_picture
     assert len(policy.given) == len(steps) == 12
