@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import cv2
 import numpy as np
@@ -30,7 +30,7 @@ class Config:
     and goal_picture (1, 3, height, width), red, green and blue from 0 to 1, resized to the
     network's height and width; joints (1, n) [m or rad]. It may take some of them only. Its first
     output is the camera's twist (1, 6) in the camera's frame [m/s, rad/s]."""
-    uses_pictures: ClassVar[bool] = True
+    uses_pictures = True
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
         """Return the controller; it draws nothing.
