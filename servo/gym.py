@@ -229,6 +229,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             "servo_error_px": step.servo_error,
             "tracking_error_px": step.tracking_error,
             "status": step.estimate.status.name,
+            "twist": step.command.twist,
+            "joints": step.joints,
         }
 
     def _observed(self, step: Step) -> Any:

@@ -158,7 +158,12 @@ class Task:
 
 
 class Controller(Protocol):
-    """Turns what is seen into camera twists."""
+    """Turns what is seen into camera twists.
+
+    A `Config` whose controller acts on pictures has a class attribute `uses_pictures = True`. Then
+    `Sight.picture` is there in the goal and in all that is seen, and the sight is None for dropped
+    frames only.
+    """
 
     def start(self, task: Task) -> None:
         """Begin a task.

@@ -18,8 +18,11 @@ CHECKS["features"] = check_features
 EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in folder.names()]
 
 
-ALONE = [("tracker", kind) for kind in ("opencv", "tag", "trax", "truth")]
-"""Trackers that need a file, a server or a certain picture; they have tests of their own."""
+ALONE = [
+    *(("tracker", kind) for kind in ("opencv", "tag", "trax", "truth")),
+    ("controller", "onnx"),
+]
+"""Parts that need a file, a server or a certain picture; they have tests of their own."""
 
 
 @pytest.mark.parametrize(("part", "kind"), [e for e in EVERY if e not in ALONE])

@@ -143,8 +143,8 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
         (
             "photometric",
             ["goal.depth_to=0.7"],
-            "photometric: goal.depth_to: features made of pixels are compared with one picture, taken "
-            "at goal.depth, so their goal cannot move",
+            "photometric: goal.depth_to: pixels are compared with one picture, taken at goal.depth, so "
+            "this goal cannot move",
         ),
         (
             "photometric",

@@ -1,46 +1,61 @@
-"""A control law without a `Config`: a class with `start`, `aim` and `command`, or a function.
+"""A control law without a `Config`: a class with `start`, `aim` and `command`, or a function; and a
+policy: a class with `act`, or a function of three.
 
-A function is called as law(seen, task) for each picture in which the target is seen, and returns
-the twist (6,) or a `Command`; the camera stands still in the others. Arguments with a default are
-the settings of such a law.
+A law is called as law(seen, task) for each picture in which the target is seen, and returns the
+twist (6,) or a `Command`; the camera stands still in the others. A policy is called as
+act(picture, goal_picture, posture) for each picture. Arguments with a default are the settings.
 """
 
 import inspect
 from collections.abc import Callable, Hashable
 from dataclasses import asdict, make_dataclass, replace
+from functools import partial
 from typing import Any, final
 
 import numpy as np
 
 from servo.parts import Task
 from servo.types import Command, Mode, Sight
-from sim.types import Array, Posture
+from sim.types import Array, Image, Posture
 
 Law = Callable[..., Array | Command]
+Act = Callable[[Image, Image, Posture], Array]
 TAKEN = ("kind", "preset", "build", "self")
 """Names that a table of settings, or a `Config`, has for something else."""
+PICTURES = 3
+"""Arguments of a function that is a policy: picture, goal_picture, posture."""
 
 
 def adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a law of one's own; None for what is none."""
-    has_methods = callable(getattr(found, "command", None))
-    if has_methods and not isinstance(found, type):
-        return _config_of(found, lambda: found, {})
-    if has_methods:
-        return _config_of(found, found, _settings_of(found))
+    """Return a `Config` class for a law or a policy of one's own; None for what is none."""
+    make = found if isinstance(found, type) else lambda: found
+    if callable(getattr(found, "command", None)):
+        return _config_of(found, make)
+    if callable(getattr(found, "act", None)):
+        return _config_of(found, lambda **given: _of_object(make(**given)), pictures=True)
     if not inspect.isfunction(found):
         return None
-    return _config_of(found, lambda **given: FunctionLaw(found, given), _settings_of(found))
+    if _asks_for(found) == PICTURES:
+        return _config_of(found, lambda **given: PolicyLaw(partial(found, **given)), pictures=True)
+    return _config_of(found, lambda **given: FunctionLaw(found, given))
 
 
-def _config_of(law: Any, make: Callable[..., Any], settings: dict[str, Any]) -> type[Any]:
+def _of_object(policy: Any) -> "PolicyLaw":
+    return PolicyLaw(policy.act, getattr(policy, "reset", None))
+
+
+def _config_of(law: Any, make: Callable[..., Any], *, pictures: bool = False) -> type[Any]:
     def build(self: Any, rng: np.random.Generator) -> Any:
         del rng
         return make(**asdict(self))
 
+    is_object = not isinstance(law, type) and not inspect.isfunction(law)
+    settings = {} if is_object else _settings_of(law)
+
     of = law if hasattr(law, "__qualname__") else type(law)
     fields = [(name, _type_of(value), value) for name, value in settings.items()]
-    members = {"build": build, "kind": f"{of.__module__}:{of.__qualname__}"}
+    kind = f"{of.__module__}:{of.__qualname__}"
+    members = {"build": build, "kind": kind, "uses_pictures": pictures}
     return make_dataclass("Config", fields, namespace=members, frozen=True)
 
 
@@ -49,6 +64,12 @@ def _settings_of(law: Callable[..., Any]) -> dict[str, Any]:
     taken = inspect.signature(law).parameters.values()
     open_to_all = [p for p in taken if p.default is not p.empty and p.name not in TAKEN]
     return {p.name: p.default for p in open_to_all if isinstance(p.default, Hashable)}
+
+
+def _asks_for(law: Callable[..., Any]) -> int:
+    """Return how many arguments have no default."""
+    taken = inspect.signature(law).parameters.values()
+    return sum(p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD for p in taken)
 
 
 def _type_of(default: Any) -> Any:
@@ -80,3 +101,41 @@ class FunctionLaw:
             return Command(np.zeros(6), mode=Mode.HOLDING)
         asked = self._law(seen, self._task, **self._settings)
         return asked if isinstance(asked, Command) else Command(np.asarray(asked, float))
+
+
+@final
+class PolicyLaw:
+    """A policy as a controller: it acts on every picture, whatever the tracker reports."""
+
+    def __init__(self, act: Act, reset: Callable[[], object] | None = None) -> None:
+        """Take the policy, and what makes it forget the run before, if it remembers anything.
+
+        Args:
+            act: Gives the twist (6,) of the camera, in its frame [m/s, rad/s], for a picture
+                (H, W, 3), the picture of the goal (H, W, 3), and what the robot knows of itself.
+            reset: Is called when a run begins.
+        """
+        self._act = act
+        self._reset = reset
+
+    def start(self, task: Task) -> None:
+        """Begin a task.
+
+        Raises:
+            ValueError: There is no picture of the goal.
+        """
+        if self._reset is not None:
+            self._reset()
+        self.aim(task.goal)
+
+    def aim(self, goal: Sight) -> None:
+        """Go on with another goal."""
+        if goal.picture is None:
+            raise ValueError("there is no picture of the goal; give Loop.start one")
+        self._goal = goal.picture.image
+
+    def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
+        """Return what the policy asks for; for a dropped frame, no motion."""
+        if seen is None or seen.picture is None:
+            return Command(np.zeros(6), mode=Mode.HOLDING)
+        return Command(np.asarray(self._act(seen.picture.image, self._goal, posture), float))

@@ -137,7 +137,8 @@ class Episode:
         )
         features = Part("features", s.features).build(target.outline)
         seen |= getattr(s.tracker, "needs_pictures", True)
-        seen |= s.world.visibility or getattr(features, "uses_pictures", False)
+        seen |= s.world.visibility
+        seen |= any(getattr(each, "uses_pictures", False) for each in (features, s.controller))
         with self._refusals():
             return World(parts, sensor, encoders, renderer if seen else Unseen)
 

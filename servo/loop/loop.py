@@ -54,7 +54,9 @@ class Observation:
     interval: float
     """Time since the picture before [s]."""
     seconds: float
-    """Wall-clock time of the tracker [s]."""
+    """Wall-clock time of the tracker, or of a policy and the tracker [s]."""
+    command: Command | None = None
+    """What a controller asks for that is given pictures: it takes time as a tracker does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +122,10 @@ class Loop:
         """The estimator, if it must be given the target's true motion."""
         self.forgets: Forgets | None = guarded if isinstance(estimates, Forgets) else None
         """The estimator, if it can take back a measurement."""
-        self.uses_pictures = bool(getattr(built, "uses_pictures", False))
-        """Whether the features are made of pixels: `start` then needs a picture of the goal."""
+        self.is_policy = bool(getattr(scenario.controller, "uses_pictures", False))
+        """Whether the controller is given pictures."""
+        self.uses_pictures = self.is_policy or bool(getattr(built, "uses_pictures", False))
+        """Whether it is, or features are made of pixels: `start` then needs the goal's picture."""
         self._draws = [(each, each.bit_generator.state) for each in draws.values()]
         self.latest: Callable[[], Running | None] = lambda: None
         """The run that was started last, if somebody still has it: it alone has the parts."""
@@ -147,7 +151,7 @@ class Loop:
             region: The target's rectangle in it.
             state: Where that is.
             goal: The picture (H, W, 3) that the camera takes at the goal, for features made of
-                pixels.
+                pixels and for policies.
             true_motion: The target's true motion, for an estimator that needs it; only a
                 simulation has it.
             truth: Returns the truth of a picture by its number, for a tracker that is told it.
@@ -247,8 +251,8 @@ class Running:
             )
         if loop.uses_pictures and loop.scenario.goal.depth_to is not None:
             raise ValueError(
-                "goal.depth_to: features made of pixels are compared with one picture, taken at "
-                "goal.depth, so their goal cannot move"
+                "goal.depth_to: pixels are compared with one picture, taken at goal.depth, so this "
+                "goal cannot move"
             )
         if loop.needs_truth is not None and self._true_motion is None:
             raise ValueError(NO_TRUTH)
@@ -287,7 +291,12 @@ class Running:
             interval = elapsed(self._shown, frame.time, self._period)
             self._estimate = self._tracked(frame, posture, interval)
         self._shown = frame.time
-        return Observation(frame, self._estimate, interval, perf_counter() - began)
+        found = Observation(frame, self._estimate, interval, 0.0)
+        command = None
+        if self._loop.is_policy:
+            sight = self._sight(found, posture)
+            command = self._loop.controller.command(sight, posture, interval)
+        return replace(found, seconds=perf_counter() - began, command=command)
 
     def _tracked(self, frame: Frame, posture: Posture, interval: float) -> Estimate:
         """Return the next estimate. The tracker does not learn of a dropped frame: its last
@@ -336,10 +345,12 @@ class Running:
         if loop.scenario.goal.depth_to is not None:
             self.goal_sight = self._goal_sight(frame.time)
             loop.controller.aim(self.goal_sight)
-        sight = self._sight(observation, posture) if frame.fresh else None
+        sight = self._sight(observation, posture)
         if frame.fresh and sight is None and loop.forgets is not None:
             loop.forgets.forget()
-        command = loop.controller.command(sight, posture, observation.interval)
+        command = observation.command or loop.controller.command(
+            sight, posture, observation.interval
+        )
         seconds = perf_counter() - began
         motion = self._measured(command, sight, observation.interval)
         self.decision = Decision(observation.estimate, sight, command, motion, seconds)
@@ -347,6 +358,8 @@ class Running:
 
     def _sight(self, observation: Observation, posture: Posture) -> Sight | None:
         goal = self.goal_sight
+        if not observation.frame.fresh:
+            return None
         if self._goal_picture is None:
             return self._to_sight.see(observation.estimate, posture, goal)
         picture = CameraImage(observation.frame.image, self._loop.camera)

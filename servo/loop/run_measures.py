@@ -223,7 +223,8 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
     final = _final(steps)
     height, width = last.frame.image.shape[:2]
     inside = np.all((last.truth.centre >= 0) & (last.truth.centre <= (width, height)))
-    if last.estimate.status is Status.LOST:
+    pixels = last.goal_sight.picture is not None  # nobody asks the tracker then
+    if last.estimate.status is Status.LOST and not pixels:
         return Outcome.TARGET_LOST
     if last.truth.depth <= 0:
         return Outcome.DIVERGED

@@ -175,7 +175,7 @@ class Step:
     @property
     def target_motion_true(self) -> Array:
         """True mean de/dt (k,) of the target's own motion over the last frame interval: both ends
-        of the interval, seen by the camera of now; nan for features made of pixels.
+        of the interval, seen by the camera of now; nan where pixels are servoed.
         """
         if self.goal_sight.picture is not None:
             return self._unknown
@@ -228,7 +228,7 @@ class Step:
         """Whether a target that is turned by half a turn has an error in the features."""
         goal = self.goal_sight
         if goal.picture is not None:
-            return True  # features made of pixels
+            return True  # pixels are servoed
         features = self.scene.features
         around = sight_of(goal.pose @ HALF_TURN, self.scene.outline, goal)
         error = features.error(features.values(around), features.values(goal))

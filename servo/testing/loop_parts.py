@@ -126,21 +126,22 @@ def check_controller(controller: Any) -> None:
     """
     config = config_of("controller", controller)
     for latency in (0, 2):
-        once, restarted = used_twice("controller", config, partial(_twists, latency))
+        twists = partial(_twists, latency, getattr(config, "uses_pictures", False))
+        once, restarted = used_twice("controller", config, twists)
         require(
-            np.array_equal(once, _twists(latency, built("controller", config))),
+            np.array_equal(once, twists(built("controller", config))),
             "the same sights gave other twists the second time; "
             "draw random numbers from the generator given to build(rng) only",
         )
         require(np.array_equal(once, restarted), REMEMBERS)
 
 
-def _twists(latency: int, controller: Controller) -> Array:
+def _twists(latency: int, pixels: bool, controller: Controller) -> Array:
     features = MomentsConfig().build(OUTLINE)
     estimator = built("estimator", NoEstimate())
     estimator.start(features)
-    goal = _sight(Pose.planar(0.0, 0.0, 0.0))
-    seen = _sight(Pose.planar(0.05, 0.02, 0.3))
+    goal = _sight(Pose.planar(0.0, 0.0, 0.0), pixels=pixels)
+    seen = _sight(Pose.planar(0.05, 0.02, 0.3), pixels=pixels)
     controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
     controller.aim(goal)
     twists: list[Array] = []

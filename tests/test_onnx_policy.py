@@ -1,0 +1,121 @@
+"""A policy that is an ONNX file."""
+
+import sys
+
+import cv2
+import numpy as np
+import pytest
+import tiny_onnx
+from tiny_onnx import node
+
+import servo
+from servo import Mistake
+from servo.loop.episode import Episode
+from servo.testing import check_controller
+
+SHORT = ["run.duration=0.2", "run.latency=0", "estimator.kind=none", "tracker.kind=frozen"]
+HEIGHT, WIDTH = 24, 32
+RNG = np.random.default_rng(0)
+OF_PICTURE, OF_GOAL = RNG.normal(0, 1e-4, (2, 6, 3, HEIGHT, WIDTH))
+OF_JOINTS = RNG.normal(0, 1e-2, (6, 6))
+
+
+def network(shapes):
+    """A file's bytes: the twist is a linear function of what it takes."""
+    whole = {"kernel_shape": [HEIGHT, WIDTH]}
+    parts = {
+        "picture": [node("Conv", ["picture", "wp"], "cp", **whole), node("Flatten", ["cp"], "p")],
+        "goal_picture": [
+            node("Conv", ["goal_picture", "wg"], "cg", **whole),
+            node("Flatten", ["cg"], "g"),
+        ],
+        "joints": [node("MatMul", ["joints", "wj"], "j")],
+    }
+    made = [each for name in shapes for each in parts.get(name, ())]
+    sums = [name[0] for name in shapes if name in parts]
+    made.append(node("Sum", sums, "twist"))
+    weights = {"wp": OF_PICTURE, "wg": OF_GOAL, "wj": OF_JOINTS}
+    return tiny_onnx.model(made, weights, shapes, {"twist": (1, 6)})
+
+
+PICTURE = (1, 3, HEIGHT, WIDTH)
+
+
+def linear(path, **shapes):
+    path.write_bytes(network(shapes))
+    return [*SHORT, "controller.kind=onnx", f"controller.file={path}"]
+
+
+def small(picture):
+    resized = cv2.resize(picture, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    return resized.transpose(2, 0, 1) / 255
+
+
+def test_it_is_given_pictures_from_0_to_1_in_planes_and_joints(tmp_path):
+    settings = linear(tmp_path / "p.onnx", picture=PICTURE, goal_picture=PICTURE, joints=(1, 6))
+    with Episode(servo.load("line", settings)) as episode:
+        steps = list(episode)
+        goal = small(episode.goal_picture)
+    assert steps[0].joints.shape == (6,)
+    for step in steps:
+        expected = np.tensordot(OF_PICTURE, small(step.frame.image), 3)
+        expected = expected + np.tensordot(OF_GOAL, goal, 3) + step.joints @ OF_JOINTS
+        np.testing.assert_allclose(step.command.twist, expected, rtol=1e-4, atol=1e-6)
+    assert np.abs(steps[-1].command.twist).max() > 1e-3
+
+
+def test_a_network_may_take_the_picture_alone(tmp_path):
+    path = tmp_path / "p.onnx"
+    settings = linear(path, picture=PICTURE)
+    step = next(servo.run(servo.load("line", settings)))
+    expected = np.tensordot(OF_PICTURE, small(step.frame.image), 3)
+    np.testing.assert_allclose(step.command.twist, expected, rtol=1e-4, atol=1e-6)
+    check_controller(servo.load("line", settings).controller)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "sentence"),
+    [
+        ({"image": PICTURE}, "the input 'image' is none of picture, goal_picture, joints"),
+        (
+            {"picture": (1, 4, HEIGHT, WIDTH)},
+            "the input 'picture' is (1, 4, 24, 32) of tensor(float); it should be "
+            "(1, 3, height, width) of tensor(float)",
+        ),
+        ({"picture": (1, 3, HEIGHT)}, "the input 'picture' is (1, 3, 24) of tensor(float)"),
+    ],
+)
+def test_a_network_that_takes_something_else_is_refused(tmp_path, shapes, sentence):
+    path = tmp_path / "p.onnx"
+    nodes = [node("Flatten", [name], "twist") for name in shapes]
+    path.write_bytes(tiny_onnx.model(nodes, {}, shapes, {"twist": (1, 6)}))
+    assert f"line: controller: {path}: {sentence}" in refused(path)
+
+
+def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
+    path = tmp_path / "p.onnx"
+    assert refused(path) == f"line: controller: file = '{path}': there is no such file"
+    assert refused("") == "line: controller: file = '': there is no such file"
+    path.write_bytes(b"no network at all" * 9)
+    assert refused(path).startswith(f"line: controller: file = '{path}': Load model from ")
+    for weights, sentence in (
+        (np.ones((3, 6)), "controller 'onnx': Got invalid dimensions for input: joints"),
+        (np.ones((6, 3)), "it should be six finite numbers (vx, vy, vz, wx, wy, wz)"),
+        (np.full((6, 6), np.nan), "the twist is [nan nan nan nan nan nan]"),
+    ):
+        taken, given = weights.shape
+        shapes = {"joints": (1, taken)}, {"twist": (1, given)}
+        product = node("MatMul", ["joints", "wj"], "twist")
+        path.write_bytes(tiny_onnx.model([product], {"wj": weights}, *shapes))
+        assert sentence in refused(path)
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    assert refused(path) == (
+        "line: controller: it needs the extra 'onnx': pip install 'servobench[onnx]'"
+    )
+
+
+def refused(path):
+    with pytest.raises(Mistake) as found:
+        servo.simulate("line", [*SHORT, "controller.kind=onnx", f"controller.file={path}"])
+    assert "\n" not in str(found.value)
+    return str(found.value)
