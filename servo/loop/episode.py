@@ -130,16 +130,17 @@ class Episode:
             self._build(Part(f"disturbances[{i}]", config), f"disturbance {i}")
             for i, config in enumerate(s.disturbances)
         ]
-        sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
+        names = "sensor", "encoders", "depth"
+        sensor, encoders, depth = (stream(s.run.seed, name) for name in names)
         around = Surroundings(s.ground, s.clutter, s.light, stream(s.run.seed, "clutter"))
         parts = WorldParts(
             robot, target, motion, disturbances, s.camera, s.believed, s.world, around
         )
         features = Part("features", s.features).build(target.outline)
         seen |= getattr(s.tracker, "needs_pictures", True)
-        seen |= s.world.visibility or getattr(features, "uses_pictures", False)
+        seen |= s.world.visibility or s.camera.depth or getattr(features, "uses_pictures", False)
         with self._refusals():
-            return World(parts, sensor, encoders, renderer if seen else Unseen)
+            return World(parts, sensor, encoders, renderer if seen else Unseen, depth)
 
     @contextmanager
     def _refusals(self, where: str = "") -> Generator[None]:

@@ -3,6 +3,7 @@
 | topic | messages |
 |---|---|
 | /camera/image | foxglove.CompressedImage: JPEG, frame `camera` |
+| /camera/depth | foxglove.RawImage (run): 32FC1 [m], nan where there is none (ROS REP 118) |
 | /camera/calibration | foxglove.CameraCalibration (run): the true camera |
 | /camera/annotations | foxglove.ImageAnnotations: estimate, goal, truth; particles |
 | /tf | foxglove.FrameTransforms (run): world to base and target, base to camera |
@@ -27,7 +28,7 @@ from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.steps_table import quantities
 from sim.models.quaternion import quaternion_of
-from sim.types import Array, Camera, Image, Pose
+from sim.types import Array, Camera, DepthPicture, Image, Pose
 from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
@@ -81,6 +82,7 @@ class McapFile:
         options = mcap.MCAPWriteOptions(chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
         self._image = channels.CompressedImageChannel("/camera/image", context=context)
+        self._depth = channels.RawImageChannel("/camera/depth", context=context)
         self._calibration = channels.CameraCalibrationChannel(
             "/camera/calibration", context=context
         )
@@ -109,6 +111,20 @@ class McapFile:
         if particles is not None:
             points.append(self._points(stamp, kinds.Points, particles[:, :2], colours.PARTICLES))
         self._annotations.log(fox.ImageAnnotations(points=points), log_time=at)
+
+    def depth(self, at: int, depth: DepthPicture) -> None:
+        """Write a depth picture."""
+        height, width = depth.shape
+        message = self._fox.RawImage(
+            timestamp=self._stamp(at),
+            frame_id="camera",
+            width=width,
+            height=height,
+            encoding="32FC1",
+            step=width * depth.itemsize,
+            data=depth.tobytes(),
+        )
+        self._depth.log(message, log_time=at)
 
     def calibration(self, at: int, camera: Camera) -> None:
         """Write the intrinsics of a camera."""
@@ -234,6 +250,8 @@ class RunMcap(McapFile):
         }
         image = step.frame.image if step.frame.fresh else None
         self.picture(at, image, outlines, step.estimate.particles)
+        if step.frame.fresh and step.frame.depth is not None:
+            self.depth(at, step.frame.depth)
         self.transforms(
             at,
             {
