@@ -86,7 +86,8 @@ class Episode:
             self.world = self._build_world(renderer, seen=seen or shows_goal)
             outline = self.world.outline
             with self._refusals():
-                self.loop = Loop(scenario, self.world.camera_believed, outline, self.world.camera)
+                believed = scenario.believed.outline(outline)
+                self.loop = Loop(scenario, self.world.camera_believed, believed, self.world.camera)
             self.goal = Goal(scenario.goal, outline, self.world.camera, self.world.camera)
             """How the true camera shall see the target."""
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
