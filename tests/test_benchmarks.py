@@ -14,13 +14,15 @@ from publish import FEW, FIRST_PAGE, PAGES, with_tables
 from servo.bench import benchmark as benchmarks
 from servo.bench.benchmark import NAMES, Band, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
-from servo.bench.row import Row, Won, check_version, row_of, shipped_rows, within, won
+from servo.bench.row import TAUS, Row, Won, check_version, row_of, shipped_rows, within, won
 from servo.bench.score import Difficulty, effects, standings
 from servo.bench.world_run import ERROR, PICTURE, jobs_of
 from servo.cli import benchmark_command, main
 from servo.mistake import Mistake
 from servo.report import benchmark_section
 from servo.study.run import Record
+
+DIGEST = 64 * "0"
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -30,8 +32,9 @@ def public(request):
 
 def row(name, areas, division="CLOSED", **more):
     worlds = {f"plain-{i:02}": Won(area, area >= 0.9, "") for i, area in enumerate(areas)}
-    fields = dict.fromkeys(("command", "benchmark", "hash", "digest", "machine"), "x")
-    given = {"band": "dev", "settings": {}, "track_ms": 1.0, "versions": {}} | more
+    fields = dict.fromkeys(("command", "benchmark", "hash", "machine"), "x")
+    given = {"band": "dev", "settings": {}, "track_ms": 1.0, "versions": {}}
+    given |= {"digest": DIGEST, "curve": [0.5] * len(TAUS)} | more
     return Row(contestant=name, division=division, worlds=worlds, **fields, **given)
 
 
@@ -299,7 +302,7 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ("loop-v1 --tracker nobody", "there is no kind 'nobody'"),
+        ("loop-v1 --tracker nobody", "there is no contestant 'nobody'; shipped are 'annealed', 'c"),
         ("loop-v1 --trackers kams", "loop-v1 has seeds of its own, and takes --contestant NAME"),
         ("loop-v1 --submit x.json", "--submit takes the row of one contestant"),
         ("loop-v1 --sealed x", "sealed worlds are drawn for one contestant"),
@@ -354,9 +357,28 @@ def test_machines_find_the_rows_and_their_fields():
         assert {path.removeprefix("$.") for path in paths} <= fields
 
 
-def test_a_row_of_no_band_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        ('"dev"', '"x"', "band: input should be 'dev', 'v1' or 'sealed'"),
+        (DIGEST, "x", "digest: string should match pattern '^[0-9a-f]{64}$'"),
+        (
+            '"area": 1.0',
+            '"area": 1e308',
+            "worlds.plain-00.area: input should be less than or equal to 1",
+        ),
+        ('"slow": {}', '"slow": {"a": 1}', "slow.a.[key]: string should match pattern"),
+        (
+            '"curve": [',
+            '"curve": [0.5, ',
+            "curve: list should have at most 41 items after validation, not 42",
+        ),
+    ],
+)
+def test_an_alien_row_is_refused(tmp_path, before, after, sentence):
     path = row("a", [1.0]).write(tmp_path, "row.json")
-    path.write_text(path.read_text().replace('"dev"', '"x"'))
+    assert before in path.read_text()
+    path.write_text(path.read_text().replace(before, after))
     with pytest.raises(Mistake) as refused:
         Row.read(path)
-    assert str(refused.value) == f"{path}: band: input should be 'dev', 'v1' or 'sealed'"
+    assert str(refused.value).startswith(f"{path}: {sentence}")

@@ -148,10 +148,16 @@ def settings_of(section: str, what: str) -> Settings:
 
 def _guest(benchmark: Benchmark, text: str) -> Contestant:
     name, what = named_part(text)
-    if benchmark.contestant == "law":
+    is_law = benchmark.contestant == "law"
+    kinds = (LAWS if is_law else TRACKERS).names()
+    home = {one.name: one for one in home_of(benchmark)}
+    if what not in (*home, *kinds) and ":" not in what:
+        shipped = ", ".join(f"'{one}'" for one in home)
+        raise Mistake(f"there is no contestant '{what}'; shipped are {shipped}")
+    if is_law:
         if what in benchmark.home:
             return Contestant(name, benchmark.home[what], Division.HOME)
-        division = Division.HOME if what in LAWS.names() else Division.OPEN
+        division = Division.HOME if what in kinds else Division.OPEN
         return Contestant(name, settings_of("controller", what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
@@ -159,5 +165,4 @@ def _guest(benchmark: Benchmark, text: str) -> Contestant:
     kind = str(settings["tracker.kind"])
     if kind in UNFIT:
         raise Mistake(f"the tracker '{kind}' cannot compete: it does not only see pictures")
-    ours = kind in {one.settings["tracker.kind"] for one in home_of(benchmark)}
-    return Contestant(name, settings, Division.HOME if ours else Division.OPEN)
+    return Contestant(name, settings, Division.HOME if kind in home else Division.OPEN)

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from annotated_types import Ge, Le, Len
+from pydantic import StringConstraints
 
 from servo.bench.benchmark import FOLDER, Band, Benchmark
 from servo.bench.contestant import Contestant
@@ -52,12 +54,16 @@ MEASURES = (
 )
 """Measures of a law's row, median over its worlds."""
 
+Share = Annotated[float, Ge(0), Le(1)]
+Digest = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
+Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$")]
+
 
 @dataclass(frozen=True, slots=True)
 class Won:
     """What a contestant reached in one world."""
 
-    area: float
+    area: Share
     """From 0 to 1: what the score is the mean of."""
     held: bool
     """Whether the robot held its target for 95 % of the time, or arrived."""
@@ -81,15 +87,15 @@ class Row(Made):
     division: str
     """Name of the division."""
     settings: dict[str, Any]
-    digest: str
+    digest: Digest
     """Of the contestant."""
     machine: str
     track_ms: float
     """Measured time of the tracker for a picture, median [ms]: of this machine, never ranked."""
     worlds: dict[str, Won]
-    slow: dict[str, float] = field(default_factory=dict[str, float])
+    slow: dict[Milliseconds, Share] = field(default_factory=dict[str, Share])
     """Share of worlds held, by the time that the tracker takes for a picture [ms]."""
-    curve: list[float] = field(default_factory=list[float])
+    curve: Annotated[list[Share], Len(len(TAUS), len(TAUS))]
     """Share of the time within `TAUS` of the goal, over all worlds."""
     measures: dict[str, float | None] = field(default_factory=dict[str, float | None])
 

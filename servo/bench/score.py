@@ -46,10 +46,10 @@ class Standing:
     def slowest(self) -> float | None:
         """The longest time for a picture at which half of the worlds are held [ms]."""
         longest = None
-        for ms in sorted(map(float, self.row.slow)):
-            if self.row.slow[f"{ms:g}"] < HALF:
+        for ms in sorted(self.row.slow, key=float):
+            if self.row.slow[ms] < HALF:
                 break
-            longest = ms
+            longest = float(ms)
         return longest
 
     def mean_in(self, condition: str) -> float:
