@@ -39,7 +39,11 @@ PRINTS = {
 }
 """What each page prints: a number and its bounds, or words. The robot's clock does not wait for a
 busy machine, so its numbers vary."""
-ELSEWHERE = {"a_law_that_switches": "test_switched_law.py", "learn_a_residual": "test_gym.py"}
+ELSEWHERE = {
+    "a_law_that_switches": "test_switched_law.py",
+    "drivers": "test_drivers.py",
+    "learn_a_residual": "test_gym.py",
+}
 """Pages of which another test runs the file that they say to save."""
 
 
