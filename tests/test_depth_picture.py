@@ -18,6 +18,9 @@ from servo.output.recording.destination import RecordingFile
 from servo.output.recording.log import RerunLog
 from sim.camera.camera import CameraConfig
 from sim.camera.depth_sensor import DepthSensor
+from sim.camera.distortion import Distortion
+from sim.camera.lens import Lens
+from sim.types import Camera
 from tracking.drawing.picture_bytes import encoded_depth
 
 RENDERERS = ("opengl", "exact")
@@ -69,6 +72,35 @@ def test_both_renderers_give_the_same_depths() -> None:
     assert one is not None
     assert other is not None
     assert np.mean(np.abs(one - other) < 1e-3) > 0.999  # pixels on edges may differ
+
+
+def test_the_sky_has_no_depth() -> None:
+    high = ("robot.kind=free", "start.tilt_deg=70", "camera.depth_farthest=1000")
+    one, other = (first(f"camera.renderer={r}", *high).frame.depth for r in RENDERERS)
+    assert one is not None
+    assert other is not None
+    assert 0.1 < np.isnan(one).mean() < 0.5
+    assert np.mean(np.isnan(one) == np.isnan(other)) > 0.999
+
+
+def test_a_lens_mixes_no_depths() -> None:
+    lens = Lens(
+        Camera(
+            200.0,
+            200.0,
+            160.0,
+            120.0,
+            320,
+            240,
+            Distortion("plumb_bob", (-0.2, 0.0, 0.0, 0.0, 0.0)),
+        )
+    )
+    near_and_far = np.where(
+        np.indices((lens.view.height, lens.view.width)).sum(axis=0) % 9 < 4, 1, 2
+    )
+    bent = lens.nearest(near_and_far.astype(np.float32))
+    assert bent.shape == (240, 320)
+    assert np.unique(bent).tolist() == [1.0, 2.0]
 
 
 def test_noise_grows_with_the_square_of_the_distance() -> None:
