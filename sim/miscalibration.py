@@ -51,8 +51,8 @@ class BelievedConfig:
     """The depth that the matrix of moments, points and segments is computed with, over the right
     one: the gain of translations is wrong by the same factor."""
     size_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
-    """Believed over true length of the target's sides; features made of its depth (pose, hybrid)
-    then end too near or too far, but with sight.depth = "picture"."""
+    """Believed over true length of the target's sides: the camera then ends too near or too far,
+    but with sight.depth = "picture"."""
 
     def __post_init__(self) -> None:
         if self.size_factor != 1.0 and self.goal == "shown":

@@ -65,17 +65,28 @@ def last(*settings: str) -> Step:
         return list(episode)[-1]
 
 
-@pytest.mark.parametrize("tracker", ["truth", "homography"])
-def test_a_wrong_size_does_no_harm_where_the_depth_is_measured(tracker: str) -> None:
-    wrong = ("believed.size_factor=1.2", f"tracker.kind={tracker}")
+@pytest.mark.parametrize(
+    ("tracker", "features"), [("truth", "moments"), ("truth", "points"), ("homography", "hybrid")]
+)
+def test_a_wrong_size_does_no_harm_where_the_depth_is_measured(tracker: str, features: str) -> None:
+    wrong = ("believed.size_factor=1.2", f"tracker.kind={tracker}", f"features.kind={features}")
     by_size = last(*wrong).truth.depth - SURFACE
     by_picture = last(*wrong, *PICTURE, "sight.depth=picture").truth.depth - SURFACE
     assert by_size == pytest.approx(1 / 1.2, abs=2e-3)
     assert by_picture == pytest.approx(1.0, abs=2e-3)
 
 
-def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt() -> None:
-    tilted = ("robot.kind=free", "start.tilt_deg=20", *PICTURE, "sight.depth=picture")
+def test_a_depth_picture_stands_in_for_a_tracker_that_follows_no_size() -> None:
+    near = ("tracker.kind=kams", "start.scale=1.2", "run.duration=4")
+    assert last(*near).truth.depth - SURFACE == pytest.approx(1 / 1.2, abs=2e-3)
+    found = last(*near, *PICTURE, "sight.depth=picture")
+    assert found.truth.depth - SURFACE == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("features", ["hybrid", "points"])
+def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt(features: str) -> None:
+    kinds = ("robot.kind=free", "tracker.kind=truth", f"features.kind={features}")
+    tilted = (*kinds, "start.tilt_deg=20", *PICTURE, "sight.depth=picture")
     assert np.degrees(last(*tilted).tilt) == pytest.approx(20.0, abs=0.1)
     assert np.degrees(last(*tilted, "sight.plane=picture").tilt) < 0.5
 

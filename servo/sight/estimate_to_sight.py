@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 from servo.sight import shape_moments
 from servo.sight.depth_points import DepthPoints
-from servo.sight.exact import plane_in
+from servo.sight.exact import plane_in, sight_of
 from servo.sight.planar_pose import CornersToPose
 from servo.sight.planes import FACING, PlaneFit, level_plane, plane_of_depth, plane_of_size
 from servo.types import Moments, Plane, Sight
@@ -26,9 +26,9 @@ class SightConfig:
     table is level), "estimated" from where the target has been seen to drive, or from the depth
     "picture" by least squares, which measures the tilt."""
     depth: Literal["size", "known", "picture"] = "size"
-    """Depth of the target, for the interaction matrix and its pose: from its metric "size" and its
-    area in the image, "known" from the robot's posture and table_height, or the median of its
-    region in the depth "picture"."""
+    """Depth of the target, for the interaction matrix: from its metric "size" and its area in the
+    image, "known" from the robot's posture and table_height, or the median of its region in the
+    depth "picture". All features are then those of the rectangle of this size at that depth."""
     table_height: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Height of the table over the robot's base [m]."""
 
@@ -63,6 +63,7 @@ class EstimateToSight:
         self._camera = camera
         self._region = region
         self._depth_factor = depth_factor
+        self._outline = outline
         self._root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         self._height = config.table_height + float(outline[0, 2])
         self._fit = PlaneFit()
@@ -98,9 +99,12 @@ class EstimateToSight:
         angle, size = estimate.follows
         is_tilt_seen = self._config.plane == "picture" and points is not None
         seen = self._camera.normalise(corners)
-        return self._with_depth_factor(
-            Sight(m, plane, angle, size, is_tilt_seen, corners=seen, goal=goal)
-        )
+        sight = Sight(m, plane, angle, size, is_tilt_seen, corners=seen, goal=goal)
+        if self._config.depth == "picture" and points is not None:
+            # With its distance, its size in the picture is known, whatever the tracker follows.
+            whole = sight_of(sight.pose, self._outline, goal)
+            sight = replace(whole, angle_known=angle, tilt_known=is_tilt_seen)
+        return self._with_depth_factor(sight)
 
     def goal(self, state: State, region: Region) -> Sight:
         """Return the sight to reach: from straight above, where a state places a region."""
@@ -124,7 +128,9 @@ class EstimateToSight:
         if self._config.depth == "picture" and points is not None:
             # A wrong size makes a wrong distance, and nothing else.
             there = points.plane(pose.rotation[:, 2]).vector @ pose.translation
-            pose = Pose(pose.rotation, pose.translation / there)
+            whole = sight_of(Pose(pose.rotation, pose.translation / there), self._outline, goal)
+            self._plane = self._scaled(whole.plane)
+            return self._with_depth_factor(whole)
         plane = plane_in(pose)
         self._plane = self._scaled(plane)
         return self._with_depth_factor(
