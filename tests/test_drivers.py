@@ -1,6 +1,6 @@
 """The drivers of the tutorial drivers.md, against stand-ins with the packages' signatures.
 
-Those of ur_rtde 1.6.5 are its own docstrings', those of LeRobot 0.4.4 its class `Robot`.
+Those of ur_rtde 1.6.5 are its own docstrings', those of LeRobot 0.4.4 and 0.6.1 their class `Robot`.
 """
 
 import sys
@@ -178,10 +178,15 @@ class LeRobot:
         if not self.stalls:
             self.picture = np.full((240, 320, 3), self.images, np.uint8)
             self.images += 1
-        return {f"{n}.pos": v for n, v in self.at.items()} | {
-            "gripper.pos": 3.0,
-            "hand": self.picture,
-        }
+        depth = {"hand_depth": self.depth} if hasattr(self, "depth") else {}
+        return (
+            depth
+            | {f"{n}.pos": v for n, v in self.at.items()}
+            | {
+                "gripper.pos": 3.0,
+                "hand": self.picture,
+            }
+        )
 
     def send_action(self, action: dict) -> dict:
         assert action.keys() == {f"{n}.pos" for n in self.at}
@@ -239,3 +244,13 @@ def test_the_goal_of_lerobot_stays_near_a_joint_that_does_not_move() -> None:
     for _ in range(100):
         made.go(10 * TWIST)
     assert np.abs(made.goal - ZEROS).max() == pytest.approx(0.1)
+
+
+def test_the_depths_of_lerobot_are_in_metres() -> None:
+    arm = LeRobot([0.0] * 6)
+    made = lerobot(arm)
+    assert made.newest().depth is None
+    arm.depth = np.array([[[835], [0]]], np.uint16)
+    depth = made.newest().depth
+    assert depth.dtype == np.float32
+    assert depth == pytest.approx(np.array([[0.835, np.nan]]), nan_ok=True)
