@@ -222,7 +222,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def _info(self, step: Step) -> dict[str, Any]:
         distance = _distance(step)
-        return {
+        depth = {} if step.frame.depth is None else {"depth": step.frame.depth}
+        return depth | {
             "time_s": step.frame.time,
             "distance_px": distance,
             "is_success": distance <= CONVERGED_PX,

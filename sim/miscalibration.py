@@ -50,6 +50,13 @@ class BelievedConfig:
     depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
     """The depth that the matrix of moments, points and segments is computed with, over the right
     one: the gain of translations is wrong by the same factor."""
+    size_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
+    """Believed over true length of the target's sides: the camera then ends too near or too far,
+    but with sight.depth = "picture"."""
+
+    def __post_init__(self) -> None:
+        if self.size_factor != 1.0 and self.goal == "shown":
+            raise ValueError('size_factor: a goal that is "shown" has the size that it has')
 
     def camera(self, camera: Camera) -> Camera:
         """Return the believed camera; the same object where nothing of it is wrong."""
@@ -63,6 +70,12 @@ class BelievedConfig:
             distortion=None if self.ignore_distortion else camera.distortion,
         )
         return camera if believed == camera else believed
+
+    def outline(self, outline: Array) -> Array:
+        """Return the believed reference rectangle (4, 3) [m]; the same one where it is right."""
+        middle = outline.mean(axis=0)
+        f = self.size_factor
+        return outline if f == 1.0 else middle + f * (outline - middle)
 
     @property
     def hand_eye(self) -> Pose:

@@ -15,6 +15,7 @@ from sim.camera.distortion import Distortion
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+DepthPicture = NDArray[np.float32]
 LARGEST_PICTURE = 16_384
 """Longest side of a picture from a file [px]; more would take all memory."""
 
@@ -164,6 +165,9 @@ class Frame:
     """Number of the frame, from 0."""
     fresh: bool = True
     """False where the camera delivered nothing: the image is then the last one that came."""
+    depth: DepthPicture | None = None
+    """Distance along the optical axis (H, W) [m], nan where the camera has none; None: the camera
+    has no depth picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,6 +13,7 @@ from annotated_types import Ge, Le
 from sim import placement
 from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.choice import renderer_of
+from sim.camera.depth_sensor import DepthSensor
 from sim.camera.lens import Lens, Sensor
 from sim.camera.renderer import VISION_FROM_MUJOCO, MakeRenderer, Promise, Supersampled, camera_pose
 from sim.geometry import log_se3
@@ -26,7 +27,7 @@ from sim.models.target import Target
 from sim.stage import Disturbance, Motion, Stage
 from sim.surroundings import Surroundings
 from sim.timing import Rates, exposures
-from sim.types import Array, Frame, Image, Pose, Posture, Truth
+from sim.types import Array, DepthPicture, Frame, Image, Pose, Posture, Truth
 
 UNSTABLE = tuple(
     int(w)
@@ -98,6 +99,7 @@ class World:
         rng: np.random.Generator,
         encoders: np.random.Generator | None = None,
         renderer: MakeRenderer | None = None,
+        depth: np.random.Generator | None = None,
     ) -> None:
         """Put the parts together.
 
@@ -106,6 +108,7 @@ class World:
             rng: Draws the noise of the camera's sensor.
             encoders: Draws the noise of the robot's encoders; needed where they have any.
             renderer: Makes the renderer of the camera; by default that of its settings.
+            depth: Draws the noise of the depth pictures; by default always the same.
 
         Raises:
             ValueError: A part does not fit the others; the sentence says which.
@@ -147,6 +150,9 @@ class World:
         self._renderer = make(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)
+        self._depth_sensor = None
+        if camera.depth:
+            self._depth_sensor = DepthSensor(camera, depth or np.random.default_rng(0))
         self._exposed_at = {k for band in bands for k in band.steps} - {steps}
         # The physics steps of a frame interval at which something is to be done, and its end.
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
@@ -155,6 +161,7 @@ class World:
         self._mean_twist = np.zeros(6)
         self._accepted = np.zeros(6)
         self._image: Image = np.zeros((camera.height, camera.width, 3), np.uint8)
+        self._depth: DepthPicture | None = None
         self._has_looked = False
         self._eye_at = self._set_stage(0.0)
 
@@ -269,13 +276,16 @@ class World:
         pictures = self._pictures
         self._pictures = []
         if effect.dropped and self._has_looked:
-            return lambda: Frame(self._image, time, index, fresh=False)
+            return lambda: Frame(self._image, time, index, fresh=False, depth=self._depth)
         self._has_looked = True
         pictures.append(self._renderer.begin(self.data))
+        depths = None if self._depth_sensor is None else self._renderer.begin_depth(self.data)
 
         def picture() -> Frame:
+            if self._depth_sensor is not None and depths is not None:
+                self._depth = self._depth_sensor.develop(self._lens.nearest(depths()))
             self._image = self._sensor.develop([made() for made in pictures], effect.gain)
-            return Frame(self._image, time, index)
+            return Frame(self._image, time, index, depth=self._depth)
 
         return picture
 

@@ -319,7 +319,7 @@ def test_a_section_is_listed_with_all_its_settings(section, printed):
 
 def test_a_setting_is_listed_with_its_unit(printed):
     list_command.show("camera")
-    assert "camera.width         320                                 Image width [px]." in lines(
+    assert "camera.width           320                                 Image width [px]." in lines(
         printed
     )
 

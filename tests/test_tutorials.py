@@ -42,6 +42,7 @@ busy machine, so its numbers vary."""
 ELSEWHERE = {
     "a_law_that_switches": "test_switched_law.py",
     "imitate_a_law": "test_imitation.py",
+    "drivers": "test_drivers.py",
     "learn_a_residual": "test_gym.py",
 }
 """Pages of which another test runs the file that they say to save."""

@@ -86,7 +86,8 @@ class Episode:
             self.world = self._build_world(renderer, seen=seen or shows_goal)
             outline = self.world.outline
             with self._refusals():
-                self.loop = Loop(scenario, self.world.camera_believed, outline, self.world.camera)
+                believed = scenario.believed.outline(outline)
+                self.loop = Loop(scenario, self.world.camera_believed, believed, self.world.camera)
             self.goal = Goal(scenario.goal, outline, self.world.camera, self.world.camera)
             """How the true camera shall see the target."""
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
@@ -130,17 +131,18 @@ class Episode:
             self._build(Part(f"disturbances[{i}]", config), f"disturbance {i}")
             for i, config in enumerate(s.disturbances)
         ]
-        sensor, encoders = (stream(s.run.seed, name) for name in ("sensor", "encoders"))
+        names = "sensor", "encoders", "depth"
+        sensor, encoders, depth = (stream(s.run.seed, name) for name in names)
         around = Surroundings(s.ground, s.clutter, s.light, stream(s.run.seed, "clutter"))
         parts = WorldParts(
             robot, target, motion, disturbances, s.camera, s.believed, s.world, around
         )
         features = Part("features", s.features).build(target.outline)
         seen |= getattr(s.tracker, "needs_pictures", True)
-        seen |= s.world.visibility
+        seen |= s.world.visibility or s.camera.depth
         seen |= any(getattr(each, "uses_pictures", False) for each in (features, s.controller))
         with self._refusals():
-            return World(parts, sensor, encoders, renderer if seen else Unseen)
+            return World(parts, sensor, encoders, renderer if seen else Unseen, depth)
 
     @contextmanager
     def _refusals(self, where: str = "") -> Generator[None]:

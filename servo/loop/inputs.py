@@ -57,6 +57,10 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     """
     check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
+    shape = camera.height, camera.width
+    if frame.depth is not None and np.shape(frame.depth) != shape:
+        found = np.shape(frame.depth)
+        raise ValueError(f"frame: expected a depth picture {shape} in metres, got {found}")
     if not isfinite(frame.time):
         raise ValueError(f"frame: expected a finite time, got {frame.time}")
 

@@ -193,7 +193,7 @@ class Running:
         region, state = target
         self._true_motion = true_motion
         self._truth = truth
-        self._check_settings()
+        self._check_settings(frame)
         self._goal_picture = None
         if goal is not None:
             check_picture("goal", goal, loop.camera)
@@ -236,14 +236,19 @@ class Running:
             )
         )
 
-    def _check_settings(self) -> None:
+    def _check_settings(self, first: Frame) -> None:
         """Refuse settings that cannot go together.
 
         Raises:
-            ValueError: The estimator needs the truth and there is none, or features made of pixels
-                shall do what they cannot.
+            ValueError: The estimator needs the truth and there is none, features made of pixels
+                shall do what they cannot, or the first picture lacks the depths that are needed.
         """
         loop = self._loop
+        if loop.scenario.sight.uses_depths and first.depth is None:
+            raise ValueError(
+                'sight: "picture" needs a depth picture: camera.depth = true, or Frame.depth of a '
+                "camera of yours"
+            )
         if loop.uses_pictures and loop.needs_truth is not None:
             raise ValueError(
                 "estimator: the true motion of features made of pixels is not known; choose "
@@ -361,7 +366,8 @@ class Running:
         if not observation.frame.fresh:
             return None
         if self._goal_picture is None:
-            return self._to_sight.see(observation.estimate, posture, goal)
+            depth = observation.frame.depth
+            return self._to_sight.see(observation.estimate, posture, goal, depth)
         picture = CameraImage(observation.frame.image, self._loop.camera)
         return replace(goal, picture=picture, goal=goal)
 

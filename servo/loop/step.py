@@ -136,7 +136,11 @@ class Step:
         """Return the same without pixels and particles, to keep thousands of them."""
         return replace(
             self,
-            frame=replace(self.frame, image=np.broadcast_to(np.uint8(0), self.frame.image.shape)),
+            frame=replace(
+                self.frame,
+                image=np.broadcast_to(np.uint8(0), self.frame.image.shape),
+                depth=None,
+            ),
             estimate=replace(self.estimate, particles=None),
         )
 

@@ -3,6 +3,7 @@
 | topic | messages |
 |---|---|
 | /camera/image/compressed | sensor_msgs/CompressedImage: JPEG, frame `camera` |
+| /camera/depth | sensor_msgs/Image (run): 32FC1 [m], nan where there is none (ROS REP 118) |
 | /camera/camera_info | sensor_msgs/CameraInfo (run): the true camera |
 | /camera/annotations | foxglove_msgs/ImageAnnotations: estimate, goal, truth; particles |
 | /estimate | geometry_msgs/PolygonStamped: corners of the estimate in the picture [px], z = 0 |
@@ -35,7 +36,7 @@ from servo.output.ros2_messages import Kind
 from servo.output.steps_table import FLAG, REAL, TEXT, WHOLE, quantities_of
 from servo.scenario.calibration import ROS_NAMES
 from sim.models.quaternion import quaternion_of
-from sim.types import Array, Camera, Image, Pose
+from sim.types import Array, Camera, DepthPicture, Image, Pose
 from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
 from tracking.evaluation.track import Shot
@@ -107,6 +108,7 @@ class McapFile:
             return Channel(topic, Kind(kind), context)
 
         self._image = channel("/camera/image/compressed", "sensor_msgs/CompressedImage")
+        self._depth = channel("/camera/depth", "sensor_msgs/Image")
         self._info = channel("/camera/camera_info", "sensor_msgs/CameraInfo")
         self._annotations = channel("/camera/annotations", "foxglove_msgs/ImageAnnotations")
         self._estimate = channel("/estimate", "geometry_msgs/PolygonStamped")
@@ -136,6 +138,20 @@ class McapFile:
         outline = [ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate]
         polygon = ros2.part("geometry_msgs/Polygon", points=outline)
         self._estimate.log(at, header=header, polygon=polygon)
+
+    def depth(self, at: int, depth: DepthPicture) -> None:
+        """Write a depth picture."""
+        height, width = depth.shape
+        self._depth.log(
+            at,
+            header=ros2.header(at, FRAME),
+            height=height,
+            width=width,
+            encoding="32FC1",
+            is_bigendian=0,
+            step=width * depth.itemsize,
+            data=np.frombuffer(depth.tobytes(), np.uint8),
+        )
 
     def calibration(self, at: int, camera: Camera) -> None:
         """Write the intrinsics of a camera."""
@@ -287,6 +303,8 @@ class RunMcap(McapFile):
         }
         image = step.frame.image if step.frame.fresh else None
         self.picture(at, image, outlines, step.estimate.particles)
+        if step.frame.fresh and step.frame.depth is not None:
+            self.depth(at, step.frame.depth)
         self.transforms(
             at,
             {

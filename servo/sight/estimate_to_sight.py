@@ -7,12 +7,13 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from servo.sight import shape_moments
-from servo.sight.exact import plane_in
+from servo.sight.depth_points import DepthPoints
+from servo.sight.exact import plane_in, sight_of
 from servo.sight.planar_pose import CornersToPose
 from servo.sight.planes import FACING, PlaneFit, level_plane, plane_of_depth, plane_of_size
 from servo.types import Moments, Plane, Sight
 from sim.geometry import exp_se3
-from sim.types import Array, Camera, Posture
+from sim.types import Array, Camera, DepthPicture, Pose, Posture
 from tracking.types import Estimate, Region, State, Status
 
 
@@ -20,14 +21,21 @@ from tracking.types import Estimate, Region, State, Status
 class SightConfig:
     """What is known of the target's plane."""
 
-    plane: Literal["parallel", "known", "estimated"] = "parallel"
+    plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
-    table is level), or "estimated" from where the target has been seen to drive."""
-    depth: Literal["size", "known"] = "size"
+    table is level), "estimated" from where the target has been seen to drive, or from the depth
+    "picture" by least squares, which measures the tilt."""
+    depth: Literal["size", "known", "picture"] = "size"
     """Depth of the target, for the interaction matrix: from its metric "size" and its area in the
-    image, or "known" from the robot's posture and table_height."""
+    image, "known" from the robot's posture and table_height, or the median of its region in the
+    depth "picture". All features are then those of the rectangle of this size at that depth."""
     table_height: Annotated[float, Ge(-5), Le(5)] = 0.0
     """Height of the table over the robot's base [m]."""
+
+    @property
+    def uses_depths(self) -> bool:
+        """Whether a depth picture is needed."""
+        return "picture" in (self.plane, self.depth)
 
 
 @final
@@ -55,6 +63,7 @@ class EstimateToSight:
         self._camera = camera
         self._region = region
         self._depth_factor = depth_factor
+        self._outline = outline
         self._root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
         self._height = config.table_height + float(outline[0, 2])
         self._fit = PlaneFit()
@@ -62,24 +71,40 @@ class EstimateToSight:
         self._corners_to_pose = CornersToPose((length, width))
         self._plane: Plane | None = None
 
-    def see(self, estimate: Estimate, posture: Posture, goal: Sight | None = None) -> Sight | None:
+    def see(
+        self,
+        estimate: Estimate,
+        posture: Posture,
+        goal: Sight | None = None,
+        depth: DepthPicture | None = None,
+    ) -> Sight | None:
         """Return the sight of an estimate; None where the tracker does not see the target.
 
         Args:
             estimate: What the tracker reported.
             posture: What the robot knows of itself.
             goal: How the target shall be seen.
+            depth: The depth picture (H, W) [m]; with too few depths of the target, its depth is
+                that of its size, and its plane parallel.
         """
         if estimate.status is not Status.LOCKED:
             return None
         if estimate.corners is not None:
-            return self._see_corners(estimate.corners, posture, goal)
+            return self._see_corners(estimate.corners, posture, goal, depth)
         m = shape_moments.of_state(estimate.state, self._region, self._camera)
-        plane = self._plane_at(m, posture)
+        corners = self._region.corners(estimate.state)
+        points = self._points(corners, depth)
+        plane = self._plane_at(m, posture, points)
         self._plane = self._scaled(plane)
         angle, size = estimate.follows
-        corners = self._camera.normalise(self._region.corners(estimate.state))
-        return self._with_depth_factor(Sight(m, plane, angle, size, corners=corners, goal=goal))
+        is_tilt_seen = self._config.plane == "picture" and points is not None
+        seen = self._camera.normalise(corners)
+        sight = Sight(m, plane, angle, size, is_tilt_seen, corners=seen, goal=goal)
+        if self._config.depth == "picture" and points is not None:
+            # With its distance, its size in the picture is known, whatever the tracker follows.
+            whole = sight_of(sight.pose, self._outline, goal)
+            sight = replace(whole, angle_known=angle, tilt_known=is_tilt_seen)
+        return self._with_depth_factor(sight)
 
     def goal(self, state: State, region: Region) -> Sight:
         """Return the sight to reach: from straight above, where a state places a region."""
@@ -88,7 +113,9 @@ class EstimateToSight:
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
-    def _see_corners(self, corners: Array, posture: Posture, goal: Sight | None) -> Sight | None:
+    def _see_corners(
+        self, corners: Array, posture: Posture, goal: Sight | None, depth: DepthPicture | None
+    ) -> Sight | None:
         """Return the sight of a tracker that reports four corners (4, 2) [px]: its pose is
         measured.
         """
@@ -97,6 +124,13 @@ class EstimateToSight:
         if pose is None:
             return None
         m = shape_moments.of_polygon(seen)
+        points = self._points(corners, depth)
+        if self._config.depth == "picture" and points is not None:
+            # A wrong size makes a wrong distance, and nothing else.
+            there = points.plane(pose.rotation[:, 2]).vector @ pose.translation
+            whole = sight_of(Pose(pose.rotation, pose.translation / there), self._outline, goal)
+            self._plane = self._scaled(whole.plane)
+            return self._with_depth_factor(whole)
         plane = plane_in(pose)
         self._plane = self._scaled(plane)
         return self._with_depth_factor(
@@ -126,20 +160,28 @@ class EstimateToSight:
         turned = np.log(arm[1] / arm[0])
         return np.array([*(after[0] - before[0]), turned.imag, turned.real])
 
-    def _plane_at(self, m: Moments, posture: Posture) -> Plane:
+    def _points(self, corners: Array, depth: DepthPicture | None) -> DepthPoints | None:
+        """Return the target's points in a depth picture, if they are wanted and there are some."""
+        if depth is None or not self._config.uses_depths:
+            return None
+        return DepthPoints.inside(corners, depth, self._camera)
+
+    def _plane_at(self, m: Moments, posture: Posture, points: DepthPoints | None) -> Plane:
         c = self._config
-        normal = self._normal(posture)
+        normal = self._normal(posture, points)
         ray = np.array([m.xg, m.yg, 1.0])
         if c.depth == "known":
             depth = 1 / float(level_plane(posture.T_base_camera, self._height).vector @ ray)
             plane = plane_of_depth(m, depth, normal)
+        elif c.depth == "picture" and points is not None:
+            plane = points.plane(normal)
         else:
             plane = plane_of_size(m, self._root_area, normal)
         if c.plane == "estimated":
             self._fit.add(posture.T_base_camera, ray / float(plane.vector @ ray))
         return plane
 
-    def _normal(self, posture: Posture) -> Array:
+    def _normal(self, posture: Posture, points: DepthPoints | None) -> Array:
         match self._config.plane:
             case "parallel":
                 return FACING
@@ -147,6 +189,8 @@ class EstimateToSight:
                 return level_plane(posture.T_base_camera, self._height).vector
             case "estimated":
                 return self._fit.normal(posture.T_base_camera)
+            case "picture":
+                return FACING if points is None else points.normal
 
     def _scaled(self, plane: Plane) -> Plane:
         """Return the plane that the interaction matrix is computed with."""

@@ -84,6 +84,18 @@ class CameraConfig:
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""
+    depth: bool = False
+    """Whether each picture has a depth picture: distances along the optical axis [m], of the same
+    pixels at the frame's time."""
+    depth_noise: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Standard deviation of a depth at 1 m [m]; it grows with the square of the distance, as that
+    of stereo and structured light. 0.0014 is a Kinect (Khoshelham and Elberink 2012)."""
+    depth_holes: Annotated[int, Ge(0), Le(50)] = 0
+    """Pixels on both sides of an edge between near and far that have no depth."""
+    depth_nearest: Annotated[float, Ge(0), Le(1000)] = 0.1
+    """What is nearer has no depth [m]."""
+    depth_farthest: Annotated[float, Gt(0), Le(1000)] = 10.0
+    """What is farther has no depth [m]."""
 
     def __post_init__(self) -> None:
         if self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD):
@@ -98,6 +110,14 @@ class CameraConfig:
             raise ValueError(
                 f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame of "
                 f"{1e3 / self.rate:g} ms"
+            )
+        own = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
+        if not self.depth and own != (0.0, 0, 0.1, 10.0):
+            raise ValueError("depth_noise, depth_holes and the range of depths need depth = true")
+        if self.depth_nearest >= self.depth_farthest:
+            raise ValueError(
+                f"depth_nearest = {self.depth_nearest:g} should be below depth_farthest = "
+                f"{self.depth_farthest:g}"
             )
         for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
             if at is not None and not -size <= at <= 2 * size:

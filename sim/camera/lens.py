@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.camera.camera import CameraConfig, border
 from sim.timing import Band
-from sim.types import Array, Camera, Image
+from sim.types import Array, Camera, DepthPicture, Image
 
 SHARP = 0.8
 """On the optical axis the rendered picture has at least this many pixels for one of the camera's.
@@ -49,6 +49,14 @@ class Lens:
         (u, v) = self._maps
         bent = cv2.remap(four, u[rows], v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
+
+    def nearest(self, depth: DepthPicture) -> DepthPicture:
+        """The camera's depth picture (H, W) of what `view` sees: each depth is one that was
+        rendered, because a mean of two across an edge would be a distance at which nothing is.
+        """
+        if self._maps is None:
+            return depth
+        return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST), np.float32)
 
     def count(self, mask: NDArray[np.bool_]) -> int:
         """Count the pixels of the camera's picture in which a mask of `view` is set."""

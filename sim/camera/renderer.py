@@ -5,11 +5,11 @@ down, z forward), and nowhere else.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from threading import Event
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import cv2
 import mujoco
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sim.camera import gl
 from sim.camera.camera import pinhole
-from sim.types import Array, Camera, Image, Pose
+from sim.types import Array, Camera, DepthPicture, Image, Pose
 
 VISION_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
 ALONE = 5
@@ -51,10 +51,14 @@ ELSEWHERE = (
 
 Promise = Callable[[], Image]
 """Waits for a picture (H, W, 3) that was begun, and returns it."""
+DepthPromise = Callable[[], DepthPicture]
+"""The same of a depth picture (H, W)."""
 
 
 class Renderer(Protocol):
-    """Takes pinhole pictures of a scene; `World` takes any class that has these three methods."""
+    """Takes pinhole pictures of a scene; `World` takes any class that has these methods, and calls
+    `begin_depth` only where the camera has depth pictures.
+    """
 
     def begin(self, data: mujoco.MjData) -> Promise:
         """Begin a picture of the scene as it is, which may change afterwards.
@@ -74,6 +78,14 @@ class Renderer(Protocol):
         """
         ...
 
+    def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
+        """Begin a depth picture of the scene as it is.
+
+        Returns:
+            What waits for the distances along the optical axis (H, W) [m]; inf where nothing is.
+        """
+        ...
+
     def close(self) -> None:
         """Give back what it holds."""
 
@@ -81,6 +93,9 @@ class Renderer(Protocol):
 MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]
 """Makes the renderer of a model's camera, by its name, with the intrinsics of the pictures, which
 have no distortion."""
+
+
+T = TypeVar("T")
 
 
 class OpenGLRenderer:
@@ -121,28 +136,38 @@ class OpenGLRenderer:
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not hidden
-        return self._draw(data).result
+        return self._draw(data, self._colours).result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        flags = self._scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         group = self._model.geom_group.copy()
         shown = self._option.geomgroup.copy()
         if alone:
             self._model.geom_group[geoms & shown[group].astype(bool)] = ALONE
             self._option.geomgroup[:] = np.arange(len(shown)) == ALONE
-        picture = self._draw(data).result()
+        with self._segmented():
+            picture = self._draw(data, self._colours).result()
         self._model.geom_group[:] = group
         self._option.geomgroup[:] = shown
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         wanted = np.zeros(self._scene.ngeom + 1, bool)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
                 wanted[geom.segid + 1] = geoms[geom.objid]
         return wanted[picture.astype(np.int64) @ (1, 1 << 8, 1 << 16)]
 
-    def _draw(self, data: mujoco.MjData) -> Future[Image]:
-        """Begin a picture of the scene as it is; it is drawn when this returns, but not filled."""
+    def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
+        with self._segmented():
+            return self._draw(data, self._depths).result
+
+    @contextmanager
+    def _segmented(self) -> Generator[None]:
+        """Draw geoms in colours of their own: without the sky, shadows and anti-aliasing."""
+        flags = self._scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+        yield
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+
+    def _draw(self, data: mujoco.MjData, read: Callable[[], T]) -> Future[T]:
+        """Begin a picture of the scene as it is; it is drawn when this returns, but not read."""
         if os.getpid() != self._process:
             raise gl.NoRenderer(ELSEWHERE)
         every = mujoco.mjtCatBit.mjCAT_ALL.value
@@ -150,13 +175,13 @@ class OpenGLRenderer:
             self._model, data, self._option, None, self._camera, every, self._scene
         )
         drawn = Event()
-        picture = gl.call(self._fill, drawn)
-        # The rendering thread waits for no other one until it fills the picture, the longest part.
+        picture = gl.call(self._fill, drawn, read)
+        # The rendering thread waits for no other one until it reads the picture, the longest part.
         drawn.wait()
         return picture
 
-    def _fill(self, drawn: Event) -> Image:
-        """Render the scene; `drawn` is set when it may change."""
+    def _fill(self, drawn: Event, read: Callable[[], T]) -> T:
+        """Render the scene and read the picture; `drawn` is set when the scene may change."""
         try:
             # Worlds that are open at the same time share the context, and have their own buffers.
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
@@ -164,8 +189,23 @@ class OpenGLRenderer:
         finally:
             drawn.set()
         gl.finish()
+        return read()
+
+    def _colours(self) -> Image:
         mujoco.mjr_readPixels(self._upside_down, None, self._rect, self._context)
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
+
+    def _depths(self) -> DepthPicture:
+        """Return the depths of the buffer: 1 is the near plane, 0 the far one and behind it."""
+        upside_down = np.empty(self._upside_down.shape[:2], np.float32)
+        # As OpenGL has it here: MuJoCo's other order would cost the digits of what is far.
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
+        mujoco.mjr_readPixels(None, upside_down, self._rect, self._context)
+        buffer = np.flipud(upside_down)
+        room = self._model.vis.map
+        near, far = np.array([room.znear, room.zfar]) * self._model.stat.extent
+        depth = 1 / (1 / far + buffer * (1 / near - 1 / far))
+        return np.where(buffer > 0, depth, np.inf).astype(np.float32)
 
 
 def _buffers(model: mujoco.MjModel, whole: NDArray[np.uint8]) -> mujoco.MjrContext:
@@ -194,7 +234,7 @@ class Supersampled:
     ) -> None:
         """Make the other renderer, whose pictures are so many times as wide, and as high."""
         self._size = view.width, view.height
-        self._times = times
+        self._middle = slice(times // 2, None, times)
         larger = Camera(
             fx=times * view.fx,
             fy=times * view.fy,
@@ -213,8 +253,11 @@ class Supersampled:
         return cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        middle = slice(self._times // 2, None, self._times)
-        return self._renderer.silhouette(data, geoms, alone=alone)[middle, middle]
+        return self._renderer.silhouette(data, geoms, alone=alone)[self._middle, self._middle]
+
+    def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
+        picture = self._renderer.begin_depth(data)
+        return lambda: picture()[self._middle, self._middle]
 
     def close(self) -> None:
         self._renderer.close()
@@ -231,6 +274,9 @@ class Unseen:
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
         return np.zeros(self._picture.shape[:2], bool)
+
+    def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
+        return lambda: np.full(self._picture.shape[:2], np.inf, np.float32)
 
     def close(self) -> None:
         pass

@@ -7,6 +7,7 @@
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
 | world/eye/image/estimate, goal, truth | green, red and white rectangles |
 | world/eye/image/particles | the particle cloud |
+| world/eye/depth | the depth picture, where there is one |
 | plots/error | distance of the true centre from goal and from estimate [px] |
 | plots/features | feature errors e = s - s* |
 | plots/motion/FEATURE | de/dt of the target: measured, estimated, true |
@@ -41,9 +42,11 @@ from sim.kinematics.robot import Robot
 from sim.models.assembly import with_stands
 from sim.types import Array
 from tracking.drawing.colours import ESTIMATE, GOAL, PARTICLES, TRUTH
-from tracking.drawing.picture_bytes import encoded
+from tracking.drawing.picture_bytes import encoded, encoded_depth
 
 JPEG_QUALITY = 80
+MILLIMETRES = 1000.0
+"""Units of a depth picture in a metre."""
 GREY = (130, 130, 140)
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, PARTICLES, TRUTH, GREY, ESTIMATE, GOAL)
@@ -164,6 +167,14 @@ class RerunLog:
     ) -> None:
         images = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
         self._rec.send_columns(IMAGE, index, images)
+        depths = [encoded_depth(d) for s in steps if (d := s.frame.depth) is not None]
+        if depths:
+            columns = rr.EncodedDepthImage.columns(
+                blob=depths,
+                media_type=["image/png"] * len(depths),
+                meter=[MILLIMETRES] * len(depths),
+            )
+            self._rec.send_columns("world/eye/depth", index, columns)
         places = {
             "truth": [s.truth.corners for s in steps],
             "goal": [s.goal_corners for s in steps],

@@ -5,6 +5,7 @@ but for shadows, reflections, haze and translucence. A triangle's colour is that
 there.
 """
 
+from collections.abc import Callable
 from concurrent.futures import Future
 
 import mujoco
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from sim.camera import gl
 from sim.camera.exact import raster
 from sim.camera.exact.solids import across, sky_of, solids_of, texture_of
-from sim.camera.renderer import Promise, camera_pose
-from sim.types import Array, Camera, Image
+from sim.camera.renderer import DepthPromise, Promise, T, camera_pose
+from sim.types import Array, Camera, DepthPicture, Image
 
 DEFAULT_SHINE = (0.0, 0.5, 0.5)
 """MuJoCo's emission, specular reflection and shininess of a body without a material."""
@@ -85,8 +86,22 @@ class ExactRenderer:
         self._draw(data, self._is_shown & wanted if alone else self._is_shown).result()
         return np.append(wanted, False)[self._shown]
 
-    def _draw(self, data: mujoco.MjData, drawn: NDArray[np.bool_]) -> Future[Image]:
-        """Begin a picture of some bodies as they are."""
+    def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
+        """Begin a depth picture of the scene as it is; see `Renderer`."""
+        is_geom = np.arange(len(self._is_shown)) < self._model.ngeom
+        return self._draw(data, self._is_shown & is_geom, self._depths).result
+
+    def _depths(self, _image: Image) -> DepthPicture:
+        with np.errstate(divide="ignore"):
+            return np.float32(1.0) / self._nearness
+
+    def _draw(
+        self,
+        data: mujoco.MjData,
+        drawn: NDArray[np.bool_],
+        read: Callable[[Image], T] = lambda image: image,
+    ) -> Future[T]:
+        """Begin a picture of some bodies as they are, of which `read` takes what is wanted."""
         eye = camera_pose(data, self._camera)
         chosen = np.flatnonzero(drawn)
         to_camera = eye.rotation.T
@@ -97,6 +112,7 @@ class ExactRenderer:
         depth = np.where(chosen < self._model.ngeom, middles[chosen, 2], np.inf)
         return gl.rendering().submit(
             self._fill,
+            read,
             chosen[np.argsort(depth, kind="stable")],
             to_camera @ rotations,
             middles,
@@ -104,8 +120,13 @@ class ExactRenderer:
         )
 
     def _fill(
-        self, order: NDArray[np.intp], rotations: Array, middles: Array, lights: Array
-    ) -> Image:
+        self,
+        read: Callable[[Image], T],
+        order: NDArray[np.intp],
+        rotations: Array,
+        middles: Array,
+        lights: Array,
+    ) -> T:
         image = np.zeros((*self._shown.shape, 3), np.uint8)
         self._nearness.fill(0.0)
         self._shown.fill(NO_BODY)
@@ -131,7 +152,7 @@ class ExactRenderer:
             self._nearness,
             self._shown,
         )
-        return image
+        return read(image)
 
 
 def _check(model: mujoco.MjModel) -> None:

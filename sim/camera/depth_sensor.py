@@ -1,0 +1,52 @@
+"""From exact distances to the depth picture of a sensor: its range, its noise, its holes."""
+
+from typing import final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera.camera import CameraConfig
+from sim.types import DepthPicture
+
+JUMP = 1.03
+"""Between neighbours whose distances have a larger ratio is an edge. Chosen by hand: a plane that
+is tilted by 75 degrees stays below it (f = 290 px), and what is 4 cm high on a table at 1 m is
+above it.
+"""
+AROUND = np.ones((3, 3), np.uint8)
+
+
+@final
+class DepthSensor:
+    """Makes depth pictures from exact ones."""
+
+    def __init__(self, config: CameraConfig, rng: np.random.Generator) -> None:
+        """Keep the settings; `rng` draws the noise."""
+        self._config = config
+        self._rng = rng
+
+    def develop(self, exact: DepthPicture) -> DepthPicture:
+        """Return the read-only depth picture of exact distances (H, W) [m].
+
+        The noise of a distance z is `depth_noise` z^2: that of a triangulation whose disparity has
+        a constant noise (Khoshelham and Elberink 2012, Accuracy and resolution of Kinect depth data
+        for indoor mapping applications, Sensors 12(2)).
+        """
+        c = self._config
+        has_none = (exact < c.depth_nearest) | (exact > c.depth_farthest)
+        if c.depth_holes > 0:
+            has_none |= _beside_edges(exact, c.depth_holes)
+        depth = np.where(has_none, np.float32(np.nan), exact)
+        if c.depth_noise > 0:
+            drawn = self._rng.standard_normal(exact.shape, np.float32)
+            depth += np.float32(c.depth_noise) * depth**2 * drawn
+        depth.setflags(write=False)
+        return depth
+
+
+def _beside_edges(exact: DepthPicture, pixels: int) -> NDArray[np.bool_]:
+    """Return a mask of what is at most so many pixels from an edge."""
+    edges = cv2.dilate(exact, AROUND) / JUMP > cv2.erode(exact, AROUND)
+    size = 2 * pixels - 1
+    return cv2.dilate(edges.astype(np.uint8), np.ones((size, size), np.uint8)).astype(bool)
