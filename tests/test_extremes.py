@@ -79,6 +79,8 @@ REFUSED = (
     "and file go together",
     "pose and held are of a camera",
     "the robot holds the target",
+    "need depth = true",
+    "needs a depth picture",
 )
 """What a scenario within all limits may be refused for."""
 
