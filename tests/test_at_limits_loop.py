@@ -121,6 +121,10 @@ class Step:
     def estimate(self):
         return SimpleNamespace(status=Tracked.LOCKED)
 
+    @property
+    def goal_sight(self):
+        return SimpleNamespace(picture=None)
+
 
 @pytest.mark.parametrize(
     ("steps", "outcome"),
