@@ -20,7 +20,7 @@ FEW = 10
 """With fewer good frames than this the threshold is the cap: their spread is not yet known."""
 
 # These four were chosen on runs of `occlusion` and `occlusion_partial` with drawn starts, in which
-# a board slides over the target between two frames (scenes/README.md).
+# a board slides over the target between two frames (scenes/RESULTS.md).
 CLEAR = 0.08
 """At a distance below this, nothing begins to hide the target."""
 SURE = 6.0

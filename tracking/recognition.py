@@ -18,7 +18,7 @@ from tracking.search.particles import ParticleFilter
 from tracking.types import Region, State
 
 # The weights of a logistic regression on seven of 13 annotated recordings, rounded by hand. The
-# other constants were chosen on all of them, in about twenty tries (tracking/README.md).
+# other constants were chosen on all of them, in about twenty tries (tracking/RESULTS.md).
 BIAS = -7.0
 BY_DISTANCE = -5.0
 BY_LIKENESS = 13.0

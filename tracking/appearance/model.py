@@ -36,7 +36,7 @@ RING = 0.4
 the nine cells' bias of size is then smallest (a prototype on painted scenes)."""
 UNLIKE = 0.3
 """Weight of 1 - likeness to the views beside the squared distance of colours; chosen by hand on 13
-annotated recordings (tracking/README.md)."""
+annotated recordings (tracking/RESULTS.md)."""
 
 
 @dataclass(frozen=True)

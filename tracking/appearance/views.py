@@ -12,7 +12,7 @@ from sim.types import Array, Image
 from tracking.loops import view_correlation as loops
 from tracking.types import Region, State
 
-# Chosen by hand on 13 annotated recordings (tracking/README.md).
+# Chosen by hand on 13 annotated recordings (tracking/RESULTS.md).
 SIDE = 8
 """Points along each side of a view."""
 NEW = 0.9

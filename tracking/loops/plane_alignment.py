@@ -20,7 +20,7 @@ QUANTILE = 0.35
 object that hides a third of the target."""
 NORMAL = 0.4538
 """This quantile of the size of normal residuals of standard deviation 1."""
-# The numbers below were chosen by hand on rendered plates with a part hidden (tracking/README.md).
+# The numbers below were chosen by hand on rendered plates with a part hidden (tracking/RESULTS.md).
 LEAST_SIGMA = 1.0
 """The residuals' standard deviation is taken for at least this [grey levels]."""
 USUAL = 0.8

@@ -37,7 +37,7 @@ Alignment = tuple[Array, Array, float, float]
 """Corners (4, 2), gain and bias of the light (2,), correlation 0..1, misfit."""
 
 # All numbers were chosen by hand on rendered plates of 150 px in six degrees of freedom, plain and
-# with a part hidden (tracking/README.md has the errors that they give).
+# with a part hidden (tracking/RESULTS.md has the errors that they give).
 POINTS = 60
 """Points of the template along each side."""
 COARSE = 4

@@ -26,7 +26,7 @@ from tracking.types import (
 )
 
 Grey = NDArray[np.uint8]
-# Chosen by hand on rendered tags of 30 to 200 px (tracking/README.md has the errors).
+# Chosen by hand on rendered tags of 30 to 200 px (tracking/RESULTS.md has the errors).
 CELLS = 8
 """Cells along a side of the black square."""
 ALIKE = 0.1
