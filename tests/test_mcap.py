@@ -13,7 +13,7 @@ import servo
 from servo.cli.outputs import Outputs
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
-from servo.output.mcap_file import RunMcap, _CheckedFile
+from servo.output.mcap_file import RunMcap, _CheckedFile, _fields
 from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
@@ -114,6 +114,17 @@ def test_the_log_of_a_track(monkeypatch, capfd, tmp_path):
     assert stamp.sec + stamp.nanosec / 1e9 == time
     corners = [(p.x, p.y) for p in estimate.polygon.points]
     assert corners == [(40.0, 30.0), (70.0, 30.0), (70.0, 50.0), (40.0, 50.0)]
+
+
+def test_names_that_are_alike_as_fields_stay_apart():
+    columns = ["joint_a-b_rad", "joint_a_b_rad", "joint_左_rad", "joint_右_rad", "time_s"]
+    assert list(_fields(columns).values()) == [
+        "joint_a_b_rad",
+        "joint_a_b_rad_1",
+        "joint_rad",
+        "joint_rad_3",
+        "time_s",
+    ]
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):

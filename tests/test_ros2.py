@@ -26,6 +26,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from servo.ros2 import Camera, Robot, messages, server
 from servo.ros2.node import Node
+from servo.scenario.calibration import camera_info
 
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 <NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>
@@ -34,10 +35,17 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 AT = messages.header(12.25, "camera")
 FISHEYE = servo.Camera(300.0, 310.0, 161.5, 119.0, 320, 240, Distortion("fisheye", (0.1, 0, 0, 0)))
+
+
+def calibration(camera):
+    """The message that tells a camera's calibration."""
+    return messages.CameraInfo(AT, **camera_info(camera), roi=server.WHOLE)
+
+
 EXAMPLES = {
     "sensor_msgs/msg/Image": messages.Image(AT, 2, 1, "rgb8", 0, 3, bytes(range(6))),
     "sensor_msgs/msg/CompressedImage": messages.CompressedImage(AT, "jpeg", b"abc"),
-    "sensor_msgs/msg/CameraInfo": server.camera_info(FISHEYE, 12.25),
+    "sensor_msgs/msg/CameraInfo": calibration(FISHEYE),
     "sensor_msgs/msg/JointState": messages.JointState(AT, ["a", "bc"], [1.0, 2.0], [3.0], []),
     "geometry_msgs/msg/TwistStamped": messages.stamped(np.arange(6.0), AT),
     "rosgraph_msgs/msg/Clock": messages.Clock(AT.stamp),
@@ -115,7 +123,7 @@ def test_a_calibration_survives_the_way(lens):
     camera = Camera(info=f"/{lens}/info")
     writer = Node().writer(f"/{lens}/info", messages.CameraInfo)
     given(lambda: writer.get_matched_subscriptions() or None, lambda _: None, None)
-    writer.write(server.camera_info(sent, 0.0))
+    writer.write(calibration(sent))
     assert camera.calibration() == sent
 
 

@@ -21,7 +21,7 @@ log whose program was killed lacks its last chunk and its index;
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from servo.mistake import Mistake
 from servo.output import ros2_messages as ros2
 from servo.output.ros2_messages import Kind
 from servo.output.steps_table import FLAG, REAL, TEXT, WHOLE, quantities_of
-from servo.scenario.calibration import ROS_NAMES
+from servo.scenario.calibration import camera_info
 from sim.models.quaternion import quaternion_of
 from sim.types import Array, Camera, DepthPicture, Image, Pose
 from tracking.drawing import colours
@@ -46,8 +46,7 @@ NEEDS = "--mcap needs the packages foxglove-sdk and rosbags: install servobench[
 CHUNK = 1 << 18
 """Size after which a chunk is written [bytes]."""
 JPEG_QUALITY = 85
-NANO = 1_000_000_000
-LATEST = NANO << 31
+LATEST = ros2.SECOND << 31
 """Stamps that the messages cannot hold begin here [ns]: seconds are integers of 32 bits."""
 FRAME = "camera"
 POINTS, LINE_LOOP = 1, 2
@@ -63,9 +62,7 @@ SHOT = {
 }
 """Fields of a track's rows."""
 NOT_A_FIELD = re.compile("[^A-Za-z0-9]+")
-"""What the name of a message's field may not have; joints have any name."""
-MIDDLE = 0.5
-"""Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
+"""What the name of a message's field cannot have; joints have any names."""
 Corners = Mapping[tuple[int, int, int], Array]
 
 
@@ -113,7 +110,7 @@ class McapFile:
         self._annotations = channel("/camera/annotations", "foxglove_msgs/ImageAnnotations")
         self._estimate = channel("/estimate", "geometry_msgs/PolygonStamped")
         self._tf = channel("/tf", "tf2_msgs/TFMessage")
-        self._fields = {name: NOT_A_FIELD.sub("_", name) for name in columns}
+        self._fields = _fields(columns)
         kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
         fields = {self._fields[name]: of for name, of in columns.items()}
         self._rows = Channel(topic, Kind(kind, fields), context)
@@ -155,21 +152,13 @@ class McapFile:
 
     def calibration(self, at: int, camera: Camera) -> None:
         """Write the intrinsics of a camera."""
-        lens = camera.distortion
-        k = [camera.fx, 0, camera.cx - MIDDLE, 0, camera.fy, camera.cy - MIDDLE, 0, 0, 1]
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
+        known = camera_info(camera)
+        numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
         self._info.log(
             at,
             header=ros2.header(at, FRAME),
-            height=camera.height,
-            width=camera.width,
-            distortion_model="plumb_bob" if lens is None else ROS_NAMES[lens.model],
-            d=np.array([0.0] * 5 if lens is None else lens.coefficients),
-            k=np.array(k, float),
-            r=np.eye(3).ravel(),
-            p=np.array([*k[:3], 0, *k[3:6], 0, *k[6:], 0], float),
-            binning_x=0,
-            binning_y=0,
+            **known | numbers,
             roi=ros2.part("sensor_msgs/RegionOfInterest", **region, do_rectify=False),
         )
 
@@ -212,6 +201,15 @@ class McapFile:
         """Close the file after an error: what the disk refuses is left out."""
         self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
+
+
+def _fields(columns: Iterable[str]) -> dict[str, str]:
+    """Return the names of a message's fields by those of columns, each its own."""
+    found: dict[str, str] = {}
+    for number, column in enumerate(columns):
+        name = NOT_A_FIELD.sub("_", column)
+        found[column] = f"{name}_{number}" if name in found.values() else name
+    return found
 
 
 def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int]) -> Any:
@@ -292,7 +290,7 @@ class RunMcap(McapFile):
         Raises:
             OSError: The file cannot be written.
         """
-        at = round(step.frame.time * NANO)
+        at = round(step.frame.time * ros2.SECOND)
         truth = step.truth
         if step.frame.index == 0:
             self.calibration(at, step.scene.camera)
@@ -332,7 +330,7 @@ class TrackMcap(McapFile):
         """
         found = shot.estimate
         picture = shot.picture
-        at = round(picture.time * NANO)
+        at = round(picture.time * ros2.SECOND)
         if picture.stamp is not None and 0 <= picture.stamp < LATEST:
             self._zero = picture.stamp - at
         at += self._zero

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-NANO = 1_000_000_000
+SECOND = 1_000_000_000
+"""In nanoseconds."""
 CORNER = "foxglove_msgs/Point2"
 COLOUR = "foxglove_msgs/Color"
 STAMP = "builtin_interfaces/Time timestamp\n"
@@ -68,7 +69,7 @@ def part(kind: str, **fields: Any) -> Any:
 
 def stamp(at: int) -> Any:
     """Return a moment [ns]."""
-    return part("builtin_interfaces/Time", sec=at // NANO, nanosec=at % NANO)
+    return part("builtin_interfaces/Time", sec=at // SECOND, nanosec=at % SECOND)
 
 
 def header(at: int, frame: str) -> Any:

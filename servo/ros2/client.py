@@ -23,7 +23,7 @@ from servo.ros2.messages import (
     stamped,
 )
 from servo.ros2.node import Node, first
-from servo.scenario.calibration import MODELS
+from servo.scenario.calibration import MIDDLE, MODELS
 from servo.scenario.load import Scenario
 from sim.camera.distortion import COEFFICIENTS, Distortion
 from sim.geometry import log_se3
@@ -34,8 +34,6 @@ WAITS = duration(milliseconds=20)
 """Longest wait for a new picture."""
 KEPT = 100
 """States of the joints that are kept, to find the one at the time of a picture."""
-MIDDLE = 0.5
-"""Place of the first pixel's middle, which is zero in ROS [px]."""
 
 
 class Camera:

@@ -3,7 +3,7 @@
 import sys
 import time
 from contextlib import suppress
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from cyclonedds.core import DDSException
@@ -11,7 +11,6 @@ from cyclonedds.core import DDSException
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.parts import Task
-from servo.ros2.client import MIDDLE
 from servo.ros2.messages import (
     CameraInfo,
     Clock,
@@ -22,14 +21,16 @@ from servo.ros2.messages import (
     header,
 )
 from servo.ros2.node import Node
-from servo.scenario.calibration import ROS_NAMES
+from servo.scenario.calibration import camera_info
 from servo.types import Command, Sight
-from sim.types import Camera, Posture
+from sim.types import Posture
 
 TOPIC = "/servo/twist"
 DEAD_MAN = 0.3
 """Time without a twist after which the robot stops by itself [s]."""
 FRAME = "camera"
+WHOLE = RegionOfInterest(0, 0, 0, 0, False)
+"""ROS's word for all of a picture."""
 
 
 class Server:
@@ -106,25 +107,6 @@ class Server:
         robot = step.posture.joints.tolist(), step.rates.tolist()
         with suppress(DDSException):  # a reader is too slow; it gets the next one
             self._clock.write(Clock(at.stamp))
-            self._info.write(camera_info(self._camera, step.frame.time))
+            self._info.write(CameraInfo(at, **camera_info(self._camera), roi=WHOLE))
             self._joints.write(JointState(at, self._names, *robot, []))
             self._images.write(Image(at, height, width, "rgb8", 0, 3 * width, image.tobytes()))
-
-
-def camera_info(camera: Camera, time: float) -> Any:
-    """Return the calibration of a camera at a time [s]."""
-    lens = camera.distortion
-    k = [camera.fx, 0.0, camera.cx - MIDDLE, 0.0, camera.fy, camera.cy - MIDDLE, 0.0, 0.0, 1.0]
-    return CameraInfo(
-        header(time, FRAME),
-        camera.height,
-        camera.width,
-        "plumb_bob" if lens is None else ROS_NAMES[lens.model],
-        [0.0] * 5 if lens is None else list(lens.coefficients),
-        k,
-        np.eye(3).ravel().tolist(),
-        [*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0],
-        0,
-        0,
-        RegionOfInterest(0, 0, 0, 0, False),
-    )

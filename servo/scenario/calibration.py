@@ -14,6 +14,7 @@ from servo.mistake import Mistake, as_mistake
 from servo.scenario.toml import is_number
 from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
+from sim.types import Camera
 
 Table = dict[str, Any]
 LARGEST_FILE = 20_000
@@ -29,6 +30,8 @@ MODELS: dict[str, Model] = {
 """Our distortion by ROS's name."""
 ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
 """ROS's name of a distortion; the first one where there are two."""
+MIDDLE = 0.5
+"""Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
 BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
 """OpenCV's distortion by the number of its coefficients that are not zero at the end."""
 OPENCV = "%YAML"
@@ -63,6 +66,25 @@ def calibrated(camera: Any, place: str) -> Any:
     return kept | {"width": size[0], "height": size[1]} | found
 
 
+def camera_info(camera: Camera) -> dict[str, Any]:
+    """Return the fields of ROS's message sensor_msgs/CameraInfo for a camera, but for its header
+    and region of interest.
+    """
+    lens = camera.distortion
+    cx, cy = camera.cx - MIDDLE, camera.cy - MIDDLE
+    return {
+        "height": camera.height,
+        "width": camera.width,
+        "distortion_model": "plumb_bob" if lens is None else ROS_NAMES[lens.model],
+        "d": [0.0] * 5 if lens is None else list(lens.coefficients),
+        "k": [camera.fx, 0.0, cx, 0.0, camera.fy, cy, 0.0, 0.0, 1.0],
+        "r": np.eye(3).ravel().tolist(),
+        "p": [camera.fx, 0.0, cx, 0.0, 0.0, camera.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        "binning_x": 0,
+        "binning_y": 0,
+    }
+
+
 def _read(path: Path) -> Table:
     """Return the size (width, height) of a calibration's image, and its settings for it."""
     with as_mistake():
@@ -88,7 +110,7 @@ def _read(path: Path) -> Table:
             f"{path}: distortion_coefficients has {len(values)} numbers; "
             f"{model} has {COEFFICIENTS[model]}"
         )
-    found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + 0.5, "cy": K[5] + 0.5}
+    found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + MIDDLE, "cy": K[5] + MIDDLE}
     return found | {"distortion": model, "coefficients": values}
 
 
