@@ -154,7 +154,7 @@ class Tracker(Protocol):
 
 @runtime_checkable
 class NeedsTruth(Protocol):
-    """A tracker that is told the truth, for comparison: a simulation only has it. It looks at no
+    """A tracker that is given the truth, for comparison: only a simulation has it. It looks at no
     picture.
     """
 

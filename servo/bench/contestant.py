@@ -27,7 +27,7 @@ TRAX = "trax:"
 ONNX = "onnx:"
 """A network file of OpenCV's tracker Vit."""
 UNFIT = ("truth", "tag")
-"""Trackers that cannot compete: one is told the truth, one sees tags only."""
+"""Trackers that cannot compete: one is given the truth, one sees tags only."""
 
 
 class Division(Enum):

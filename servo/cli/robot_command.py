@@ -55,7 +55,7 @@ NEAR = 0.01
 WEAK = 1e-6
 """A direction that is weaker than this share of the strongest is none."""
 LEAST_SHARE = 0.05
-"""A part of the twist that follows less than this is not told."""
+"""A part of the twist that follows less than this is not printed."""
 ONE_SIDED = 0.5
 """Mean place over mean distance of those postures from which on an arm has a direction."""
 

@@ -116,8 +116,10 @@ class Loop:
         self.controller: Controller = controller.guarded(controller.build(draws["controller"]))
         guarded = estimator.guarded(estimates)
         self.estimator: Estimator = guarded
-        self.told = tracker.guarded(followed) if isinstance(followed, TrackerNeedsTruth) else None
-        """The tracker, if it must be told where the target is."""
+        self.truth_tracker = (
+            tracker.guarded(followed) if isinstance(followed, TrackerNeedsTruth) else None
+        )
+        """The tracker, if it must be given the true position of the target."""
         self.needs_truth: NeedsTruth | None = guarded if isinstance(estimates, NeedsTruth) else None
         """The estimator, if it must be given the target's true motion."""
         self.forgets: Forgets | None = guarded if isinstance(estimates, Forgets) else None
@@ -154,7 +156,7 @@ class Loop:
                 pixels and for policies.
             true_motion: The target's true motion, for an estimator that needs it; only a
                 simulation has it.
-            truth: Returns the truth of a picture by its number, for a tracker that is told it.
+            truth: Returns the truth of a picture by its number, for a tracker that needs it.
 
         Returns:
             The running loop; its `step` takes this picture too.
@@ -325,8 +327,8 @@ class Running:
 
     def _tell(self, frame: Frame) -> None:
         """Tell the truth of a picture to a tracker that needs it, if it is known."""
-        if self._loop.told is not None and self._truth is not None:
-            self._loop.told.give(self._truth(frame.index))
+        if self._loop.truth_tracker is not None and self._truth is not None:
+            self._loop.truth_tracker.give(self._truth(frame.index))
 
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None

@@ -33,14 +33,14 @@ class Config:
     corners: bool = False
     """Report the four corners, as `tag` does, and not centre, angle and size alone."""
 
-    def build(self, rng: np.random.Generator) -> "Told":
+    def build(self, rng: np.random.Generator) -> "TruthTracker":
         """Return the tracker, which draws its errors from the generator."""
-        return Told(self, rng)
+        return TruthTracker(self, rng)
 
 
 @final
-class Told:
-    """Reports what it is told, where that is in the picture."""
+class TruthTracker:
+    """Reports the position it is given, where that is in the picture."""
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
         self._config = config
