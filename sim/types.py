@@ -166,8 +166,8 @@ class Frame:
     fresh: bool = True
     """False where the camera delivered nothing: the image is then the last one that came."""
     depth: DepthPicture | None = None
-    """Distance along the optical axis (H, W) [m], nan where the camera has none; None: the camera
-    has no depth picture."""
+    """Distance along the optical axis (H, W) [m], nan or 0 where the camera has none; None: the
+    camera has no depth picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

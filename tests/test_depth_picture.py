@@ -124,6 +124,14 @@ def test_what_is_beside_an_edge_or_out_of_range_has_no_depth() -> None:
     assert not np.isnan(found[:, 30]).any()
 
 
+def test_what_noise_moves_out_of_range_has_no_depth() -> None:
+    sensor = DepthSensor(CameraConfig(depth=True, depth_noise=1.0), np.random.default_rng(0))
+    found = sensor.develop(np.ones((100, 100), np.float32))
+    # A normal draw below -0.9; of 10,000 of them, three standard deviations.
+    assert np.isnan(found).mean() == pytest.approx(0.184, abs=0.012)
+    assert np.nanmin(found) >= 0.1
+
+
 def test_a_run_is_the_same_with_a_depth_picture() -> None:
     """Its noise has draws of its own, and a dropped frame has the last depths."""
     settings = (

@@ -51,6 +51,15 @@ def test_a_region_at_the_border_has_the_depth_of_its_visible_part() -> None:
     assert points.plane(PLANE).vector == pytest.approx(PLANE, abs=1e-5)
 
 
+def test_zero_is_no_depth() -> None:
+    """As many cameras say that they have none."""
+    depth = depths()
+    depth[:, 150:] = 0.0
+    points = DepthPoints.inside(CORNERS, depth, CAMERA)
+    assert points is not None
+    assert points.plane(PLANE).vector == pytest.approx(PLANE, abs=1e-5)
+
+
 def test_a_few_pixels_say_nothing() -> None:
     depth = np.full((240, 320), np.nan, np.float32)
     depth[100, 130 : 130 + FEWEST - 1] = 1.0

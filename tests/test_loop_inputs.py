@@ -105,6 +105,23 @@ def test_a_loop_is_not_started_with(name, loop, steps):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("depth", "found"),
+    [
+        (np.ones((240, 320), np.uint16), "(240, 320) of uint16"),  # millimetres
+        (np.ones((120, 160), np.float32), "(120, 160) of float32"),
+        ([[1.0]], "(1, 1) of list"),
+    ],
+)
+def test_a_depth_picture_that_is_none_is_refused(loop, steps, depth, found):
+    first = steps[0]
+    frame = replace(first.frame, depth=depth)
+    with pytest.raises(ValueError) as refused:
+        loop.start(frame, first.scene.region, first.true_state)
+    sentence = f"frame: expected a depth picture (240, 320) of floats [m], got {found}"
+    assert str(refused.value) == sentence
+
+
 def test_a_goal_that_is_no_picture_is_refused(loop, steps):
     with pytest.raises(ValueError) as refused:
         begun(loop, steps, goal=np.zeros((2, 2), np.uint8))

@@ -9,7 +9,7 @@ import numpy as np
 
 from servo.loop.settings import Setup
 from sim.geometry import is_rotation
-from sim.types import Array, Camera, Frame, Image, Pose, Posture
+from sim.types import Array, Camera, DepthPicture, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
 ROUNDING = 1e-6
@@ -57,10 +57,8 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     """
     check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
-    shape = camera.height, camera.width
-    if frame.depth is not None and np.shape(frame.depth) != shape:
-        found = np.shape(frame.depth)
-        raise ValueError(f"frame: expected a depth picture {shape} in metres, got {found}")
+    if frame.depth is not None:
+        _check_depth(frame.depth, (camera.height, camera.width))
     if not isfinite(frame.time):
         raise ValueError(f"frame: expected a finite time, got {frame.time}")
 
@@ -75,6 +73,18 @@ def check_picture(name: str, image: Image, camera: Camera) -> None:
     if not isinstance(image, np.ndarray) or image.shape != shape or image.dtype != np.uint8:  # pyright: ignore[reportUnnecessaryIsInstance]
         found = f"{np.shape(image)} of {getattr(image, 'dtype', type(image).__name__)}"
         raise ValueError(f"{name}: expected a picture {shape} of uint8, got {found}")
+
+
+def _check_depth(depth: DepthPicture, shape: tuple[int, int]) -> None:
+    """Check that an array can be a depth picture; whole numbers are millimetres.
+
+    Raises:
+        ValueError: It has another shape or type.
+    """
+    is_real = np.issubdtype(getattr(depth, "dtype", np.object_), np.floating)
+    if np.shape(depth) != shape or not is_real:
+        found = f"{np.shape(depth)} of {getattr(depth, 'dtype', type(depth).__name__)}"
+        raise ValueError(f"frame: expected a depth picture {shape} of floats [m], got {found}")
 
 
 def check_posture(posture: Posture) -> None:

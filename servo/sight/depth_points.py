@@ -42,13 +42,13 @@ class DepthPoints:
 
         Args:
             corners: Of the target (4, 2) [px].
-            depth: The picture (H, W) [m], nan where there is no depth.
+            depth: The picture (H, W) [m], nan or 0 where there is no depth.
             camera: That of the picture.
         """
         mask = np.zeros(depth.shape, np.uint8)
         pixels = np.rint(corners - 0.5).clip(-FAR_OUT, FAR_OUT).astype(np.int32)
         cv2.fillConvexPoly(mask, pixels, 1)
-        v, u = np.nonzero((mask > 0) & np.isfinite(depth))
+        v, u = np.nonzero((mask > 0) & np.isfinite(depth) & (depth > 0))
         if len(u) < FEWEST:
             return None
         seen = camera.normalise(np.array([u, v], np.float64).T + 0.5)

@@ -13,6 +13,8 @@ from sim.types import Array, Camera
 
 FOVY = 45.0
 """Vertical field of view of a camera of which nothing is given [deg]."""
+NEAREST, FARTHEST = 0.1, 10.0
+"""Range of a depth camera of which nothing is given [m]."""
 SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
 Kind = Literal["opengl", "exact"]
@@ -92,9 +94,9 @@ class CameraConfig:
     of stereo and structured light. 0.0014 is a Kinect (Khoshelham and Elberink 2012)."""
     depth_holes: Annotated[int, Ge(0), Le(50)] = 0
     """Pixels on both sides of an edge between near and far that have no depth."""
-    depth_nearest: Annotated[float, Ge(0), Le(1000)] = 0.1
+    depth_nearest: Annotated[float, Ge(0), Le(1000)] = NEAREST
     """What is nearer has no depth [m]."""
-    depth_farthest: Annotated[float, Gt(0), Le(1000)] = 10.0
+    depth_farthest: Annotated[float, Gt(0), Le(1000)] = FARTHEST
     """What is farther has no depth [m]."""
 
     def __post_init__(self) -> None:
@@ -112,7 +114,7 @@ class CameraConfig:
                 f"{1e3 / self.rate:g} ms"
             )
         own = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
-        if not self.depth and own != (0.0, 0, 0.1, 10.0):
+        if not self.depth and own != (0.0, 0, NEAREST, FARTHEST):
             raise ValueError("depth_noise, depth_holes and the range of depths need depth = true")
         if self.depth_nearest >= self.depth_farthest:
             raise ValueError(

@@ -34,13 +34,15 @@ class DepthSensor:
         for indoor mapping applications, Sensors 12(2)).
         """
         c = self._config
-        has_none = (exact < c.depth_nearest) | (exact > c.depth_farthest)
-        if c.depth_holes > 0:
-            has_none |= _beside_edges(exact, c.depth_holes)
-        depth = np.where(has_none, np.float32(np.nan), exact)
+        depth = np.where(np.isfinite(exact), exact, np.float32(np.nan))
         if c.depth_noise > 0:
             drawn = self._rng.standard_normal(exact.shape, np.float32)
             depth += np.float32(c.depth_noise) * depth**2 * drawn
+        # The sensor's range is that of what it measures, which noise can make negative.
+        has_none = (depth <= 0) | (depth < c.depth_nearest) | (depth > c.depth_farthest)
+        if c.depth_holes > 0:
+            has_none |= _beside_edges(exact, c.depth_holes)
+        depth[has_none] = np.nan
         depth.setflags(write=False)
         return depth
 

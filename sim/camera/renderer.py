@@ -163,8 +163,10 @@ class OpenGLRenderer:
         """Draw geoms in colours of their own: without the sky, shadows and anti-aliasing."""
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        yield
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+        try:
+            yield
+        finally:
+            flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
 
     def _draw(self, data: mujoco.MjData, read: Callable[[], T]) -> Future[T]:
         """Begin a picture of the scene as it is; it is drawn when this returns, but not read."""
