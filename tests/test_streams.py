@@ -233,9 +233,10 @@ def test_pictures_without_stamps_have_the_times_at_which_they_come(monkeypatch):
     jpeg = cv2.imencode(".jpg", IMAGE)[1].tobytes()
     head = b"--eye\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
     with served(9 * [head + jpeg + b"\r\n"], gap=0.15) as address:
-        found = [(p.name, p.time) for p in source_of(address, 30.0)]
-    assert found[-1] == ("frame 8", 8.0)
-    assert found == [(f"frame {time:.0f}", time) for _, time in found]
+        found = [(int(p.name.removeprefix("frame ")), p.time) for p in source_of(address, 30.0)]
+    first = found[0][0]  # on a busy machine, pictures before it were replaced by newer ones
+    assert found[-1][0] == 8 > first
+    assert found == [(number, number - first) for number, _ in found]
 
 
 def test_a_playlist_at_an_address_opens_nothing(tmp_path):
