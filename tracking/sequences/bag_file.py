@@ -43,8 +43,8 @@ LARGEST_INDEX = 1_000_000
 """Largest metadata.yaml [bytes]: thousands of files; the parser takes seconds for it."""
 LARGEST_RECORD = 1_000_000_000
 """Largest record of an MCAP file that is read into memory [bytes]."""
-LARGEST_UNPACKED = 400_000_000
-"""Largest decompressed chunk or message [bytes]; chosen by hand: recorders write chunks of 4 MB."""
+LARGEST_UNPACKED = 150_000_000
+"""Largest decompressed chunk or message [bytes]: a picture of 7680x4320 px in colour has 100 MB."""
 LARGEST_RATIO = 100
 """Most that a larger file that is compressed whole may grow: pictures shrink by 2 to 20 times."""
 PIECE = 1 << 20
