@@ -115,6 +115,71 @@ def test_a_camera_gives_pictures_in_rgb_with_their_stamps():
     assert given(camera.newest, writer.write, image).time == 12.5
 
 
+METRES = np.array([[0.5, np.nan], [1.25, 2.0]], np.float32)
+MILLIMETRES = np.array([[500, 0], [1250, 2000]], ">u2")
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        messages.depth_message(METRES, AT),
+        messages.Image(
+            AT, 2, 2, "16UC1", 1, 5, b"".join(row.tobytes() + b"-" for row in MILLIMETRES)
+        ),
+    ],
+    ids=["32FC1", "16UC1"],
+)
+def test_a_depth_picture_belongs_to_the_picture_of_its_moment(message):
+    camera = Camera("/d/image", depth="/d/depth")
+    pictures = Node().writer("/d/image", messages.Image)
+    depths = Node().writer("/d/depth", messages.Image)
+    late = messages.depth_message(np.full((2, 2), 9.0, np.float32), messages.header(12.0, "camera"))
+
+    def write(image):
+        depths.write(late)
+        depths.write(message)
+        pictures.write(image)
+
+    for writer in (depths, pictures):
+        given(lambda of=writer: of.get_matched_subscriptions() or None, lambda _: None, None)
+    frame = given(camera.newest, write, messages.Image(AT, 2, 2, "mono8", 0, 2, bytes(4)))
+    np.testing.assert_array_equal(frame.depth, METRES)
+    image = messages.Image(messages.header(13.0, "camera"), 2, 2, "mono8", 0, 2, bytes(4))
+    assert given(camera.newest, pictures.write, image).depth is None  # it has none
+
+
+@pytest.mark.parametrize(
+    ("message", "sentence"),
+    [
+        (
+            messages.Image(AT, 2, 2, "mono8", 0, 2, bytes(4)),
+            "/d: there is no encoding of depth 'mono8'; there is 32FC1, 16UC1",
+        ),
+        (
+            messages.Image(AT, 2, 2, "32FC1", 0, 8, bytes(15)),
+            "/d: a depth picture of 2x2 px has 15 bytes in rows of 8",
+        ),
+        (
+            messages.Image(AT, 2, 2, "32FC1", 0, 7, bytes(16)),
+            "/d: a depth picture of 2x2 px has 16 bytes in rows of 7",
+        ),
+    ],
+)
+def test_what_is_no_depth_picture_is_one_sentence(message, sentence):
+    with pytest.raises(Mistake, match=f"^{re.escape(sentence)}$"):
+        messages.depth_of(message, "/d")
+
+
+def test_a_served_depth_camera_sends_its_depth_pictures():
+    camera = Camera(depth="/camera/depth/image_raw")
+    with servo.Episode(servo.load("depth_plate", ["run.duration=0.1"])) as episode:
+        step = next(iter(episode))
+        served = server.Server().serving(episode)
+        frame = given(camera.newest, lambda _: served._publish(step), None)
+    np.testing.assert_array_equal(frame.depth, step.frame.depth)
+    np.testing.assert_array_equal(frame.image, step.frame.image)
+
+
 @pytest.mark.parametrize("lens", [None, "plumb_bob", "rational", "fisheye"])
 def test_a_calibration_survives_the_way(lens):
     count = {"plumb_bob": 5, "rational": 8, "fisheye": 4}

@@ -18,6 +18,7 @@ from servo.ros2.messages import (
     Image,
     JointState,
     TwistStamped,
+    depth_of,
     header,
     seconds,
     stamped,
@@ -27,24 +28,38 @@ from servo.scenario.calibration import MIDDLE, MODELS
 from servo.scenario.load import Scenario
 from sim.camera.distortion import COEFFICIENTS, Distortion
 from sim.geometry import log_se3
-from sim.types import Array, Frame, Pose, Posture
+from sim.types import Array, DepthPicture, Frame, Pose, Posture
 from tracking.sequences.image_message import picture_of
 
 WAITS = duration(milliseconds=20)
 """Longest wait for a new picture."""
+TOGETHER = 0.01
+"""Largest difference between the stamps of a picture and its depth picture [s]."""
+KEPT_DEPTHS = 5
+"""Depth pictures that are kept, to find the one of a picture."""
 KEPT = 100
 """States of the joints that are kept, to find the one at the time of a picture."""
 
 
 class Camera:
-    """A camera: sensor_msgs/Image, or CompressedImage where the topic ends so, and CameraInfo."""
+    """A camera: sensor_msgs/Image, or CompressedImage where the topic ends so, and CameraInfo.
 
-    def __init__(self, image: str = "/camera/image_raw", info: str = "/camera/camera_info") -> None:
-        """Read two topics."""
+    A depth picture is a sensor_msgs/Image of the same size and moment (ROS REP 118).
+    """
+
+    def __init__(
+        self,
+        image: str = "/camera/image_raw",
+        info: str = "/camera/camera_info",
+        depth: str | None = None,
+    ) -> None:
+        """Read two topics, or three where there are depth pictures."""
         node = Node()
         kind = CompressedImage if image.endswith("/compressed") else Image
         self._pictures = node.reader(image, kind)
         self._info = node.reader(info, CameraInfo)
+        self._depths = node.reader(depth, Image, KEPT_DEPTHS) if depth else None
+        self._depth_topic = depth or ""
         self._topic = info
         self._count = 0
         self._last = -math.inf
@@ -69,7 +84,7 @@ class Camera:
         """Return the newest picture, or None if no newer one has come within 20 ms.
 
         Raises:
-            ValueError: Its encoding is not known, or it is damaged.
+            ValueError: Its encoding, or that of its depth picture, is not known, or it is damaged.
         """
         for message in self._pictures.take_iter(timeout=WAITS):
             stamp = seconds(message.header.stamp)
@@ -78,7 +93,16 @@ class Camera:
             self._last = stamp
             self._count += 1
             _, image = picture_of(lambda _, found=message: found, b"")
-            return Frame(image, stamp, self._count - 1)
+            return Frame(image, stamp, self._count - 1, depth=self._depth(stamp))
+        return None
+
+    def _depth(self, stamp: float) -> DepthPicture | None:
+        """Return the depth picture of a moment [s], or None if none comes within 20 ms."""
+        if self._depths is None:
+            return None
+        for message in self._depths.take_iter(timeout=WAITS):
+            if abs(seconds(message.header.stamp) - stamp) <= TOGETHER:
+                return depth_of(message, self._depth_topic)
         return None
 
 

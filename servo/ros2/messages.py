@@ -3,12 +3,14 @@
 from functools import cache
 from typing import Any
 
+import numpy as np
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl._machinery import BytesMachine
 from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32
 from rosbags.typesys import Stores, get_typestore
 
-from sim.types import Array
+from servo.mistake import Mistake, check_known
+from sim.types import Array, DepthPicture
 
 FIELDS: Any = get_typestore(Stores.ROS2_HUMBLE).fielddefs
 """Names and types of each message's fields; those of the messages used here have not changed."""
@@ -21,6 +23,9 @@ PLAIN: dict[str, Any] = {
     "uint32": uint32,
 }
 PICTURES = ("Image", "CompressedImage")
+METRES = "32FC1"
+DEPTHS: dict[str, tuple[Any, float]] = {METRES: (np.float32, 1.0), "16UC1": (np.uint16, 1e-3)}
+"""Encodings of a depth picture: the type of a number, and its unit [m]; 0 is no depth."""
 SECOND = 1_000_000_000
 """In nanoseconds."""
 
@@ -75,3 +80,27 @@ def stamped(twist: Array, at: Any) -> Any:
     """Return the message of a twist (6,)."""
     linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
     return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))
+
+
+def depth_message(depth: DepthPicture, at: Any) -> Any:
+    """Return the message of a depth picture (H, W) [m], as ROS REP 118 has it."""
+    height, width = depth.shape
+    return Image(at, height, width, METRES, 0, 4 * width, depth.astype("<f4").tobytes())
+
+
+def depth_of(message: Any, topic: str) -> DepthPicture:
+    """Return the depth picture (H, W) [m] of a message (ROS REP 118), nan where there is none.
+
+    Raises:
+        Mistake: Its encoding is not one of a depth picture, or it is damaged.
+    """
+    check_known([message.encoding], DEPTHS, topic, "encoding of depth")
+    number, unit = DEPTHS[message.encoding]
+    kind = np.dtype(number).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, row = message.height, message.width, message.step
+    if row < width * kind.itemsize or len(message.data) < height * row:
+        has = f"{len(message.data)} bytes in rows of {row}"
+        raise Mistake(f"{topic}: a depth picture of {width}x{height} px has {has}")
+    rows = np.frombuffer(message.data, np.uint8, height * row).reshape(height, row)
+    values = np.ascontiguousarray(rows[:, : width * kind.itemsize]).view(kind)
+    return np.where(values == 0, np.nan, values * unit).astype(np.float32)

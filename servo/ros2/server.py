@@ -18,6 +18,7 @@ from servo.ros2.messages import (
     JointState,
     RegionOfInterest,
     TwistStamped,
+    depth_message,
     header,
 )
 from servo.ros2.node import Node
@@ -48,6 +49,7 @@ class Server:
         node = Node()
         self._twists = node.reader(TOPIC, TwistStamped)
         self._images = node.writer("/camera/image_raw", Image)
+        self._depths = node.writer("/camera/depth/image_raw", Image)
         self._info = node.writer("/camera/camera_info", CameraInfo)
         self._joints = node.writer("/joint_states", JointState)
         self._clock = node.writer("/clock", Clock)
@@ -109,4 +111,6 @@ class Server:
             self._clock.write(Clock(at.stamp))
             self._info.write(CameraInfo(at, **camera_info(self._camera), roi=WHOLE))
             self._joints.write(JointState(at, self._names, *robot, []))
+            if step.frame.depth is not None:
+                self._depths.write(depth_message(step.frame.depth, at))
             self._images.write(Image(at, height, width, "rgb8", 0, 3 * width, image.tobytes()))
