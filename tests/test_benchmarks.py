@@ -199,6 +199,19 @@ def test_divisions(given, changes, division):
 
 
 @pytest.mark.parametrize(
+    ("given", "settings"),
+    [
+        ("pose, qp", {"features.kind": "pose", "controller.kind": "qp"}),
+        ("weighted", {"features.kind": "weighted"}),
+        ("broyden", {"controller.kind": "broyden"}),
+    ],
+)
+def test_a_law_is_entered_by_the_name_of_its_features_or_its_controller(given, settings):
+    (one,) = contestants(load("servo-v1"), [given])
+    assert (one.settings, one.division) == (settings, Division.HOME)
+
+
+@pytest.mark.parametrize(
     ("given", "sentence"),
     [
         (["truth"], "the tracker 'truth' cannot compete"),

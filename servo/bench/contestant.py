@@ -12,6 +12,7 @@ from pathlib import Path
 
 from servo.bench.benchmark import Benchmark, Settings
 from servo.controllers import KINDS as LAWS
+from servo.features import KINDS as FEATURES
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.toml import assignment
@@ -149,7 +150,7 @@ def settings_of(section: str, what: str) -> Settings:
 def _guest(benchmark: Benchmark, text: str) -> Contestant:
     name, what = named_part(text)
     is_law = benchmark.contestant == "law"
-    kinds = (LAWS if is_law else TRACKERS).names()
+    kinds = [*FEATURES.names(), *LAWS.names()] if is_law else TRACKERS.names()
     home = {one.name: one for one in home_of(benchmark)}
     if what not in (*home, *kinds) and ":" not in what:
         shipped = ", ".join(f"'{one}'" for one in home)
@@ -158,7 +159,8 @@ def _guest(benchmark: Benchmark, text: str) -> Contestant:
         if what in benchmark.home:
             return Contestant(name, benchmark.home[what], Division.HOME)
         division = Division.HOME if what in kinds else Division.OPEN
-        return Contestant(name, settings_of("controller", what), division)
+        section = "features" if what in FEATURES.names() else "controller"
+        return Contestant(name, settings_of(section, what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
         return Contestant(name, settings, Division.CLOSED)
