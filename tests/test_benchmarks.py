@@ -203,7 +203,7 @@ def test_divisions(given, changes, division):
     [
         ("pose, qp", {"features.kind": "pose", "controller.kind": "qp"}),
         ("weighted", {"features.kind": "weighted"}),
-        ("broyden", {"controller.kind": "broyden"}),
+        ("broyden", {"features.kind": "points", "controller.kind": "broyden"}),
     ],
 )
 def test_a_law_is_entered_by_the_name_of_its_features_or_its_controller(given, settings):

@@ -20,10 +20,19 @@ from servo.cli.main import app
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.output import room_view
-from servo.output.film import FRUSTUM, PANEL, PANEL_OF_TWO, RunViews, write_film, write_film_of_two
+from servo.output.film import (
+    BORDER,
+    FOLLOWING,
+    FRUSTUM,
+    PANEL,
+    PANEL_OF_TWO,
+    RunViews,
+    write_film,
+    write_film_of_two,
+)
 from servo.output.room_view import RoomView
 from servo.study.run_report import RunReport
-from tracking.drawing.colours import GOAL, STATUS_ON_WHITE
+from tracking.drawing.colours import GOAL, PARTICLES, STATUS_ON_WHITE
 from tracking.drawing.film_page import BELOW, CAPTION, CHART, HEAD, LEFT, MARGIN, FilmPage, panel
 from tracking.drawing.running_chart import Chart, RunningChart
 from tracking.drawing.video_writer import VideoWriter
@@ -69,7 +78,9 @@ def test_a_film_of_a_run_shows_camera_room_and_errors(tmp_path):
     room = RoomView(steps[-1].scene.room, width, height)
     expected = room.render(steps[-1].bodies)
     room.close()
-    assert np.abs(pictures[:, -MARGIN - width : -MARGIN].astype(int) - expected).mean() < 3
+    shown = pictures[:, -MARGIN - width : -MARGIN].astype(int)
+    besides = height - height // FOLLOWING - BORDER  # the rows above the following view
+    assert np.abs(shown - expected)[:besides].mean() < 3
     factor = width / steps[-1].frame.image.shape[1]
     corner = (steps[-1].goal_corners[1] * factor).round().astype(int)
     near = pictures[corner[1] - 2 : corner[1] + 3, MARGIN + corner[0] - 2 : MARGIN + corner[0] + 3]
@@ -99,9 +110,10 @@ def test_the_room_shows_where_the_camera_looks_and_has_been():
     camera = steps[0].scene.camera
     views = RunViews(camera, steps[0].scene.room, PANEL)
     bare = RoomView(steps[0].scene.room, *PANEL)
+    besides = PANEL[1] - PANEL[1] // FOLLOWING - BORDER  # the rows above the following view
     for step in steps:
         _, room = views.draw(step)
-    drawn = np.abs(room.astype(int) - bare.render(steps[-1].bodies)).sum(axis=2) > 30
+    drawn = np.abs(room.astype(int) - bare.render(steps[-1].bodies)).sum(axis=2)[:besides] > 30
     pose = steps[-1].truth.T_world_camera
     corner = np.array([[-camera.cx / camera.fx, -camera.cy / camera.fy, 1.0]])
     ends = pose.apply(FRUSTUM * corner)[0], steps[0].truth.T_world_camera.translation
@@ -112,6 +124,29 @@ def test_the_room_shows_where_the_camera_looks_and_has_been():
     views.close()
     bare.close()
     assert drawn.mean() < 0.01
+
+
+def test_one_view_follows_the_camera_and_the_corners_leave_their_ways():
+    changes = [*CHANGES, "tracker.kind=truth", "start.x=60", "run.duration=1"]
+    steps = list(servo.run(servo.load("line", changes)))
+    views = RunViews(steps[0].scene.camera, steps[0].scene.room, PANEL)
+    width, height = PANEL[0] // FOLLOWING, PANEL[1] // FOLLOWING
+    cameras = []
+    for step in steps:
+        seen, room = views.draw(step)
+        beside = room[-height:, -width:].astype(int)
+        lines = np.abs(beside - PARTICLES).sum(axis=2) < 60
+        cameras.append(np.nonzero(lines)[0].mean())
+    views.close()
+    moved = steps[-1].truth.T_world_camera.translation - steps[0].truth.T_world_camera.translation
+    assert np.linalg.norm(moved) > 0.05
+    assert np.ptp(cameras) < height / 10
+    factor = PANEL[0] / steps[0].frame.image.shape[1]
+    begins = [
+        seen[y - 2 : y + 3, x - 2 : x + 3].min(axis=2).max() > 220
+        for x, y in (factor * steps[0].truth.corners).round().astype(int)
+    ]
+    assert sum(begins) >= 2  # the outlines hide others
 
 
 @pytest.mark.newest

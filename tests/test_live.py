@@ -1,10 +1,12 @@
 """Watching a run or a track while it goes on: its pace, its viewer, and the end of both."""
 
+import http.client
 import os
 import signal
 import socket
 import subprocess
 import time
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -13,9 +15,11 @@ from commands import BIN, PATIENCE, STOPPED
 from selenium.common.exceptions import WebDriverException
 from tracked import REGION, pictures
 
+from servo.cli import outputs
 from servo.mistake import Mistake
-from servo.output import sinks
+from servo.output import light_page, sinks
 from servo.output.display import DISPLAYS
+from servo.output.light_page import BETWEEN, PICTURES, LightPage
 from servo.output.recording import live
 from servo.output.sinks import PacedSink
 
@@ -118,16 +122,69 @@ def gone(port):
         time.sleep(0.1)
 
 
+def test_the_light_page_sends_the_newest_picture_to_those_who_ask_by_its_name():
+    page = LightPage(0)
+    pictures = [np.full((4, 6, 3), grey, np.uint8) for grey in (10, 90, 200)]
+    page.pictures.add(pictures[0], 0.0)
+    page.pictures.add(pictures[1], 0.1)
+    host = urlsplit(page.page).netloc
+
+    def asked(path, name=host):
+        client = http.client.HTTPConnection(host, timeout=PATIENCE)
+        client.request("GET", path, headers={"Host": name})
+        return client.getresponse()
+
+    assert PICTURES in asked("/").read().decode()
+    assert [asked("/other").status, asked("/", "evil.example").status] == [404, 404]
+    stream = asked(PICTURES)
+    shown = []
+    for sent in (None, pictures[2]):
+        if sent is not None:
+            page.pictures.add(sent, 0.2)
+        assert stream.readline() == BETWEEN
+        assert stream.readline() == b"Content-Type: image/jpeg\r\n"
+        length = int(stream.readline().split()[1])
+        jpeg = np.frombuffer(stream.read(length + 4)[2:-2], np.uint8)
+        shown.append(cv2.imdecode(jpeg, cv2.IMREAD_COLOR).mean())
+    assert shown == pytest.approx([90, 200], abs=2)
+    page.stop()
+    assert stream.read() == BETWEEN
+
+
+def test_the_light_page_says_that_its_port_is_in_use():
+    page = LightPage(0)
+    port = urlsplit(page.page).port
+    with pytest.raises(Mistake) as refused:
+        LightPage(port)
+    page.stop()
+    assert str(refused.value) == (
+        f"--port {port}: port {port} is in use; choose another one with --port"
+    )
+
+
+@pytest.mark.parametrize(
+    ("light", "gpu", "chosen"),
+    [(None, True, False), (None, False, True), (True, True, True), (False, False, False)],
+)
+def test_the_light_page_is_chosen_where_there_is_no_gpu(monkeypatch, light, gpu, chosen):
+    monkeypatch.setattr(outputs.gl, "has_gpu", lambda: gpu)
+    monkeypatch.setattr(light_page, "LightPage", lambda port: "light")
+    monkeypatch.setattr(live, "LiveViewer", lambda web, port: "rerun")
+    viewer = outputs.Outputs(live=True, web=True, light=light).viewer()
+    assert viewer == ("light" if chosen else "rerun")
+
+
 @pytest.mark.processes
-def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser):
+@pytest.mark.parametrize("page", ["--light", "--no-light"])
+def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser, page):
     port = free_ports()
     # Little to draw: a small page, and a second of run, after which the viewer draws no more. The
     # page is drawn without a GPU, and each of our looks at it takes from its time.
     words = "run circle --live --web --no-rerun --set tracker.kind=frozen --set expect={}"
-    words = f"{words} --set run.duration=1"
-    process, page = started(f"{words} --set controller.kind=hold --port {port}", tmp_path)
+    words = f"{words} --set run.duration=1 {page}"
+    process, address = started(f"{words} --set controller.kind=hold --port {port}", tmp_path)
     browser.set_window_size(500, 420)
-    browser.get(page)
+    browser.get(address)
     end = time.monotonic() + 2 * PATIENCE
     while not camera_seen(browser):
         assert time.monotonic() < end, browser.get_log("browser")

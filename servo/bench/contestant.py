@@ -29,6 +29,10 @@ ONNX = "onnx:"
 """A network file of OpenCV's tracker Vit."""
 UNFIT = ("truth", "tag")
 """Trackers that cannot compete: one is given the truth, one sees tags only."""
+OF_CONTROLLERS: Settings = {"features.kind": "points"}
+"""What a controller gets that is entered by its own name: features that determine all six degrees
+of freedom.
+"""
 
 
 class Division(Enum):
@@ -159,8 +163,9 @@ def _guest(benchmark: Benchmark, text: str) -> Contestant:
         if what in benchmark.home:
             return Contestant(name, benchmark.home[what], Division.HOME)
         division = Division.HOME if what in kinds else Division.OPEN
-        section = "features" if what in FEATURES.names() else "controller"
-        return Contestant(name, settings_of(section, what), division)
+        if what in FEATURES.names():
+            return Contestant(name, settings_of("features", what), division)
+        return Contestant(name, OF_CONTROLLERS | settings_of("controller", what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
         return Contestant(name, settings, Division.CLOSED)

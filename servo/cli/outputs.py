@@ -14,11 +14,13 @@ import click
 from servo.cli import options as opt
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.sinks import PacedSink, Sink
+from sim.camera import gl
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from servo.loop.episode import Episode
+    from servo.output.light_page import LightPage
     from servo.output.recording.live import LiveViewer
     from servo.ros2.server import Server
     from tracking.sequences.sources import Source
@@ -37,6 +39,8 @@ class Outputs:
     mcap: Path | None = None
     live: bool = False
     web: bool = False
+    light: bool | None = None
+    """Whether the browser gets the light page; None if that depends on whether there is a GPU."""
     speed: float | None = None
     port: int | None = None
     server: Server | None = None
@@ -53,7 +57,7 @@ class Outputs:
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
-        needs = {"web": "live", "speed": "live", "port": "live"}
+        needs = {"web": "live", "light": "web", "speed": "live", "port": "live"}
         for name, other in needs.items():
             if getattr(self, name) not in (None, False) and not getattr(self, other):
                 raise Mistake(f"--{name} needs --{other}")
@@ -67,7 +71,7 @@ class Outputs:
         for path in self.files:
             _check_writable(path)
 
-    def viewer(self) -> LiveViewer | None:
+    def viewer(self) -> LiveViewer | LightPage | None:
         """A viewer, if it was asked for.
 
         Raises:
@@ -75,51 +79,52 @@ class Outputs:
         """
         if not self.live:
             return None
+        if self.web and (self.light or (self.light is None and not gl.has_gpu())):
+            from servo.output.light_page import LightPage
+
+            return LightPage(self.port or PORT)
         from servo.output.recording.live import LiveViewer
 
         return LiveViewer(web=self.web, port=self.port or PORT)
 
-    def of_run(self, episode: Episode, viewer: LiveViewer | None) -> dict[Path | str, Sink]:
+    def of_run(
+        self, episode: Episode, viewer: LiveViewer | LightPage | None
+    ) -> dict[Path | str, Sink]:
         """What takes the steps of a run."""
         found: dict[Path | str, Sink] = {}
+        title = f"{episode.scenario.name}, seed {episode.scenario.run.seed}"
+        end = episode.scenario.run.duration
         if self.video is not None:
             from servo.output.film import RunFilm
 
-            title = f"{episode.scenario.name}, seed {episode.scenario.run.seed}"
-            found[self.video] = RunFilm(self.video, title, episode.scenario.run.duration)
+            found[self.video] = RunFilm(self.video, title, end)
         if self.mcap is not None:
             from servo.output.mcap_file import RunMcap
 
             found[self.mcap] = RunMcap(self.mcap, episode)
         if viewer is not None:
-            from servo.output.recording.live import EVERY
-            from servo.output.recording.log import RerunLog
-
-            log = RerunLog(viewer, episode, EVERY)
+            log = _shown_run(viewer, episode, title, end)
             found[VIEWER] = PacedSink(log, self.speed or 1.0, lambda step: step.frame.time)
         if self.server is not None:
             found["ROS 2"] = self.server.serving(episode)
         return found
 
     def of_track(
-        self, region: Region, source: Source, title: str, viewer: LiveViewer | None
+        self, region: Region, source: Source, title: str, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
         """What takes the shots of a track."""
         found: dict[Path | str, Sink] = {}
+        end = None if source.count is None else (source.count - 1) / source.rate
         if self.video is not None:
             from tracking.drawing.annotated_video import AnnotatedVideo
 
-            end = None if source.count is None else (source.count - 1) / source.rate
             found[self.video] = AnnotatedVideo(self.video, source.rate, region, title, end)
         if self.mcap is not None:
             from servo.output.mcap_file import TrackMcap
 
             found[self.mcap] = TrackMcap(self.mcap, region)
         if viewer is not None:
-            from servo.output.recording.live import EVERY
-            from servo.output.recording.track_log import TrackLog
-
-            log = TrackLog(viewer, region, EVERY)
+            log = _shown_track(viewer, region, source, title, end)
             is_camera = source.count is None  # it has a pace of its own
             found[VIEWER] = (
                 log
@@ -132,7 +137,39 @@ class Outputs:
 NOTHING_MORE = Outputs()
 
 
-def announce(viewer: LiveViewer | None, console: Console) -> None:
+def _shown_run(
+    viewer: LiveViewer | LightPage, episode: Episode, title: str, end: float | None
+) -> Sink:
+    """What shows a run's steps."""
+    from servo.output.light_page import LightPage, NowAndThen
+
+    if isinstance(viewer, LightPage):
+        from servo.output.film import RunFilm
+
+        return NowAndThen(RunFilm(viewer.pictures, title, end))
+    from servo.output.recording.live import EVERY
+    from servo.output.recording.log import RerunLog
+
+    return RerunLog(viewer, episode, EVERY)
+
+
+def _shown_track(
+    viewer: LiveViewer | LightPage, region: Region, source: Source, title: str, end: float | None
+) -> Sink:
+    """What shows a track's shots."""
+    from servo.output.light_page import LightPage, NowAndThen
+
+    if isinstance(viewer, LightPage):
+        from tracking.drawing.annotated_video import AnnotatedVideo
+
+        return NowAndThen(AnnotatedVideo(viewer.pictures, source.rate, region, title, end))
+    from servo.output.recording.live import EVERY
+    from servo.output.recording.track_log import TrackLog
+
+    return TrackLog(viewer, region, EVERY)
+
+
+def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     """Print where a viewer is, if it is in a browser."""
     if viewer is not None and viewer.page is not None:
         from servo.cli.terminal import plain
@@ -140,7 +177,7 @@ def announce(viewer: LiveViewer | None, console: Console) -> None:
         plain(console, f"watch it at {viewer.page}")
 
 
-def linger(viewer: LiveViewer | None, console: Console) -> None:
+def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     """Keep a viewer after the end, until it is closed or Ctrl-C."""
     if viewer is None:
         return
@@ -178,11 +215,12 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         mcap: Path | None,
         live: bool,
         web: bool,
+        light: bool | None,
         speed: float | None,
         port: int | None,
         **others: Any,
     ) -> Any:
-        return command(outputs=Outputs(video, mcap, live, web, speed, port), **others)
+        return command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
 
     added = (
         click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),
@@ -195,6 +233,11 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
         click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),
         click.option(
+            "--light/--no-light",
+            default=None,
+            help="With --web: a light page, or Rerun's (default: Rerun's where there is a GPU).",
+        ),
+        click.option(
             "--speed",
             type=opt.FiniteRange(0.01, 1000.0),
             help="Times real time, with --live (default: 1).",
@@ -202,7 +245,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--port",
             type=click.IntRange(1024, LARGEST_PORT),
-            help=f"Of the data, with --live; the page has the next one (default: {PORT}).",
+            help=f"Of the data, with --live; Rerun's page has the next one (default: {PORT}).",
         ),
     )
     for option in reversed(added):

@@ -7,13 +7,11 @@ page in the browser. The server ends with the first answer.
 import base64
 import itertools
 import secrets
-import threading
 import webbrowser
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from queue import Empty, Queue
-from typing import Any, Literal
+from typing import Literal
 
 import pydantic
 from jinja2 import Environment, StrictUndefined
@@ -22,6 +20,7 @@ from rich.console import Console
 from servo.cli.terminal import plain
 from servo.mistake import Mistake
 from servo.output.display import has_display
+from servo.output.local_page import HOST, LocalHandler, LocalServer
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
@@ -29,7 +28,6 @@ from tracking.sequences.sources import Picture
 Number = pydantic.FiniteFloat
 Box = tuple[Number, Number, Number, Number, Number]
 """Left, top, width, height [px], and rotation about the centre [deg]."""
-HOST = "127.0.0.1"
 PATIENCE = 600.0
 """Time to wait for an answer [s]."""
 QUALITY = 92
@@ -96,8 +94,8 @@ def ask(image: Image, name: str) -> Box | None:
         Mistake: There was no answer in time.
     """
     with _Server(_page(image, name)) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        address = f"http://{HOST}:{server.port}{server.path}"
+        server.begin()
+        address = server.address
         _say(
             f"draw the region on this page: {address}\n"
             f"  (of another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
@@ -125,58 +123,32 @@ def _page(image: Image, name: str) -> bytes:
     )
 
 
-class _Server(ThreadingHTTPServer):
+class _Server(LocalServer):
     """Serves one page at an address that nobody can guess."""
 
     def __init__(self, page: bytes) -> None:
-        super().__init__((HOST, 0), _Handler)
+        super().__init__(0, _Handler, f"/{secrets.token_urlsafe(16)}")
         self.page = page
-        self.path = f"/{secrets.token_urlsafe(16)}"
-        self.port = self.server_address[1]
         self.answers: Queue[Box | None] = Queue()
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Go on: a client that resets its connection is no failure of the page."""
 
-
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(LocalHandler):
     """Sends the page, and takes its answer."""
 
     server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
-    timeout = 10.0  # of a browser that sends nothing
 
     def do_GET(self) -> None:
-        if self._is_ours():
-            self._send(200, self.server.page)
+        if self.is_ours(self.server.path):
+            self.send(200, self.server.page, HEADERS)
 
     def do_POST(self) -> None:
-        if not self._is_ours():
+        if not self.is_ours(self.server.path):
             return
         try:
             length = min(int(self.headers.get("Content-Length", "0")), LONGEST)
             found = ANSWER.validate_json(self.rfile.read(length), strict=True)
         except ValueError:
-            self._send(400, b"this is not a region")
+            self.send(400, b"this is not a region", HEADERS)
             return
-        self._send(200, b"")
+        self.send(200, b"", HEADERS)
         self.server.answers.put(None if found == CANCELLED else found)
-
-    def _is_ours(self) -> bool:
-        """Return whether the address is right; otherwise, answer that nothing is there."""
-        hosts = {f"{HOST}:{self.server.port}", f"localhost:{self.server.port}"}
-        right = secrets.compare_digest(self.path.encode(), self.server.path.encode())
-        if not right or self.headers.get("Host") not in hosts:
-            self._send(404, b"there is nothing here")
-            return False
-        return True
-
-    def _send(self, code: int, body: bytes) -> None:
-        self.send_response(code)
-        for header, value in HEADERS.items():
-            self.send_header(header, value)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  (its name there)
-        """Print nothing."""

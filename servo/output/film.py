@@ -14,7 +14,7 @@ from servo.mistake import Mistake
 from servo.output.room_view import RoomView
 from sim.types import Array, Camera, Image
 from tracking.drawing import colours
-from tracking.drawing.film_page import FilmPage, panel
+from tracking.drawing.film_page import FilmPage, Pages, panel
 from tracking.drawing.running_chart import Chart
 from tracking.types import Status
 
@@ -24,14 +24,21 @@ PANEL_OF_TWO = (448, 336)
 """The same where two runs are beside each other, with each room below its camera."""
 LONGEST = 72
 """Letters of a caption that fit above a picture there."""
-MARKS = "estimate green, goal red, truth white"
-CAPTIONS = (f"Camera: {MARKS}", "The room")
+MARKS = "estimate green, goal red, truth and ways of its corners white"
+CAPTIONS = (f"Camera: {MARKS}", "The room, and beside the camera")
 CURVES = {
     "true centre to goal": colours.CURVES[0],
     "estimated to true centre": colours.CURVES[1],
 }
 FRUSTUM = 0.25
 """Distance from the camera at which the room shows the border of its picture [m]."""
+FOLLOWING = 3
+"""Times smaller than the picture of the room is the view that follows the camera."""
+BESIDE = np.array([0.6, -1.1, 0.45])
+"""Where it is taken from, seen from the middle between camera and target [m]."""
+BORDER = 2
+WHITE = 255
+"""Width [px] and brightness of the lines around it."""
 PARTS = 16
 """Parts of a pixel to which lines are drawn."""
 
@@ -39,46 +46,74 @@ PARTS = 16
 class RunViews:
     """The two pictures of each step of one run: what the camera sees, and the room with it.
 
-    The room has the camera's pyramid of view and its way so far, drawn over all else.
+    The camera's picture has the ways of the target's corners. The room has the camera's pyramid of
+    view and its way so far, drawn over all else, and in its corner a view that follows the camera.
     """
 
     def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
         """Begin with the camera and the world's model; `size` is that of a picture [px]."""
         borders = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (camera.width, camera.height)
-        self._corners = FRUSTUM * np.insert(camera.normalise(borders), 2, 1.0, axis=1)
+        self._frustum = FRUSTUM * np.insert(camera.normalise(borders), 2, 1.0, axis=1)
         self._size = size
         self._room = RoomView(room, *size)
+        self._beside = RoomView(room, size[0] // FOLLOWING, size[1] // FOLLOWING)
         self._way: list[Array] = []
-        self.close = self._room.close
+        self._corners: list[Array] = []
+
+    def close(self) -> None:
         """Give back what it holds."""
+        self._room.close()
+        self._beside.close()
 
     def draw(self, step: Step) -> tuple[Image, Image]:
         """Return the pictures of the camera and of the room (H, W, 3)."""
+        self._way.append(step.truth.T_world_camera.translation)
+        self._corners.append(step.truth.corners)
+        return self._draw_camera(step), self._draw_room(step)
+
+    def _draw_camera(self, step: Step) -> Image:
         marks = (
             (step.truth.corners, colours.TRUTH),
             (step.goal_corners, colours.GOAL),
             (step.estimate.outline(step.region), colours.ESTIMATE),
         )
-        seen = panel(step.frame.image, *self._size, marks, step.estimate.particles)
-        room = self._room.render(step.bodies)
+        ways = np.stack(self._corners, axis=1)
+        lines = [(way[np.isfinite(way).all(axis=1)], colours.TRUTH) for way in ways]
+        return panel(step.frame.image, *self._size, marks, step.estimate.particles, lines)
+
+    def _draw_room(self, step: Step) -> Image:
+        """The room, with the following view in its lower right corner."""
+        camera = step.truth.T_world_camera.translation
+        middle = (camera + step.truth.T_world_target.translation) / 2
+        self._beside.look(middle + BESIDE, middle)
+        room = self._draw_lines(self._room, step)
+        inset = self._draw_lines(self._beside, step)
+        height, width = inset.shape[:2]
+        room[-height - BORDER :, -width - BORDER :] = WHITE
+        room[-height:, -width:] = inset
+        return room
+
+    def _draw_lines(self, view: RoomView, step: Step) -> Image:
+        picture = view.render(step.bodies)
         pose = step.truth.T_world_camera
-        self._way.append(pose.translation)
-        corners = pose.apply(self._corners)
+        corners = pose.apply(self._frustum)
         edges = [np.stack([pose.translation, corner]) for corner in corners]
         for line in (np.stack(self._way), np.append(corners, corners[:1], axis=0), *edges):
-            places = np.round(PARTS * self._room.project(line)).astype(np.int32)
+            places = np.round(PARTS * view.project(line)).astype(np.int32)
             cv2.polylines(
-                room, [places], False, colours.PARTICLES, 1, cv2.LINE_AA, PARTS.bit_length() - 1
+                picture, [places], False, colours.PARTICLES, 1, cv2.LINE_AA, PARTS.bit_length() - 1
             )
-        return seen, room
+        return picture
 
 
 class RunFilm:
     """Writer of one film."""
 
-    def __init__(self, path: Path, title: str = "", end: float | None = None) -> None:
-        """Make a film; `end` is the run's last time [s], if it is known."""
-        self._path = path
+    def __init__(self, to: Path | Pages, title: str = "", end: float | None = None) -> None:
+        """Make a film, as a file or for what takes its frames; `end` is the run's last time [s], if
+        it is known.
+        """
+        self._to = to
         self._title = title
         self._end = end
         self._opened: tuple[FilmPage, RunViews] | None = None
@@ -92,7 +127,7 @@ class RunFilm:
         if self._opened is None:
             rate = 1 / step.scene.period
             chart = Chart(CURVES, "distance [px]", self._end)
-            film = FilmPage(self._path, rate, self._title, CAPTIONS, PANEL, chart)
+            film = FilmPage(self._to, rate, self._title, CAPTIONS, PANEL, chart)
             self._opened = film, RunViews(step.scene.camera, step.scene.room, PANEL)
         film, views = self._opened
         errors = step.servo_error, step.tracking_error

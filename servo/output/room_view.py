@@ -40,7 +40,14 @@ class RoomView:
         self._renderer = renderer_of("opengl")(model, CAMERA, view)
         model.vis.quality.offsamples = before
         mujoco.mj_forward(model, self._data)
+        self._eye: Array = np.array(EYE)
+        self._looks_at: Array = np.array(LOOKS_AT)
         self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])
+
+    def look(self, eye: Array, looks_at: Array) -> None:
+        """Stand at a point (3,) of the room, and look at another one [m]."""
+        self._eye = eye
+        self._looks_at = looks_at
 
     def render(self, bodies: Array) -> Image:
         """A picture (H, W, 3) of all bodies at poses (n, 3, 4) that `World.bodies` gave."""
@@ -54,8 +61,8 @@ class RoomView:
             "gij,gj->gi", turned, model.geom_pos
         )
         mujoco.mj_camlight(model, data)
-        data.cam_xpos[self._id] = EYE
-        data.cam_xmat[self._id] = _towards(EYE, LOOKS_AT).ravel()
+        data.cam_xpos[self._id] = self._eye
+        data.cam_xmat[self._id] = _towards(self._eye, self._looks_at).ravel()
         return self._renderer.begin(data)()
 
     def close(self) -> None:
@@ -64,11 +71,11 @@ class RoomView:
 
     def project(self, points: Array) -> Array:
         """Where points (n, 3) of the world [m] are in the picture (n, 2) [px]."""
-        seen = (points - EYE) @ _towards(EYE, LOOKS_AT) @ VISION_FROM_MUJOCO
+        seen = (points - self._eye) @ _towards(self._eye, self._looks_at) @ VISION_FROM_MUJOCO
         return self._view.project(seen)
 
 
-def _towards(eye: tuple[float, ...], point: tuple[float, ...]) -> Array:
+def _towards(eye: Array, point: Array) -> Array:
     """Rotation (3, 3) of a camera of MuJoCo, upright, that looks at a point."""
     back = np.subtract(eye, point) / np.linalg.norm(np.subtract(eye, point))
     right = np.cross([0.0, 0.0, 1.0], back)

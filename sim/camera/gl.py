@@ -46,6 +46,8 @@ Result = TypeVar("Result")
 
 WITHOUT = "SERVOBENCH_WITHOUT_OPENGL"
 """Set where there is no OpenGL, and this was said: processes that are started say it no more."""
+RASTERISERS = ("llvmpipe", "softpipe", "swrast")
+"""How Mesa's rasterisers, which draw on the processor, call themselves."""
 MESA_THREADS = "LP_NUM_THREADS"
 """Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
 them for ever, so by default there are none; pictures of 320 x 240 px lose no time by it."""
@@ -167,6 +169,15 @@ def _new_context(name: str) -> Any:
 def describe() -> str:
     """The name the OpenGL driver gives itself, and its version."""
     return call(_names).result()
+
+
+def has_gpu() -> bool:
+    """Return whether a GPU draws what OpenGL is asked for; Mesa's own rasterisers are none."""
+    try:
+        backend()
+        return not describe().startswith(RASTERISERS)
+    except NoRenderer:
+        return False
 
 
 def _names() -> str:

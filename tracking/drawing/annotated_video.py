@@ -4,7 +4,7 @@ from pathlib import Path
 
 from sim.types import Array
 from tracking.drawing import colours
-from tracking.drawing.film_page import FilmPage, panel
+from tracking.drawing.film_page import FilmPage, Pages, panel
 from tracking.drawing.running_chart import Chart
 from tracking.evaluation.track import Shot
 from tracking.types import Region
@@ -20,10 +20,12 @@ class AnnotatedVideo:
     """Writer of one film; its size is that of the first picture."""
 
     def __init__(
-        self, path: Path, rate: float, region: Region, title: str, end: float | None = None
+        self, to: Path | Pages, rate: float, region: Region, title: str, end: float | None = None
     ) -> None:
-        """Make a film of pictures at about a rate [1/s] that ends at a time [s], if it is known."""
-        self._path = path
+        """Make a film of pictures at about a rate [1/s] that ends at a time [s], if it is known;
+        it goes to a file, or to what takes its frames.
+        """
+        self._to = to
         self._rate = rate
         self._region = region
         self._title = title
@@ -63,5 +65,5 @@ class AnnotatedVideo:
             h = max(SMALLEST[1], round(factor * height))
             self._size = w + w % 2, h + h % 2
             chart = Chart(CURVES, "confidence", self._end, top=1.0)
-            self._film = FilmPage(self._path, self._rate, self._title, [CAPTION], self._size, chart)
+            self._film = FilmPage(self._to, self._rate, self._title, [CAPTION], self._size, chart)
         return self._film

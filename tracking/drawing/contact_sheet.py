@@ -21,15 +21,23 @@ FARTHEST = 2**30
 
 
 def outline(
-    image: Image, corners: Array, colour: tuple[int, int, int], factor: float = 1, width: int = 1
+    image: Image,
+    corners: Array,
+    colour: tuple[int, int, int],
+    factor: float = 1,
+    width: int = 1,
+    *,
+    closed: bool = True,
 ) -> None:
-    """Draw a quadrilateral (4, 2) into an image, with a black border; not if a corner is nan."""
+    """Draw a polygon, or an open line, through points (n, 2) [px] of an image, with a black border;
+    not if one is nan.
+    """
     if not np.isfinite(corners).all():
         return
     unit = 1 << SUBPIXEL_BITS
     at = np.round((corners * factor - 0.5) * unit).clip(-FARTHEST, FARTHEST).astype(np.int32)
-    cv2.polylines(image, [at], True, (0, 0, 0), width + 2, cv2.LINE_AA, SUBPIXEL_BITS)
-    cv2.polylines(image, [at], True, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.polylines(image, [at], closed, (0, 0, 0), width + 2, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.polylines(image, [at], closed, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:

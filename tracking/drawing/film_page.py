@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -41,7 +41,12 @@ Marks = Sequence[tuple[Array, tuple[int, int, int]]]
 
 
 def panel(
-    image: Image | None, width: int, height: int, marks: Marks = (), particles: Array | None = None
+    image: Image | None,
+    width: int,
+    height: int,
+    marks: Marks = (),
+    particles: Array | None = None,
+    ways: Marks = (),
 ) -> Image:
     """A picture in the middle of a panel (height, width, 3), black where there is none.
 
@@ -51,6 +56,7 @@ def panel(
         height: Of the panel [px].
         marks: Corners (4, 2) [px] of the picture to draw into it, each with its colour.
         particles: Places (n, 2 or more) [px] to draw as dots.
+        ways: Points (n, 2) [px] to join by a line, each with its colour.
     """
     if image is None:
         return np.zeros((height, width, 3), np.uint8)
@@ -63,6 +69,8 @@ def panel(
     for x, y in () if particles is None else (factor * particles[:, :2]).round().tolist():
         if 0 <= x < size[0] and 0 <= y < size[1]:
             cv2.circle(drawn, (int(x), int(y)), DOT, PARTICLES, -1, cv2.LINE_AA)
+    for points, colour in ways:
+        outline(drawn, points, colour, factor, closed=False)
     for corners, colour in marks:
         centre = corners.mean(axis=0)
         front = (corners[1] + corners[2]) / 2
@@ -75,12 +83,25 @@ def panel(
     return whole
 
 
+class Pages(Protocol):
+    """Takes the frames of a film that is no file."""
+
+    def add(self, image: Image, time: float, /) -> None:
+        """Take a frame (height, width, 3) that is shown from a time on [s]."""
+
+    def close(self) -> None:
+        """Take no more."""
+
+    def abandon(self) -> None:
+        """Take no more after an error."""
+
+
 class FilmPage:
     """Writer of one film."""
 
     def __init__(
         self,
-        path: Path,
+        to: Path | Pages,
         rate: float,
         title: str,
         captions: Sequence[str],
@@ -90,7 +111,7 @@ class FilmPage:
         """Open the file.
 
         Args:
-            path: The file to write.
+            to: The file to write, or what takes the frames instead.
             rate: About how many frames come in a second [1/s].
             title: What the film shows.
             captions: One above each panel.
@@ -124,7 +145,7 @@ class FilmPage:
         self._figure = figure
         self._canvas = FigureCanvasAgg(figure)
         self._ground: Any = None
-        self._video = VideoWriter(path, rate, width, height)
+        self._video = VideoWriter(to, rate, width, height) if isinstance(to, Path) else to
         self.close = self._video.close
         """Finish the file."""
         self.abandon = self._video.abandon

@@ -10,18 +10,27 @@ IMAGE = "world/eye/image"
 """Entity of the camera's picture in the recording of a run."""
 PICTURE = "image"
 """The same in the recording of a track, which has no room."""
+UP = (0, 0, 1)
 
 
 def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
     """Return the layout of a run: camera and scene left, numbers over time right, events below."""
-    eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=(0, 0, 1))
+    eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=UP)
 
     def plot(name: str, title: str) -> rrb.TimeSeriesView:
         return rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
 
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
-        rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=False),
+        rrb.Tabs(
+            rrb.Spatial3DView(origin="world", name="Robot", eye_controls=eye, line_grid=False),
+            rrb.Spatial3DView(
+                origin="world",
+                name="Following the target",
+                eye_controls=rrb.EyeControls3D(tracking_entity="world/target", eye_up=UP),
+                line_grid=False,
+            ),
+        ),
     )
     motion = [plot(f"motion/{name}", f"Target motion, {name}") for name in features]
     numbers = rrb.Vertical(
