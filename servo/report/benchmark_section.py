@@ -10,8 +10,8 @@ from servo.bench.contestant import Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
 from servo.bench.score import Difficulty, Standing, by_size, effects, standings
 from servo.mistake import Mistake
-from servo.report.charts import Curve, Scale, colour, curves, heat
-from servo.report.page import Block, Fact, Figure, PageImage, Section, again
+from servo.report.charts import INK, Curve, Scale, curves, heat
+from servo.report.page import LIGHT, Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown, spread
 from servo.study.store import Store, StudyFile
 
@@ -58,7 +58,7 @@ def blocks_of(
     """Return table, curves, conditions and factors of some rows."""
     figures = [_conditions(benchmark, table)]
     if benchmark.score == "held":
-        figures.insert(0, _curves(rows))
+        figures.insert(0, _curves(rows, table))
     else:
         figures += _sizes(benchmark, worlds, table)
     return [
@@ -114,19 +114,24 @@ def difficulty_of(rows: Sequence[Row]) -> str:
     )
 
 
-def _curves(rows: Sequence[Row]) -> Figure:
-    drawn = [
-        Curve(
-            row.contestant,
-            TAUS,
-            np.array(row.curve),
-            colour=colour(i),
-            dashed=row.division == Division.SCALE.name,
-        )
-        for i, row in enumerate(rows)
-    ]
+def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
+    """Return the curves of the scale, and of as many contestants in colour as there are colours."""
+    shares = np.linspace(0, len(table) - 1, min(len(table), len(LIGHT)))
+    ranked = [table[int(i)].row for i in shares]
+    scale = [row for row in rows if row.division == Division.SCALE.name]
+    others = [row for row in rows if row not in ranked and row not in scale]
+
+    def curve(row: Row, colour: str = INK, *, dashed: bool = False, faint: bool = False) -> Curve:
+        share = np.array(row.curve)
+        return Curve(row.contestant, TAUS, share, colour=colour, dashed=dashed, faint=faint)
+
+    drawn = [curve(row, faint=True) for row in others]
+    drawn += [curve(row, dashed=True) for row in scale]
+    drawn += [curve(row, colour) for row, colour in zip(ranked, LIGHT, strict=False)]
+    note = f"Grey: the {len(others)} others. Named are contestants of all ranks." if others else ""
     x = Scale("distance from the goal [target sizes]")
-    return curves("Share of the time within", x, Scale("share", low=0.0, high=1.0), drawn)
+    y = Scale("share", low=0.0, high=1.0)
+    return curves("Share of the time within", x, y, drawn, note=note)
 
 
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:

@@ -44,6 +44,7 @@ WIDEST_NAMES = 45
 DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
+FAINT_OPACITY = 0.25
 INK = "#1b1f26"
 """Colour of the page's text in light mode."""
 INKS = {INK: "currentColor"} | {one: f"var(--series-{i})" for i, one in enumerate(LIGHT)}
@@ -89,6 +90,8 @@ class Curve:
     high: Array | None = None
     colour: str = INK
     dashed: bool = False
+    faint: bool = False
+    """One of many that are not told apart."""
     points: bool = False
     """Drawn as points with error bars, not as a line with a band."""
 
@@ -134,7 +137,8 @@ def curves(
         _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
         if any(c.points for c in drawn):
             axes.margins(x=0.05)
-        keys = [Key(c.label, INKS[c.colour], c.dashed) for c in drawn if len(drawn) > 1 or c.dashed]
+        named = [c for c in drawn if not c.faint and (len(drawn) > 1 or c.dashed)]
+        keys = [Key(c.label, INKS[c.colour], c.dashed) for c in named]
         return Figure(title, svg(figure, title), keys, note, figure)
 
 
@@ -198,8 +202,12 @@ def _draw(axes: Axes, curve: Curve) -> None:
         return
     if ends is not None:
         axes.fill_between(curve.x, *ends, color=curve.colour, alpha=BAND_OPACITY, lw=0)
-    dashes, width = ("--", 1.0) if curve.dashed else ("-", 1.5)
-    axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width, label=curve.label)
+    dashes = "--" if curve.dashed else "-"
+    width = 1.0 if curve.dashed or curve.faint else 1.5
+    opacity = FAINT_OPACITY if curve.faint else 1.0
+    axes.plot(
+        curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=curve.label
+    )
 
 
 def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
