@@ -204,7 +204,7 @@ def _draw(axes: Axes, curve: Curve) -> None:
         axes.fill_between(curve.x, *ends, color=curve.colour, alpha=BAND_OPACITY, lw=0)
     dashes = "--" if curve.dashed else "-"
     width = 1.0 if curve.dashed or curve.faint else 1.5
-    opacity = FAINT_OPACITY if curve.faint else 1.0
+    opacity = FAINT_OPACITY if curve.faint else None
     axes.plot(
         curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=curve.label
     )
