@@ -293,8 +293,16 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     )
     assert call(monkeypatch, capfd, "report", "o")[0] == 0
     assert "Points by condition" in (short / "o" / "report.html").read_text()
-    # What somebody writes into a row is found out.
     table = json.loads((short / "row.json").read_text())
+    for world in table["worlds"].values():
+        world["area"] = abs(world["area"] - 1e-11)
+    (short / "row.json").write_text(json.dumps(table))
+    assert call(monkeypatch, capfd, *bench, "--verify", "row.json")[:2] == (
+        0,
+        "points: 0 of 1 worlds agree, bit for bit\n"
+        "  1 more agree but for the rounding of another processor\n",
+    )
+    # What somebody writes into a row is found out.
     for world in table["worlds"].values():
         world["area"] = 0.5
     (short / "row.json").write_text(json.dumps(table))

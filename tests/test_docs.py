@@ -9,6 +9,8 @@ import webbrowser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -34,7 +36,7 @@ ANCHOR = re.compile(r'\bid="([^"]+)"')
 def site(tmp_path_factory):
     """The built site; a process of its own, because Sphinx changes the one that it runs in."""
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "servo", "docs", "--no-open", "--out", str(folder)]
+    command = [sys.executable, "-m", "servo", "docs", "--no-open", "--still", "--out", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == [str(folder.resolve() / "index.html")]
@@ -66,6 +68,21 @@ def test_the_site_shows_every_setting_and_scenario(site):
     assert "tracker.particles" in settings
     gallery = site / "gallery"
     assert sorted(picture.stem for picture in gallery.glob("*.webp")) == shipped()
+
+
+@pytest.mark.newest
+def test_the_gallery_moves(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(ROOT / "servo" / "docs")
+    pages = runpy.run_path(str(ROOT / "servo" / "docs" / "pages.py"))
+    picture = tmp_path / "line.webp"
+    pages["_draw"]("line", picture, 1.0)
+    found, film = cv2.imreadanimation(str(picture))
+    assert found
+    assert film.frames[0].shape[:2] == (180, 240)
+    assert set(film.durations) == {133}  # every fourth picture of 30 Hz
+    first, *_, last = film.frames
+    assert len(film.frames) == 8
+    assert np.abs(last.astype(int) - first).max() > 50
 
 
 @pytest.mark.processes
@@ -131,7 +148,7 @@ def test_an_installed_package_has_no_manuals(monkeypatch, tmp_path):
 def test_the_page_is_opened_unless_that_is_not_wanted(monkeypatch, options, opened):
     shown, given = [], []
     monkeypatch.setattr(
-        docs_command, "build", lambda out: given.append(out) or Path("/a/index.html")
+        docs_command, "build", lambda out, still: given.append(out) or Path("/a/index.html")
     )
     monkeypatch.setattr(webbrowser, "open", shown.append)
     assert CliRunner().invoke(app, ["docs", *options]).output == "/a/index.html\n"

@@ -10,8 +10,12 @@ EXTRA = "docs needs the extra 'docs': pip install 'servobench[docs]'"
 CHECKOUT = "docs needs a checkout of servobench: this is an installed package, without the manuals"
 
 
-def build(out: Path) -> Path:
+def build(out: Path, *, still: bool = False) -> Path:
     """Build what is missing or has changed; return the first page.
+
+    Args:
+        out: The folder to write.
+        still: Whether the gallery's pictures need not move, which takes a minute less.
 
     Raises:
         Mistake: There are no manuals here, Sphinx is missing, or a page has a wrong link.
@@ -23,6 +27,7 @@ def build(out: Path) -> Path:
     except ImportError:
         raise Mistake(EXTRA) from None
     options = ["-q", "--fail-on-warning", "--keep-going", "-c", str(ROOT / "servo" / "docs")]
+    options += ["-D", "gallery_seconds=0"] * still
     if build_main([*options, str(ROOT), str(out)]):
         raise Mistake("the documentation has mistakes, which Sphinx names above")
     return out / "index.html"

@@ -418,14 +418,18 @@ def doctor() -> None:
 @app.command()
 @opt.out_option("runs/docs")
 @click.option("--no-open", is_flag=True, help="Only build the pages.")
-def docs(out: Path | None, no_open: bool) -> None:
+@click.option("--still", is_flag=True, help="Draw a gallery that does not move, which is faster.")
+def docs(out: Path | None, no_open: bool, still: bool) -> None:
     """Open the documentation in a browser; build it first."""
     check_machine()
     import webbrowser
 
+    from rich.console import Console
+
     from servo.cli.docs_command import build
 
-    page = build(out or Path("runs/docs")).resolve()
+    with Console(stderr=True).status("Building the pages; the first time takes two minutes"):
+        page = build(out or Path("runs/docs"), still=still).resolve()
     click.echo(page)
     if not no_open:
         webbrowser.open(page.as_uri())

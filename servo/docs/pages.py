@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from importlib import resources
+from itertools import islice
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import cv2
 from notebooks import notebook
+from sphinx.util.display import status_iterator
 
 import servo
 from servo.cli.list_command import FOLDERS, settings_rows
@@ -15,6 +17,8 @@ from servo.loop.run_measures import MEANINGS
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.fill import form
 from servo.scenario.tables import SECTIONS
+from tracking.drawing import colours
+from tracking.drawing.film_page import panel
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,13 +26,21 @@ if TYPE_CHECKING:
 
     from sphinx.application import Sphinx
 
+    from sim.types import Image
+
 PAGES = ["servo/docs/gallery", "servo/docs/measures", "servo/docs/settings"]
 WIDTH = 240
-"""Of a thumbnail in the gallery [px]."""
+"""Of a picture in the gallery [px]."""
+SECONDS = 5
+RATE = 8.0
+"""Length of a moving picture there [s], and about how many frames it has in a second."""
+QUALITY = 55
+"""Of its frames, of 100."""
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the pages with Sphinx."""
+    app.add_config_value("gallery_seconds", SECONDS, "", int)
     app.connect("env-get-outdated", lambda *_: PAGES)  # the code may have changed
     app.connect("source-read", _complete)
     app.connect("build-finished", _finish)
@@ -43,7 +55,7 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
         rows = [(f"`{name}`", unit, about) for name, (unit, about) in MEANINGS.items()]
         source[0] += _table(("measure", "unit", "meaning"), rows)
     if page == "servo/docs/gallery":
-        source[0] += _gallery(app.outdir / "gallery")
+        source[0] += _gallery(app.outdir / "gallery", app.config.gallery_seconds)
     path = PurePosixPath(page)
     if path.parent.name == "tutorials" and path.name != "README":
         source[0] = _with_notebook(source[0], path.name, app.outdir / "notebooks")
@@ -74,17 +86,18 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return "\n" + "".join(f"| {' | '.join(line)} |\n" for line in cells)
 
 
-def _gallery(folder: Path) -> str:
-    """Draw the first picture of every scenario; return the gallery."""
+def _gallery(folder: Path, seconds: float) -> str:
+    """Draw every scenario that has no picture yet; return the gallery."""
     folder.mkdir(parents=True, exist_ok=True)
     text = '\n<div class="gallery">\n'
-    for name in shipped():
+    for name in status_iterator(shipped(), "drawing scenarios... ", length=len(shipped())):
         picture = folder / f"{name}.webp"
         if not picture.exists():
-            _draw(name, picture)
+            _draw(name, picture, seconds)
         about = sentence((resources.files("scenes") / f"{name}.toml").read_text(encoding="utf-8"))
         text += (
-            f'<figure><img src="../../gallery/{name}.webp" alt="{name}" width="{WIDTH}">'
+            f'<figure><img src="../../gallery/{name}.webp" alt="{name}" width="{WIDTH}" '
+            f'loading="lazy">'
             f"<figcaption><code>{name}</code> {about}</figcaption></figure>\n"
         )
     rows = [
@@ -106,13 +119,24 @@ def _with_notebook(page: str, name: str, folder: Path) -> str:
     return f"{title}\n\n{link}\n\n{rest}"
 
 
-def _draw(name: str, picture: Path) -> None:
-    with servo.Episode(servo.load(name)) as episode:
-        image = next(iter(episode)).frame.image
-    height = round(WIDTH * image.shape[0] / image.shape[1])
-    cv2.imwrite(
-        str(picture), cv2.resize(image[..., ::-1], (WIDTH, height), interpolation=cv2.INTER_AREA)
-    )
+def _draw(name: str, picture: Path, seconds: float) -> None:
+    """Draw a scenario's first seconds as the camera sees them, with goal and estimate."""
+    film = cv2.Animation()
+    frames: list[Image] = []
+    with servo.Episode(servo.load(name, ["run.latency=0"])) as episode:
+        every = max(1, round(1 / (RATE * episode.world.period)))
+        camera = episode.world.camera
+        height = round(WIDTH * camera.height / camera.width)
+        for step in islice(episode, 0, max(1, round(seconds / episode.world.period)), every):
+            marks = (
+                (step.goal_corners, colours.GOAL),
+                (step.estimate.outline(step.region), colours.ESTIMATE),
+            )
+            shown = panel(step.frame.image, WIDTH, height, marks, step.estimate.particles)
+            frames.append(shown[..., ::-1])
+        film.durations = [round(1e3 * every * episode.world.period)] * len(frames)
+    film.frames = frames
+    cv2.imwriteanimation(str(picture), film, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
 
 
 def _finish(app: Sphinx, error: Exception | None) -> None:
