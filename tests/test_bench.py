@@ -110,7 +110,7 @@ def rows_of(path):
 def without_times(table):
     text = table if isinstance(table, str) else table.read_text()
     return [
-        {k: v for k, v in r.items() if k != "milliseconds"}
+        {k: v for k, v in r.items() if k not in ("milliseconds", "auc_streamed")}
         for r in csv.DictReader(text.splitlines())
     ]
 

@@ -262,5 +262,6 @@ def untimed(path):
     import csv
 
     head, *rows = csv.reader(path.read_text().splitlines())
-    kept = [i for i, name in enumerate(head) if "milliseconds" not in name]
+    timed = ("milliseconds", "auc_streamed")
+    kept = [i for i, name in enumerate(head) if name not in timed]
     return [[row[i] for i in kept] for row in (head, *rows)]

@@ -93,6 +93,22 @@ def test_a_late_estimate_is_compared_with_the_frame_in_which_it_arrives():
     assert found["auc_late_3"] == pytest.approx((first + 38 * 3 / 21) / 41)
 
 
+def test_a_slow_tracker_leaves_out_the_pictures_that_come_while_it_is_busy():
+    """At 30 Hz and 70 ms it sees pictures 0, 1, 3 and 5; what it knows of 0 to 7 is 0 to 4 old."""
+    moving = straight(8)
+    moving[:, 0] += 10.0 * np.arange(8)
+    exact = track(moving)
+    late = {}
+    for milliseconds in (5.0, 70.0):
+        found = replace(exact, milliseconds=np.full(8, milliseconds))
+        late[milliseconds] = measure_all(Comparison.of(found, exact.corners))
+    assert late[5.0]["auc_streamed"] == late[5.0]["auc_late_1"]
+    by_age = [20, 12, 7, 3, 0]  # thresholds of 21 below the overlap
+    ages = [0, 1, 2, 3, 3, 4, 3, 4]
+    expected = np.mean([by_age[age] for age in ages]) / 21
+    assert late[70.0]["auc_streamed"] == pytest.approx(expected)
+
+
 def test_the_expected_overlap_is_zero_from_a_loss_on():
     states = straight(8)
     states[3:, 0] += 200.0
