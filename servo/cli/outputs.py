@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 PORT = 9090
 LARGEST_PORT = 65_534
 VIEWER = "the viewer"
+NEEDS = {"web": "live", "light": "web", "speed": "live", "port": "live"}
+"""Options, and the one without which each means nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +59,14 @@ class Outputs:
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
-        needs = {"web": "live", "light": "web", "speed": "live", "port": "live"}
-        for name, other in needs.items():
-            if getattr(self, name) not in (None, False) and not getattr(self, other):
+        given = {
+            "web": self.web,
+            "light": self.light is not None,
+            "speed": self.speed is not None,
+            "port": self.port is not None,
+        }
+        for name, other in NEEDS.items():
+            if given[name] and not getattr(self, other):
                 raise Mistake(f"--{name} needs --{other}")
         for path, suffix in ((self.video, ".mp4"), (self.mcap, ".mcap")):
             if path is not None:
