@@ -1,6 +1,6 @@
 """A tracker of OpenCV as a TraX server: python tests/tools/opencv_trax.py CSRT.
 
-It made the rows of CSRT and KCF in the table of loop-v1, in an environment of its own: it needs the packages vot-trax and
+It made the rows of CSRT, KCF and MIL in the table of loop-v1, in an environment of its own: it needs the packages vot-trax and
 opencv-contrib-python-headless. Where OpenCV says that it does not see the target, it answers with a box of
 zeros, as vot-trax cannot answer with no region.
 """
@@ -10,6 +10,7 @@ import sys
 import cv2
 import trax
 
+SEED = 1
 NOWHERE = trax.Rectangle.create(0, 0, 0, 0)
 
 
@@ -25,6 +26,7 @@ def main(name: str) -> None:
             if request.type == trax.TraxStatus.INITIALIZE:
                 tracker = getattr(cv2, f"Tracker{name}").create()
                 region = request.objects[0][0]
+                cv2.setRNGSeed(SEED)  # MIL draws its samples; the others draw nothing
                 tracker.init(picture, tuple(round(side) for side in region.bounds()))
                 server.status([(region, {})])
                 continue
