@@ -30,7 +30,7 @@ class SightConfig:
     image, "known" from the robot's posture and table_height, or the median of its region in the
     depth "picture". All features are then those of the rectangle of this size at that depth."""
     table_height: Annotated[float, Ge(-5), Le(5)] = 0.0
-    """Height of the table over the robot's base [m]."""
+    """Height of the table over the room's origin, wherever the robot's base stands [m]."""
 
     @property
     def uses_depths(self) -> bool:

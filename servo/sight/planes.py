@@ -47,7 +47,7 @@ def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
 
 
 def level_plane(T_base_camera: Pose, height: float) -> Plane:
-    """Return the level plane at a height [m] over the robot's base, seen by a camera above it."""
+    """Return the level plane at a height [m] over the room's origin, seen by a camera above it."""
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())
 
